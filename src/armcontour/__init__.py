@@ -1,0 +1,114 @@
+"""Contouring with industrial robot arms.
+
+    Path --round_corners--> Path --trace--> JointPath --plan--> Trajectory --compensate-->
+    TaughtData --execute--> Execution --evaluate--> Evaluation
+
+Each arrow is one function of this package; `run(job)` is all of them at once. Names are loaded when
+they are first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from armcontour._version import __version__
+
+if TYPE_CHECKING:
+    from armcontour.arms import Arm, Limits, PlanarTwoLink, arm_names, load_arm
+    from armcontour.compensation import compensate
+    from armcontour.errors import (
+        ArmContourError,
+        CompensationError,
+        ExecutionError,
+        InvalidInput,
+        NotRealizable,
+        Unreachable,
+    )
+    from armcontour.evaluation import Evaluation, evaluate
+    from armcontour.execution import Plant, ServoPlant, execute
+    from armcontour.geometry import Arc, Demand, Line, Path, RoundedPath, round_corners
+    from armcontour.io import read_job
+    from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+    from armcontour.report import write_report
+    from armcontour.servo import ServoModel
+    from armcontour.study import Job, Study, run
+    from armcontour.timing import plan
+    from armcontour.tracing import trace
+
+_HOME = {
+    "arms": ("Arm", "Limits", "PlanarTwoLink", "arm_names", "load_arm"),
+    "compensation": ("compensate",),
+    "errors": (
+        "ArmContourError",
+        "CompensationError",
+        "ExecutionError",
+        "InvalidInput",
+        "NotRealizable",
+        "Unreachable",
+    ),
+    "evaluation": ("Evaluation", "evaluate"),
+    "execution": ("Plant", "ServoPlant", "execute"),
+    "geometry": ("Arc", "Demand", "Line", "Path", "RoundedPath", "round_corners"),
+    "io": ("read_job",),
+    "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
+    "report": ("write_report",),
+    "servo": ("ServoModel",),
+    "study": ("Job", "Study", "run"),
+    "timing": ("plan",),
+    "tracing": ("trace",),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [
+    "Arc",
+    "Arm",
+    "ArmContourError",
+    "CompensationError",
+    "Demand",
+    "Evaluation",
+    "Execution",
+    "ExecutionError",
+    "InvalidInput",
+    "Job",
+    "JointPath",
+    "Limits",
+    "Line",
+    "NotRealizable",
+    "Path",
+    "PlanarTwoLink",
+    "Plant",
+    "RoundedPath",
+    "ServoModel",
+    "ServoPlant",
+    "Study",
+    "TaughtData",
+    "Trajectory",
+    "Unreachable",
+    "__version__",
+    "arm_names",
+    "compensate",
+    "evaluate",
+    "execute",
+    "load_arm",
+    "plan",
+    "read_job",
+    "round_corners",
+    "run",
+    "trace",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module at first use."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'armcontour' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"armcontour.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

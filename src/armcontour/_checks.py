@@ -1,0 +1,138 @@
+"""Checks at the birth of a value: shape, finiteness, sign. Each refusal is one sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.errors import InvalidInput
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def locked(values: npt.ArrayLike) -> FloatArray:
+    """A read-only copy of `values` as a float array."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def locked_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A read-only copy of `array`, of the same type."""
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
+
+
+def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
+    """`values` as a new float array, all finite.
+
+    Raises:
+        InvalidInput: Not numbers, or not finite; names the first offending index.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {error}.") from None
+    bad = ~np.isfinite(array)
+    if bad.any():
+        where = np.argwhere(bad)[0]
+        place = f" at index {', '.join(str(i) for i in where)}" if array.ndim else ""
+        value = array[tuple(where)] if array.ndim else array
+        raise InvalidInput(
+            f"{name} must be finite, but is {float(value)}{place}.",
+            index=int(where[0]) if array.ndim else None,
+        )
+    return array
+
+
+def points(name: str, values: npt.ArrayLike) -> FloatArray:
+    """`values` as a new (n, 2) or (n, 3) array of finite coordinates [m].
+
+    Raises:
+        InvalidInput: Ragged, of another shape, or not finite.
+    """
+    array = numbers(name, values, "m")
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        raise InvalidInput(
+            f"{name} must be rows of 2 or 3 coordinates in m, but have shape {array.shape}."
+        )
+    return array
+
+
+def number(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float.
+
+    Raises:
+        InvalidInput: Not one finite number.
+    """
+    array = numbers(name, value, unit)
+    if array.ndim:
+        raise InvalidInput(f"{name} must be one number{in_unit(unit)}, not {array.size}.")
+    return float(array)
+
+
+def positive(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float above zero.
+
+    Raises:
+        InvalidInput: Not one finite number above zero.
+    """
+    checked = number(name, value, unit)
+    if checked <= 0:
+        raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
+    return checked
+
+
+def not_negative(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float, zero or above.
+
+    Raises:
+        InvalidInput: Not one finite number, or below zero.
+    """
+    checked = number(name, value, unit)
+    if checked < 0:
+        raise InvalidInput(f"{name} must not be negative, but is {checked:g}{suffix(unit)}.")
+    return checked
+
+
+def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
+    """One number for all joints, or one per joint, as a new (dof,) array.
+
+    Raises:
+        InvalidInput: A wrong number of values, or not finite.
+    """
+    array = numbers(name, values, unit)
+    if array.ndim == 0:
+        return np.full(dof, float(array))
+    if array.shape != (dof,):
+        raise InvalidInput(
+            f"{name} has {array.size} values, but the arm has {dof} joints: "
+            f"give one value for all joints or {dof}."
+        )
+    return array
+
+
+def choice(name: str, value: str, known: tuple[str, ...]) -> str:
+    """`value`, if it is one of `known`.
+
+    Raises:
+        InvalidInput: Another value; the message lists the known ones.
+    """
+    if value not in known:
+        raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {value!r}.")
+    return value
+
+
+def in_unit(unit: str) -> str:
+    """`unit` as the end of a phrase, for messages."""
+    return f" in {unit}" if unit else ""
+
+
+def suffix(unit: str) -> str:
+    """`unit` behind a number, for messages."""
+    return f" {unit}" if unit else ""

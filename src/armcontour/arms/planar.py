@@ -1,0 +1,143 @@
+"""The planar two-link arm of the paper, eq. (1)-(4)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.arms.arm import Arm
+from armcontour.arms.limits import Limits
+from armcontour.errors import InvalidInput, Unreachable
+
+# Nearer than this to the edge of its reach the arm is singular: there sin(theta2) is about 1e-4,
+# joints move 10^4 times faster than the tool, and double precision leaves 8 digits of position.
+SINGULAR_MARGIN = 1e-9
+
+
+class PlanarTwoLink(Arm):
+    """Two parallel joints, two links; joint angles are measured from the y axis, clockwise.
+
+    Args:
+        name: For people.
+        base: Distance L0 of the first joint from the origin, along x [m].
+        links: Link lengths L1, L2 [m].
+        limits: The arm's own limits.
+        source: Where the numbers come from.
+        joint_names: Two names.
+    """
+
+    dimension = 2
+    # Named by the sign of theta2: (4) is printed for the first only.
+    branches = ("positive", "negative")
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        base: float,
+        links: tuple[float, float],
+        limits: Limits,
+        source: str = "",
+        joint_names: tuple[str, str] = ("joint 1", "joint 2"),
+    ) -> None:
+        self.name = name
+        self.base = _checks.number("base", base, "m")
+        self.link1 = _checks.positive("first link length", links[0], "m")
+        self.link2 = _checks.positive("second link length", links[1], "m")
+        self.limits = limits.for_joints(2)
+        self.source = source
+        self.joint_names = joint_names
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Shortest and longest distance of the tool from the first joint [m]."""
+        return abs(self.link1 - self.link2), self.link1 + self.link2
+
+    def forward(self, q: npt.ArrayLike) -> FloatArray:
+        """Tool points, (1)-(2)."""
+        return np.asarray(self.links(q)[..., -1, :])
+
+    def links(self, q: npt.ArrayLike) -> FloatArray:
+        """Base, elbow and tool."""
+        q1, q12 = self._angles(q)
+        base = np.stack([np.full_like(q1, self.base), np.zeros_like(q1)], axis=-1)
+        elbow = base + self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
+        tool = elbow + self.link2 * np.stack([np.sin(q12), np.cos(q12)], axis=-1)
+        return np.stack([base, elbow, tool], axis=-2)
+
+    def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
+        """Joint positions, (3)-(4) with the quadrant of (3) mended; theta1 within (-2 pi, 2 pi)."""
+        sign = 1.0 if self._branch(branch) == "positive" else -1.0
+        at = np.asarray(points, dtype=np.float64)
+        c, y = at[..., 0] - self.base, at[..., 1]
+        self._refuse_out_of_reach(at, np.hypot(c, y))
+        # 1 - cos(theta2) and 1 + cos(theta2) as products: exact at both edges of the reach.
+        distance = np.hypot(c, y)
+        near, far = self.reach
+        low = (distance - near) * (distance + near) / (2 * self.link1 * self.link2)
+        high = (far - distance) * (far + distance) / (2 * self.link1 * self.link2)
+        q2 = sign * 2 * np.arctan2(np.sqrt(high), np.sqrt(low))
+        q1 = np.arctan2(c, y) - np.arctan2(
+            self.link2 * np.sin(q2), self.link1 + self.link2 * np.cos(q2)
+        )
+        return np.stack([q1, q2], axis=-1)
+
+    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """The Jacobian printed under (23)."""
+        q1, q12 = self._angles(q)
+        far = np.stack([self.link2 * np.cos(q12), -self.link2 * np.sin(q12)], axis=-1)
+        near = np.stack([self.link1 * np.cos(q1), -self.link1 * np.sin(q1)], axis=-1)
+        return np.stack([near + far, far], axis=-1)
+
+    def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Time derivative of the Jacobian."""
+        q1, q12 = self._angles(q)
+        rate = np.asarray(dq, dtype=np.float64)
+        rate1, rate12 = rate[..., 0, None], (rate[..., 0] + rate[..., 1])[..., None]
+        far = -rate12 * self.link2 * np.stack([np.sin(q12), np.cos(q12)], axis=-1)
+        near = -rate1 * self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
+        return np.stack([near + far, far], axis=-1)
+
+    def _angles(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        at = np.asarray(q, dtype=np.float64)
+        return at[..., 0], at[..., 0] + at[..., 1]
+
+    def _branch(self, branch: str | None) -> str:
+        if branch is None:
+            return self.branches[0]
+        if branch not in self.branches:
+            raise InvalidInput(
+                f"The arm {self.name} has the branches {', '.join(self.branches)}, not {branch!r}."
+            )
+        return branch
+
+    def _refuse_out_of_reach(self, points: FloatArray, distance: FloatArray) -> None:
+        near, far = self.reach
+        outside = ~((distance > near + SINGULAR_MARGIN) & (distance < far - SINGULAR_MARGIN))
+        if not outside.any():
+            return
+        index = int(np.flatnonzero(outside.ravel())[0])
+        point = points.reshape(-1, 2)[index]
+        at = float(distance.ravel()[index])
+        x, y = point.tolist()
+        beyond = max(near - at, at - far)
+        if beyond > SINGULAR_MARGIN:
+            edge = f"more than {far:g} m" if at > far else f"less than {near:g} m"
+            problem = (
+                f"is {beyond:.3g} m out of reach of the arm {self.name} ({edge} from its base)"
+            )
+        else:
+            problem = (
+                f"lies on the edge of the reach of the arm {self.name}, {at:.9g} m from its base, "
+                "where it is singular"
+            )
+        raise Unreachable(
+            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm.",
+            point=point.tolist(),
+            index=index,
+            limit="reach",
+            needed=at,
+            allowed=far if at > (near + far) / 2 else near,
+        )

@@ -1,0 +1,73 @@
+"""The compiled part of pole placement: a third-order filter, exact for piecewise polynomials."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from armcontour._checks import FloatArray
+
+# A Taylor series of the filter's state over a step of at most this many time constants ...
+LARGEST_STEP = 0.25
+# ... ends at rounding with this many terms, for inputs up to fifth order too.
+TERMS = 22
+
+
+@njit(cache=True, error_model="numpy")
+def filtered(
+    width: FloatArray,
+    coefficients: FloatArray,
+    damping: FloatArray,
+    rate: FloatArray,
+    start: FloatArray,
+) -> FloatArray:
+    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
+
+    Args:
+        width: Interval lengths [s], (n,).
+        coefficients: Input per interval in x = u / width, (n, 6, dof).
+        damping: d1, d2 per joint, (dof, 2).
+        rate: p per joint [1/s], (dof,).
+        start: Input value at which everything is at rest before the first interval, (dof,).
+
+    Returns:
+        x, x' / p, x'' / p² at the n + 1 interval ends, (n + 1, dof, 3).
+    """
+    n = len(width)
+    dof = len(rate)
+    states = np.empty((n + 1, dof, 3))
+    series = np.empty((TERMS + 1, 3))
+    for j in range(dof):
+        p = rate[j]
+        d1 = damping[j, 0]
+        d2 = damping[j, 1]
+        state = np.array([start[j], 0.0, 0.0])
+        states[0, j] = state
+        for i in range(n):
+            steps = int(np.ceil(width[i] * p / LARGEST_STEP))
+            steps = max(steps, 1)
+            h = width[i] / steps
+            for step in range(steps):
+                # The input over this step in powers of v = u / h.
+                x0 = step / steps
+                share = 1.0 / steps
+                local = np.zeros(6)
+                for k in range(5, -1, -1):
+                    for m in range(5, 0, -1):
+                        local[m] = local[m] * x0 + local[m - 1] * share
+                    local[0] = local[0] * x0 + coefficients[i, k, j]
+                series[0] = state
+                for k in range(TERMS):
+                    source = local[k] if k < 6 else 0.0
+                    scale = p * h / (k + 1)
+                    x1, x2, x3 = series[k, 0], series[k, 1], series[k, 2]
+                    series[k + 1, 0] = scale * x2
+                    series[k + 1, 1] = scale * x3
+                    series[k + 1, 2] = scale * (source - x1 - d1 * x2 - d2 * x3)
+                for c in range(3):
+                    total = 0.0
+                    for k in range(TERMS, -1, -1):
+                        total += series[k, c]
+                    state[c] = total
+            states[i + 1, j] = state
+    return states

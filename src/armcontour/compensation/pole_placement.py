@@ -1,0 +1,129 @@
+"""The paper's compensator (26), as corrected: third order, by pole placement.
+
+With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g` its numerator factors, so that
+
+    F(s) = G(s)⁻¹ H(s),    H(s) = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)).
+
+H is what servo and compensator do together. It is applied to the trajectory exactly, and G⁻¹ to
+what comes out, whose derivatives are known. See docs/concepts/compensation.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import FloatArray
+from armcontour.compensation._filter import filtered
+from armcontour.compensation.set_points import inverse_servo, set_point_times
+from armcontour.errors import CompensationError, InvalidInput
+from armcontour.motion import Trajectory, quintic
+from armcontour.servo import ServoModel
+
+# The set-points end when what is left of the motion has decayed by this many time constants.
+SETTLING = 36.0
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def default_poles(servo: ServoModel) -> ComplexArray:
+    """Poles whose F G is one and the same on every joint and has no negative impulse response.
+
+    The observer pole at -K_v cancels the zero and with it K_v: F G = p² / (s + p)². Equal lag on
+    all joints does no harm to the contour, and a demand that is a weighted mean of the plan's
+    acceleration never exceeds the plan's largest. p is the smallest K_v of all joints.
+
+    Args:
+        servo: With gains per joint.
+
+    Returns:
+        m1, m2 and g per joint, (dof, 3) [1/s].
+    """
+    poles = np.empty((len(servo.kv), 3), dtype=np.complex128)
+    poles[:, :2] = -servo.kv.min()
+    poles[:, 2] = -servo.kv
+    return poles
+
+
+def pole_placement(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    poles: npt.ArrayLike | None = None,
+) -> FloatArray:
+    """Set-points by (26), (n, dof) [rad].
+
+    Args:
+        trajectory: What the joints shall do.
+        servo: With gains per joint.
+        period: Command interval [s].
+        poles: m1, m2 (real, or conjugates) and g [1/s], one triple or one per joint; by default
+            those of `default_poles`.
+
+    Raises:
+        CompensationError: Poles that are not stable.
+        InvalidInput: Poles of a wrong shape, or not conjugate.
+    """
+    dof = trajectory.dof
+    placed = default_poles(servo) if poles is None else _checked(poles, dof)
+    times = set_point_times(trajectory, period)
+    knots = np.union1d(trajectory.breaks, times.inside)
+    width = np.diff(knots)
+    begin = tuple(trajectory(knots[:-1], order) for order in (0, 1, 2))
+    end = tuple(trajectory(knots[1:], order, side="left") for order in (0, 1, 2))
+    motion = quintic(width, (begin[0], begin[1], begin[2]), (end[0], end[1], end[2]))
+    final = end[0][-1]
+    tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / period))
+    # From the end of the motion to the next set-point, then from set-point to set-point.
+    after = np.append(times.after_end, np.full(tail, period))
+    rest = np.zeros((len(after), 6, dof))
+    rest[:, 0] = final
+
+    m1, m2, g = placed.T
+    c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
+    x = ((servo.kv + g) * (m1 + m2) + servo.kv**2 + m1 * m2 + servo.kv * g).real
+    rate = np.cbrt(c0)
+    states = filtered(
+        np.concatenate([width, after]),
+        np.concatenate([motion, rest]),
+        np.stack([c1 / rate**2, c2 / rate], axis=1),
+        rate,
+        trajectory(0.0),
+    )
+    at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
+    x1, x2, x3 = np.moveaxis(states[at], 2, 0)
+    source = np.concatenate([trajectory(times.inside), np.broadcast_to(final, (tail + 1, dof))])
+    x4 = source - x1 - c1 / rate**2 * x2 - c2 / rate * x3
+    lead = x / rate**2
+    y = x1 + lead * x2
+    dy = rate * (x2 + lead * x3)
+    ddy = rate**2 * (x3 + lead * x4)
+    set_points = inverse_servo(servo, y, dy, ddy)
+    set_points[-1] = final
+    return set_points
+
+
+def _checked(poles: npt.ArrayLike, dof: int) -> ComplexArray:
+    placed = np.array(poles, dtype=np.complex128)
+    if placed.shape == (3,):
+        placed = np.tile(placed, (dof, 1))
+    if placed.shape != (dof, 3) or not np.isfinite(placed).all():
+        raise InvalidInput(
+            f"poles must be three finite numbers [1/s], or {dof} rows of three: two regulator "
+            "poles and the observer pole."
+        )
+    pair = placed[:, 0] + placed[:, 1], placed[:, 0] * placed[:, 1], placed[:, 2]
+    if (
+        any((np.abs(v.imag) > 1e-9 * np.abs(placed).max()).any() for v in pair[:1] + pair[2:])
+        or (np.abs(pair[1].imag) > 1e-9 * np.abs(placed).max() ** 2).any()
+    ):
+        raise InvalidInput(
+            "The regulator poles must be real or complex conjugates, and the observer pole real."
+        )
+    if (placed.real >= 0).any():
+        j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
+        raise CompensationError(
+            f"The compensator's poles of joint {j + 1} are {placed[j].tolist()} 1/s: they must "
+            "have negative real parts, or the set-points grow without bound.",
+            joint=j + 1,
+        )
+    return placed

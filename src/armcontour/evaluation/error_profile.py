@@ -1,0 +1,64 @@
+"""An error over time, with its root mean square and its maximum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ErrorProfile:
+    """A distance over time.
+
+    Args:
+        t: Times [s], (n,).
+        values: The distance at them [m], (n,).
+        s: Arc length of the nearest place of the path [m], (n,).
+        rms: Root mean square over time [m].
+        max: Largest value [m].
+        t_max: When it occurs [s].
+        s_max: Where on the path it occurs [m].
+    """
+
+    t: FloatArray
+    values: FloatArray
+    s: FloatArray
+    rms: float
+    max: float
+    t_max: float
+    s_max: float
+
+    def __post_init__(self) -> None:
+        for name in ("t", "values", "s"):
+            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+
+    @classmethod
+    def over_time(
+        cls, t: FloatArray, values: FloatArray, s: FloatArray, until: float
+    ) -> ErrorProfile:
+        """The profile from 0 to `until`; behind the last time the last value holds."""
+        end = np.array([until])
+        if t[-1] < until:
+            t, values, s = (
+                np.append(x, y) for x, y in ((t, end), (values, values[-1:]), (s, s[-1:]))
+            )
+        elif t[-1] > until:
+            last = np.interp(end, t, values), np.interp(end, t, s)
+            inside = t < until
+            t, values, s = (
+                np.append(x[inside], y) for x, y in ((t, end), (values, last[0]), (s, last[1]))
+            )
+        worst = int(np.argmax(values))
+        return cls(
+            t=t,
+            values=values,
+            s=s,
+            rms=float(np.sqrt(np.trapezoid(values**2, t) / until)),
+            max=float(values[worst]),
+            t_max=float(t[worst]),
+            s_max=float(s[worst]),
+        )

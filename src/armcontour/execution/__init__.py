@@ -1,0 +1,6 @@
+"""Plants that execute taught data. They share no formula with the compensators."""
+
+from armcontour.execution.plant import Plant, execute
+from armcontour.execution.servo_plant import ServoPlant
+
+__all__ = ["Plant", "ServoPlant", "execute"]

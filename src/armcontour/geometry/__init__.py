@@ -1,0 +1,19 @@
+"""Path geometry: lines and arcs, nearest points, rounded corners. Knows no robot and no time."""
+
+from armcontour.geometry.path import Path, angle_between
+from armcontour.geometry.projection import Projection
+from armcontour.geometry.rounding import Corners, RoundedPath, corner_error, round_corners
+from armcontour.geometry.segments import Arc, Demand, Line
+
+__all__ = [
+    "Arc",
+    "Corners",
+    "Demand",
+    "Line",
+    "Path",
+    "Projection",
+    "RoundedPath",
+    "angle_between",
+    "corner_error",
+    "round_corners",
+]

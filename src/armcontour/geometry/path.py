@@ -1,0 +1,285 @@
+"""A path: what the tool draws, with no time in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry.projection import Projection, SegmentIndex
+from armcontour.geometry.segments import NO_DEMAND, Arc, Demand, Line, arc_frame, line_frame
+
+# Points closer than this are one point: a nanometre is below what any arm can resolve.
+REPEATED_POINT = 1e-9
+# Tangents closer than this [rad] are one tangent: at 1 m/s the step in velocity is 1 nm/s.
+TANGENT_TOLERANCE = 1e-9
+NOT_GIVEN = _checks.locked([])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Path:
+    """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
+
+    Segment i is `starts[i] + tangents[i] sin(k u)/k + inwards[i] (1 - cos(k u))/k` with
+    `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0. Build one with `polyline`
+    or `from_segments`.
+
+    Args:
+        starts: First point of every segment [m], (n, 2) or (n, 3).
+        tangents: Unit tangents there, same shape.
+        inwards: Unit vectors towards the arcs' centres, zero for lines, same shape.
+        curvatures: (n,) [1/m], zero for lines.
+        lengths: (n,) [m], above zero.
+        speeds: (n,) assigned velocity of the segment [m/s], NaN where it has none of its own.
+        tolerances: (n,) largest corner error of the segment [m], NaN where it has none.
+        tags: Free text per segment.
+        merged: Indices of the input points that were left out because they repeat the one before.
+
+    Raises:
+        InvalidInput: Arrays that do not fit, or a gap between segments.
+    """
+
+    starts: FloatArray
+    tangents: FloatArray
+    inwards: FloatArray
+    curvatures: FloatArray
+    lengths: FloatArray
+    speeds: FloatArray = field(default_factory=lambda: NOT_GIVEN)
+    tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
+    tags: tuple[str | None, ...] = ()
+    merged: tuple[int, ...] = ()
+    breaks: FloatArray = field(init=False, repr=False)
+    _index: list[SegmentIndex] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        starts = _checks.points("starts", self.starts)
+        n = len(starts)
+        if n == 0:
+            raise InvalidInput("A path needs at least one segment.")
+        for name in ("starts", "tangents", "inwards", "curvatures", "lengths"):
+            array = _checks.locked(getattr(self, name))
+            shape = starts.shape if name in ("starts", "tangents", "inwards") else (n,)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InvalidInput(f"{name} of a path must be finite and of shape {shape}.")
+            object.__setattr__(self, name, array)
+        if (self.lengths <= 0).any() or (self.curvatures < 0).any():
+            raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
+        for name in ("speeds", "tolerances"):
+            values = getattr(self, name)
+            array = _checks.locked(np.full(n, np.nan) if values is NOT_GIVEN else values)
+            if array.shape != (n,):
+                raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
+            object.__setattr__(self, name, array)
+        if len(self.tags) not in (0, n):
+            raise InvalidInput(f"tags of a path must be one per segment ({n}).")
+        object.__setattr__(self, "tags", tuple(self.tags) or (None,) * n)
+        object.__setattr__(
+            self, "breaks", _checks.locked(np.concatenate([[0.0], np.cumsum(self.lengths)]))
+        )
+        object.__setattr__(self, "_index", [])
+        self._refuse_gaps()
+
+    @classmethod
+    def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
+        """Straight lines through `points`, (n, 2) or (n, 3) [m]; repeated points are merged.
+
+        Raises:
+            InvalidInput: Not such points, or fewer than two different ones.
+        """
+        given = _checks.points("points of a path", points)
+        kept = _without_repeats(given)
+        if len(kept) < 2:
+            raise InvalidInput(
+                f"A path needs at least two different points, but {len(given)} "
+                f"point{'s were' if len(given) != 1 else ' was'} given"
+                f"{' that are all the same' if len(given) > 1 else ''}."
+            )
+        vertices = given[kept]
+        steps = np.diff(vertices, axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        n = len(steps)
+        return Path(
+            starts=vertices[:-1],
+            tangents=steps / lengths[:, None],
+            inwards=np.zeros_like(steps),
+            curvatures=np.zeros(n),
+            lengths=lengths,
+            speeds=np.full(n, np.nan if demand.speed is None else demand.speed),
+            tolerances=np.full(n, np.nan if demand.tolerance is None else demand.tolerance),
+            tags=(demand.tag,) * n,
+            merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
+        )
+
+    @classmethod
+    def from_segments(cls, segments: Iterable[Line | Arc]) -> Path:
+        """A chain of lines and arcs, each starting where the one before ends.
+
+        Raises:
+            InvalidInput: A segment that is none, or a gap, with the segment's index.
+        """
+        listed = list(segments)
+        frames = [
+            line_frame(x, i) if isinstance(x, Line) else arc_frame(x, i)
+            for i, x in enumerate(listed)
+        ]
+        if not frames:
+            raise InvalidInput("A path needs at least one segment.")
+        if len({len(frame.start) for frame in frames}) > 1:
+            raise InvalidInput("All segments of a path must have the same number of coordinates.")
+        demands = [x.demand for x in listed]
+        return Path(
+            starts=np.array([x.start for x in frames]),
+            tangents=np.array([x.tangent for x in frames]),
+            inwards=np.array([x.inward for x in frames]),
+            curvatures=np.array([x.curvature for x in frames]),
+            lengths=np.array([x.length for x in frames]),
+            speeds=np.array([np.nan if x.speed is None else x.speed for x in demands]),
+            tolerances=np.array([np.nan if x.tolerance is None else x.tolerance for x in demands]),
+            tags=tuple(x.tag for x in demands),
+        )
+
+    @property
+    def length(self) -> float:
+        """Arc length of the whole path [m]."""
+        return float(self.breaks[-1])
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return int(self.starts.shape[1])
+
+    def __len__(self) -> int:
+        """Number of segments."""
+        return len(self.lengths)
+
+    def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
+        """Point (order 0) or derivative with respect to arc length at `s`.
+
+        Args:
+            s: Arc lengths [m], any shape, within the path.
+            order: 0, 1, 2, ...
+            side: "right" or "left": whose derivative to take at a joint between segments.
+
+        Returns:
+            Shape `s.shape + (dimension,)` [m, -, 1/m, ...].
+
+        Raises:
+            InvalidInput: An arc length outside the path.
+        """
+        at = _within(s, self.length)
+        i = self.locate(at, side=side)
+        return self.on_segment(i, at - self.breaks[i], order)
+
+    def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
+        """Index of the segment that holds each arc length; `side` decides at joints."""
+        found = np.searchsorted(self.breaks, s, side="right" if side == "right" else "left") - 1
+        return np.clip(found, 0, len(self) - 1)
+
+    def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
+        """Point or derivative at distance `u` [m] from the start of segment `i`."""
+        k = self.curvatures[i]
+        angle = k * u
+        if order == 0:
+            along = u * np.sinc(angle / np.pi)
+            inward = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
+            result = (
+                self.starts[i]
+                + along[..., None] * self.tangents[i]
+                + inward[..., None] * self.inwards[i]
+            )
+        else:
+            phase = angle + (order - 1) * np.pi / 2 if order > 1 else angle
+            scale = k ** (order - 1)
+            result = (scale * np.cos(phase))[..., None] * self.tangents[i] + (
+                scale * np.sin(phase)
+            )[..., None] * self.inwards[i]
+        return np.asarray(result)
+
+    def project(self, points: npt.ArrayLike) -> Projection:
+        """The nearest point of the path for each of `points`, (n, dimension) [m].
+
+        Exact on lines and arcs. A tree of bounding boxes is built at the first call and kept;
+        a query then costs about the logarithm of the number of segments.
+
+        Raises:
+            InvalidInput: Points of another dimension, or not finite.
+        """
+        queries = _checks.points("points to project", points)
+        if queries.shape[1] != self.dimension:
+            raise InvalidInput(
+                f"Points to project have {queries.shape[1]} coordinates, "
+                f"the path has {self.dimension}."
+            )
+        if not self._index:
+            self._index.append(SegmentIndex.build(self))
+        return self._index[0].nearest(queries)
+
+    @property
+    def turns(self) -> FloatArray:
+        """Angle between the tangents at every joint between segments [rad], (n - 1,)."""
+        i = np.arange(len(self) - 1)
+        before = self.on_segment(i, self.lengths[:-1], 1)
+        return angle_between(before, self.tangents[1:])
+
+    @property
+    def stops(self) -> FloatArray:
+        """Arc lengths [m] of the joints where the tangent jumps: no motion passes them moving."""
+        return self.breaks[1:-1][self.turns > TANGENT_TOLERANCE]
+
+    @property
+    def vertices(self) -> FloatArray:
+        """The segments' ends, (n + 1, dimension) [m]."""
+        last = self.on_segment(np.array([len(self) - 1]), self.lengths[-1:])
+        return np.concatenate([self.starts, last])
+
+    def _refuse_gaps(self) -> None:
+        i = np.arange(len(self) - 1)
+        gaps = np.linalg.norm(self.on_segment(i, self.lengths[:-1]) - self.starts[1:], axis=1)
+        if (gaps > REPEATED_POINT).any():
+            first = int(np.argmax(gaps > REPEATED_POINT))
+            point = self.starts[first + 1].tolist()
+            raise InvalidInput(
+                f"Segment {first + 1} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
+                f"of segment {first}: a path must be continuous.",
+                index=first + 1,
+                point=point,
+                needed=float(gaps[first]),
+                allowed=REPEATED_POINT,
+            )
+
+
+def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Angle between unit vectors [rad], in 0..pi, accurate at both ends of that range."""
+    difference = np.linalg.norm(first - second, axis=-1)
+    total = np.linalg.norm(first + second, axis=-1)
+    return np.asarray(2 * np.arctan2(difference, total))
+
+
+def _within(s: npt.ArrayLike, length: float) -> FloatArray:
+    at = np.asarray(s, dtype=np.float64)
+    slack = 1e-12 * max(length, 1e-3)
+    outside = ~((at >= -slack) & (at <= length + slack))
+    if outside.any():
+        value = float(at[outside].flat[0])
+        raise InvalidInput(
+            f"Arc length {value:g} m lies outside the path, which runs from 0 to {length:.9g} m.",
+            s=value,
+            allowed=length,
+        )
+    return np.asarray(np.clip(at, 0.0, length))
+
+
+def _without_repeats(points: FloatArray) -> IntArray:
+    """Indices of the points that differ from the last one kept."""
+    if len(points) < 2 or (np.linalg.norm(np.diff(points, axis=0), axis=1) > REPEATED_POINT).all():
+        return np.arange(len(points))
+    kept = [0]
+    for i in range(1, len(points)):
+        if np.linalg.norm(points[i] - points[kept[-1]]) > REPEATED_POINT:
+            kept.append(i)
+    return np.array(kept)

@@ -1,0 +1,245 @@
+"""Corner rounding: every corner of a path becomes an arc that keeps a corner error, (10)-(16).
+
+The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3. Two
+other lengths are called tolerance elsewhere; with half the turn h, `gap = r (1 - cos h) / cos h`,
+the arc's distance from the path is `r (1 - cos h) = gap cos h`, and the tangent length (the part of
+each line that the arc replaces) is `r tan h`. See docs/concepts/rounding.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE, Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Corners:
+    """The corners of an objective path and what became of each, in path order.
+
+    Args:
+        joint: Index of the joint between segments of the objective path, from 1, (n,).
+        point: The corner points [m], (n, dimension).
+        turn: Angle between the lines [rad], above 0 and at most pi, (n,).
+        radius: Radius of the arc [m], 0 where the tool stops at the corner, (n,).
+        error: Corner error: gap between corner point and arc [m], (n,).
+        tangent: Tangent length [m], (n,).
+        start, end: Arc length on the rounded path where the arc starts and ends [m], (n,).
+        shrunk: True where the arc is smaller than asked for, because its lines are short, (n,).
+        speed: Largest speed on the arc under the given acceleration, (16) [m/s], (n,); NaN if no
+            acceleration was given.
+    """
+
+    joint: IntArray
+    point: FloatArray
+    turn: FloatArray
+    radius: FloatArray
+    error: FloatArray
+    tangent: FloatArray
+    start: FloatArray
+    end: FloatArray
+    shrunk: BoolArray
+    speed: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            object.__setattr__(self, name, _checks.locked_copy(getattr(self, name)))
+
+    def __len__(self) -> int:
+        """Number of corners."""
+        return len(self.joint)
+
+    @property
+    def stopped(self) -> BoolArray:
+        """True where the corner stays sharp and the tool has to stop, (n,)."""
+        return np.asarray(self.radius == 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RoundedPath(Path):
+    """A path whose corners were rounded; it remembers how, and from what.
+
+    Args:
+        objective: The path before rounding.
+        corners: What became of each of its corners.
+    """
+
+    objective: Path
+    corners: Corners
+
+
+def round_corners(
+    path: Path,
+    *,
+    tolerance: npt.ArrayLike | None = None,
+    speed: npt.ArrayLike | None = None,
+    acceleration: npt.ArrayLike | None = None,
+) -> RoundedPath:
+    """Replace every corner by the arc that the paper's case I or case II asks for.
+
+    Case II: `tolerance` bounds the corner error, and the radius is the largest that keeps it, (15).
+    Case I: `speed` is the lowest speed allowed on the corner; under `acceleration` this gives the
+    smallest radius (13) and the smallest corner error (14). Where both are given, `tolerance`
+    caps the corner error of case I.
+
+    Each value is one for all corners, or one per joint between segments (joints where the path
+    goes straight on ignore theirs). A tolerance of the path's own segments caps the corner error.
+    Arcs that would overlap shrink, each as far as its own lines ask. A zero radius (zero
+    tolerance, a turn of 180°, a corner beside an arc) leaves the corner as a full stop.
+
+    Args:
+        path: The objective path.
+        tolerance: Largest corner error [m].
+        speed: Lowest corner speed [m/s].
+        acceleration: Centripetal acceleration at that speed [m/s²]; with `tolerance` alone it is
+            only used to report the corner speed (16).
+
+    Raises:
+        InvalidInput: Neither case given, a negative value, or a wrong number of values.
+    """
+    if tolerance is None and (speed is None or acceleration is None):
+        raise InvalidInput(
+            "round_corners needs a tolerance (case II), or a speed and an acceleration (case I)."
+        )
+    joints = len(path) - 1
+    allowed = _per_joint("corner error tolerance", tolerance, joints, "m", np.inf)
+    slowest = _per_joint("corner speed", speed, joints, "m/s", np.nan)
+    pull = _per_joint("corner acceleration", acceleration, joints, "m/s²", np.nan)
+    if acceleration is not None and joints and (pull <= 0).any():
+        raise InvalidInput(f"corner acceleration must be above zero, but is {pull.min():g} m/s².")
+    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))
+
+    turn = path.turns
+    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
+    straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
+    half = turn[corner] / 2
+    radius = _largest_radius(allowed[corner], half)
+    if speed is not None:
+        radius = np.minimum(radius, slowest[corner] ** 2 / pull[corner])
+    wanted = np.where(straight_sides, radius * np.tan(half), 0.0)
+    # An arc below the resolution of a point is no arc; at a turn of 180° every radius vanishes.
+    wanted[wanted <= REPEATED_POINT] = 0.0
+    wanted[np.pi - turn[corner] <= TANGENT_TOLERANCE] = 0.0
+    tangent = _fit(wanted, corner, path.lengths)
+    # A micro-segment between two corners can leave an arc below that resolution too.
+    tangent[tangent <= REPEATED_POINT / 4] = 0.0
+    shrunk = tangent < wanted * (1 - 1e-12)
+    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
+    return _assemble(path, corner, half, radius, tangent, shrunk, np.sqrt(pull[corner] * radius))
+
+
+def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
+    """Gap between corner point and arc [m], from (10): `r (1 - cos h) / cos h`."""
+    return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
+
+
+def _largest_radius(error: FloatArray, half: FloatArray) -> FloatArray:
+    """Radius whose corner error is `error`, (11), without cancellation at small turns."""
+    return np.asarray(error * np.cos(half) / (2 * np.sin(half / 2) ** 2))
+
+
+def _per_joint(
+    name: str, values: npt.ArrayLike | None, joints: int, unit: str, default: float
+) -> FloatArray:
+    if values is None:
+        return np.full(joints, default)
+    array = _checks.numbers(name, values, unit)
+    if array.ndim and array.shape != (joints,):
+        raise InvalidInput(
+            f"{name} has {array.size} values, but the path has {joints} joints between segments: "
+            f"give one value for all or {joints}."
+        )
+    if array.size and (array < 0).any():
+        raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
+    return np.broadcast_to(array, (joints,)).copy()
+
+
+def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArray:
+    """Tangent lengths that fit their lines.
+
+    A corner may always take half of a line, and what the other corner of the line leaves over. The
+    rule looks at two neighbours only, gives a corner the same in either direction of travel, and
+    never fails.
+    """
+    at = np.zeros(len(lengths) + 1)
+    at[corner + 1] = wanted
+    room_before = np.maximum(lengths / 2, lengths - at[:-1])  # for the corner at a segment's end
+    room_after = np.maximum(lengths / 2, lengths - at[1:])  # for the corner at its start
+    return np.asarray(np.minimum(wanted, np.minimum(room_before[corner], room_after[corner + 1])))
+
+
+def _assemble(
+    path: Path,
+    corner: IntArray,
+    half: FloatArray,
+    radius: FloatArray,
+    tangent: FloatArray,
+    shrunk: BoolArray,
+    speed: FloatArray,
+) -> RoundedPath:
+    n = len(path)
+    cut = np.zeros(n + 1)
+    cut[corner + 1] = tangent
+    cut_start, cut_end = cut[:-1], cut[1:]
+    rest = path.lengths - cut_start - cut_end
+    # Twice as many slots as segments: each segment, then the arc behind it; unused slots drop out.
+    slots = 2 * n
+    of = np.repeat(np.arange(n), 2)
+    starts, tangents, inwards = (
+        np.repeat(x, 2, axis=0) for x in (path.starts, path.tangents, path.inwards)
+    )
+    curvatures, lengths = np.repeat(path.curvatures, 2), np.zeros(slots)
+    line = np.arange(0, slots, 2)
+    starts[line] += cut_start[:, None] * path.tangents
+    lengths[line] = np.where(rest > 1e-12 * path.lengths, rest, 0.0)
+
+    rounded = radius > 0
+    which = corner[rounded]
+    arc = 2 * which + 1
+    direction = path.tangents[which]
+    starts[arc] = path.starts[which + 1] - tangent[rounded, None] * direction
+    towards = path.tangents[which + 1] - direction * np.sum(
+        direction * path.tangents[which + 1], axis=1, keepdims=True
+    )
+    inwards[arc] = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    curvatures[arc] = 1 / radius[rounded]
+    lengths[arc] = radius[rounded] * 2 * half[rounded]
+
+    used = lengths > 0
+    after = np.cumsum(lengths)
+    arc_slot = 2 * corner + 1
+    # An arc lies on both its lines: the lower of their speeds and tolerances holds on it.
+    speeds, tolerances = (np.repeat(x, 2) for x in (path.speeds, path.tolerances))
+    for values, own in ((speeds, path.speeds), (tolerances, path.tolerances)):
+        values[arc] = np.fmin(own[which], own[which + 1])
+    return RoundedPath(
+        starts=starts[used],
+        tangents=tangents[used],
+        inwards=inwards[used],
+        curvatures=curvatures[used],
+        lengths=lengths[used],
+        speeds=speeds[used],
+        tolerances=tolerances[used],
+        tags=tuple(path.tags[i] for i in of[used]),
+        merged=path.merged,
+        objective=path,
+        corners=Corners(
+            joint=corner + 1,
+            point=path.starts[corner + 1],
+            turn=2 * half,
+            radius=radius,
+            error=corner_error(radius, half),
+            tangent=tangent,
+            start=after[arc_slot] - lengths[arc_slot],
+            end=after[arc_slot],
+            shrunk=shrunk,
+            speed=speed,
+        ),
+    )

@@ -1,0 +1,150 @@
+"""The two segments a path is drawn from: straight lines and circular arcs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray, number, numbers, positive
+from armcontour.errors import InvalidInput
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """What the process asks of one segment; limits cap it.
+
+    Args:
+        speed: Assigned velocity on the segment [m/s].
+        tolerance: Largest corner error at the segment's ends [m].
+        tag: Free text that results carry along.
+    """
+
+    speed: float | None = None
+    tolerance: float | None = None
+    tag: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.speed is not None:
+            positive("segment speed", self.speed, "m/s")
+        if self.tolerance is not None and number("segment tolerance", self.tolerance, "m") < 0:
+            raise InvalidInput(
+                f"segment tolerance must not be negative, but is {self.tolerance:g} m."
+            )
+
+
+NO_DEMAND = Demand()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A straight segment from `start` to `end` [m]."""
+
+    start: Sequence[float]
+    end: Sequence[float]
+    demand: Demand = NO_DEMAND
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arc:
+    """A circular segment from `start` around `center` [m].
+
+    Args:
+        start: First point.
+        center: Centre of the circle.
+        angle: Swept angle [rad], not zero, up to a full circle. In the plane, positive is
+            counter-clockwise; in space it turns about `normal` by the right-hand rule.
+        normal: Axis of the circle, in space only.
+        demand: What the process asks of the segment.
+    """
+
+    start: Sequence[float]
+    center: Sequence[float]
+    angle: float
+    normal: Sequence[float] | None = None
+    demand: Demand = NO_DEMAND
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One segment as `start + tangent sin(k u)/k + inward (1 - cos(k u))/k`, `0 <= u <= length`."""
+
+    start: FloatArray
+    tangent: FloatArray
+    inward: FloatArray
+    curvature: float
+    length: float
+    end: FloatArray
+
+
+def line_frame(line: Line, index: int) -> Frame:
+    """The frame of a line.
+
+    Raises:
+        InvalidInput: Its ends coincide.
+    """
+    start = numbers(f"start of segment {index}", line.start, "m")
+    end = numbers(f"end of segment {index}", line.end, "m")
+    _same_dimension(index, start, end)
+    length = float(np.linalg.norm(end - start))
+    if length == 0:
+        raise InvalidInput(
+            f"Segment {index} is a line of zero length at {tuple(start.tolist())} m: leave it out.",
+            index=index,
+            point=start.tolist(),
+        )
+    return Frame(start, (end - start) / length, np.zeros_like(start), 0.0, length, end)
+
+
+def arc_frame(arc: Arc, index: int) -> Frame:
+    """The frame of an arc.
+
+    Raises:
+        InvalidInput: No radius, no angle, more than a circle, or a normal that does not fit.
+    """
+    start = numbers(f"start of segment {index}", arc.start, "m")
+    center = numbers(f"centre of segment {index}", arc.center, "m")
+    _same_dimension(index, start, center)
+    angle = number(f"angle of segment {index}", arc.angle, "rad")
+    radius = float(np.linalg.norm(center - start))
+    if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
+        raise InvalidInput(
+            f"Segment {index} must be an arc with a radius above zero and an angle between 0 and "
+            f"2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
+            index=index,
+        )
+    inward = (center - start) / radius
+    tangent = np.sign(angle) * _counter_clockwise(inward, arc.normal, index)
+    turn = abs(angle)
+    end = center + radius * (np.sin(turn) * tangent - np.cos(turn) * inward)
+    return Frame(start, tangent, inward, 1 / radius, radius * turn, end)
+
+
+def _counter_clockwise(
+    inward: FloatArray, normal: Sequence[float] | None, index: int
+) -> FloatArray:
+    """Unit tangent of the counter-clockwise motion at the point whose inward normal is given."""
+    if len(inward) == 2:
+        if normal is not None:
+            raise InvalidInput(f"Segment {index} lies in the plane and takes no normal.")
+        return np.array([inward[1], -inward[0]])
+    if normal is None:
+        raise InvalidInput(f"Segment {index} is an arc in space and needs its normal.", index=index)
+    axis = numbers(f"normal of segment {index}", normal)
+    size = float(np.linalg.norm(axis))
+    if axis.shape != (3,) or size == 0 or abs(axis @ inward) > 1e-9 * size:
+        raise InvalidInput(
+            f"The normal of segment {index} must be a vector at right angles to its radius.",
+            index=index,
+        )
+    tangent: FloatArray = np.cross(inward, axis / size)
+    return tangent / np.linalg.norm(tangent)
+
+
+def _same_dimension(index: int, first: FloatArray, second: FloatArray) -> None:
+    if first.shape not in ((2,), (3,)) or first.shape != second.shape:
+        raise InvalidInput(
+            f"The points of segment {index} must both have 2 or both have 3 coordinates.",
+            index=index,
+        )

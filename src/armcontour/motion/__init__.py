@@ -1,0 +1,20 @@
+"""What flows from step to step: joint paths, trajectories, taught data, executions."""
+
+from armcontour.motion.execution import Execution
+from armcontour.motion.joint_path import JointPath, quintic
+from armcontour.motion.laws import LapLaw, Law, PathLaw
+from armcontour.motion.taught import TaughtData
+from armcontour.motion.trajectory import Samples, Stretch, Trajectory
+
+__all__ = [
+    "Execution",
+    "JointPath",
+    "LapLaw",
+    "Law",
+    "PathLaw",
+    "Samples",
+    "Stretch",
+    "TaughtData",
+    "Trajectory",
+    "quintic",
+]

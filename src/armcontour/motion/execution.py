@@ -1,0 +1,56 @@
+"""An execution: what the joints did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import BoolArray, FloatArray
+from armcontour.arms import Arm
+from armcontour.motion.taught import TaughtData
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Execution:
+    """The motion of the joints under a plant, from the first set-point until rest.
+
+    Args:
+        arm: The arm that moved.
+        taught: The set-points it was given.
+        t: Regular times [s], (n,).
+        q, dq, ddq: What the joints did, (n, dof).
+        demand: Acceleration that the servo asked for, before saturation, (n, dof) [rad/s²].
+        peak_demand: Its largest amount at any time, not only at `t`, (dof,) [rad/s²].
+        saturated_time: Time for which each joint was saturated, (dof,) [s].
+    """
+
+    arm: Arm
+    taught: TaughtData
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    demand: FloatArray
+    peak_demand: FloatArray
+    saturated_time: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q", "dq", "ddq", "demand", "peak_demand", "saturated_time"):
+            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+
+    @property
+    def tool(self) -> FloatArray:
+        """Tool points [m], (n, dimension)."""
+        return self.arm.forward(self.q)
+
+    @property
+    def tool_speed(self) -> FloatArray:
+        """Tool speed [m/s], (n,)."""
+        return np.asarray(np.linalg.norm(self.arm.tool_velocity(self.q, self.dq), axis=1))
+
+    @property
+    def saturated(self) -> BoolArray:
+        """Where the servo asked for more than it got, (n, dof)."""
+        return np.asarray(np.abs(self.demand) > np.abs(self.ddq) * (1 + 1e-9))

@@ -1,0 +1,167 @@
+"""A path in joint space, piecewise polynomial: what lies between knots is algebra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+
+NO_STOPS = _checks.locked([])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointPath:
+    """Joint positions over arc length, quintic per interval, callable with derivatives.
+
+    In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
+
+    Args:
+        breaks: Interval ends [m], or whatever s means for a path without a tool path, (n + 1,).
+        coefficients: (n, 6, dof) [rad].
+        stops: Arc lengths that no motion passes moving, because the direction jumps there.
+        tool_path: The tool path that was traced, if there is one.
+
+    Raises:
+        InvalidInput: Arrays that do not fit, or breaks that do not increase.
+    """
+
+    breaks: FloatArray
+    coefficients: FloatArray
+    stops: FloatArray = field(default_factory=lambda: NO_STOPS)
+    tool_path: Path | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("breaks", "coefficients", "stops"):
+            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+        n = len(self.breaks) - 1
+        if n < 1 or self.coefficients.ndim != 3 or self.coefficients.shape[:2] != (n, 6):
+            raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
+        if not np.isfinite(self.coefficients).all() or not (np.diff(self.breaks) > 0).all():
+            raise InvalidInput("A joint path must be finite and its breaks must increase.")
+
+    @classmethod
+    def hermite(
+        cls,
+        breaks: FloatArray,
+        begin: tuple[FloatArray, FloatArray, FloatArray],
+        end: tuple[FloatArray, FloatArray, FloatArray],
+        *,
+        stops: FloatArray = NO_STOPS,
+        tool_path: Path | None = None,
+    ) -> JointPath:
+        """The quintics with given q, dq_ds and d2q_ds2 at both ends of every interval."""
+        width = np.diff(breaks)
+        return cls(
+            breaks=breaks,
+            coefficients=quintic(width, begin, end),
+            stops=stops,
+            tool_path=tool_path,
+        )
+
+    @classmethod
+    def spline(cls, points: npt.ArrayLike, s: npt.ArrayLike | None = None) -> JointPath:
+        """The natural cubic spline through joint positions, (n, dof) [rad].
+
+        Args:
+            points: Joint positions, at least two.
+            s: Their parameters, increasing; by default the chord length in joint space [rad].
+
+        Raises:
+            InvalidInput: Fewer than two points, repeated points, or not increasing parameters.
+        """
+        from scipy.interpolate import CubicSpline
+
+        knots = _checks.numbers("joint positions", points, "rad")
+        if knots.ndim != 2 or len(knots) < 2:
+            raise InvalidInput("A spline needs at least two rows of joint positions.")
+        if s is None:
+            at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
+        else:
+            at = _checks.numbers("spline parameters", s)
+        if at.shape != (len(knots),) or not (np.diff(at) > 0).all():
+            raise InvalidInput(
+                "Spline parameters must be one per point and increase: leave repeated points out."
+            )
+        cubic = CubicSpline(at, knots, bc_type="natural" if len(knots) > 2 else "not-a-knot")
+        width = np.diff(at)
+        coefficients = np.zeros((len(width), 6, knots.shape[1]))
+        for k in range(4):
+            coefficients[:, k] = cubic.c[3 - k] * width[:, None] ** k
+        return cls(breaks=at, coefficients=coefficients)
+
+    @property
+    def length(self) -> float:
+        """Length in s [m]."""
+        return float(self.breaks[-1] - self.breaks[0])
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return int(self.coefficients.shape[2])
+
+    def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
+        """Joint positions or their derivatives with respect to s, shape `s.shape + (dof,)`.
+
+        Raises:
+            InvalidInput: An s outside the path.
+        """
+        at = np.asarray(s, dtype=np.float64)
+        low, high = float(self.breaks[0]), float(self.breaks[-1])
+        slack = 1e-12 * (high - low)
+        outside = ~((at >= low - slack) & (at <= high + slack))
+        if outside.any():
+            value = float(at[outside].flat[0])
+            raise InvalidInput(
+                f"Arc length {value:g} m lies outside the joint path, which runs from {low:g} "
+                f"to {high:.9g} m.",
+                s=value,
+            )
+        return self.on_interval(self.locate(at, side=side), at, order)
+
+    def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
+        """Index of the interval that holds each s; `side` decides at breaks."""
+        found = np.searchsorted(self.breaks, s, side="right" if side == "right" else "left") - 1
+        return np.clip(found, 0, len(self.breaks) - 2)
+
+    def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
+        """The polynomial of interval `i`, or a derivative, at arc length `s`."""
+        width = self.breaks[i + 1] - self.breaks[i]
+        x = (s - self.breaks[i]) / width
+        c = self.coefficients[i]
+        result = np.zeros(np.shape(x) + (self.dof,))
+        for k in range(5, order - 1, -1):
+            factor = float(np.prod(np.arange(k, k - order, -1)))
+            result = result * x[..., None] + factor * c[..., k, :]
+        return np.asarray(result / width[..., None] ** order)
+
+
+def quintic(
+    width: FloatArray,
+    begin: tuple[FloatArray, FloatArray, FloatArray],
+    end: tuple[FloatArray, FloatArray, FloatArray],
+) -> FloatArray:
+    """Coefficients in x = u / width of the quintics with given value and two derivatives.
+
+    Args:
+        width: (n,).
+        begin: Value, first and second derivative at the start of each interval, (n, dof) each.
+        end: The same at the end.
+
+    Returns:
+        (n, 6, dof).
+    """
+    h = width[:, None]
+    a0, a1, a2 = begin[0], begin[1] * h, begin[2] * h**2 / 2
+    value = end[0] - a0 - a1 - a2
+    slope = end[1] * h - a1 - 2 * a2
+    bend = end[2] * h**2 - 2 * a2
+    a3 = 10 * value - 4 * slope + bend / 2
+    a4 = -15 * value + 7 * slope - bend
+    a5 = 6 * value - 3 * slope + bend / 2
+    return np.stack([a0, a1, a2, a3, a4, a5], axis=1)

@@ -1,0 +1,103 @@
+"""A job: everything that a study needs to know, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from armcontour.arms import Arm, Limits
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.servo import ServoModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rounding:
+    """How corners are rounded: the arguments of `round_corners`, one value for all corners."""
+
+    tolerance: float | None = None
+    speed: float | None = None
+    acceleration: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One way to do the job, to be compared with others.
+
+    Args:
+        name: Key of the run in the study.
+        timing: Method of `plan`.
+        compensation: Method of `compensate`.
+        limits: Limits of this run.
+        rounding: How its corners are rounded; None keeps them sharp.
+        period: Command interval [s].
+        timing_options: Options of the timing method.
+        compensation_options: Options of the compensation method.
+        until: End of the time that errors cover [s]; None is until the tool rests.
+    """
+
+    name: str
+    timing: str
+    compensation: str
+    limits: Limits
+    rounding: Rounding | None
+    period: float
+    timing_options: Mapping[str, Any] = field(default_factory=dict)
+    compensation_options: Mapping[str, Any] = field(default_factory=dict)
+    until: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Published:
+    """Figures that someone published for the same job, to stand beside ours.
+
+    Args:
+        source: Where they stand.
+        runs: Per run of the job: name of a figure ("contour_error_rms", "duration", "settled") to
+            its value [SI].
+        time_stamps: The published times of the switching points [s].
+        time_stamps_of: The run that they belong to.
+        notes: Sentences on what to make of the differences.
+    """
+
+    source: str
+    runs: Mapping[str, Mapping[str, float]]
+    time_stamps: tuple[float, ...] = ()
+    time_stamps_of: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Job:
+    """A path, an arm, a servo, and the runs to compare.
+
+    Args:
+        name: Short name.
+        title: For people.
+        arm: The arm.
+        path: The objective path.
+        branch: Branch of the arm's inverse kinematics; None is its first.
+        servo: The servo's nominal model, which compensation uses.
+        plant_servo: The gains of the simulated servo.
+        runs: At least one, with different names.
+        published: Figures to compare with.
+
+    Raises:
+        InvalidInput: No run, or two of the same name.
+    """
+
+    name: str
+    title: str
+    arm: Arm
+    path: Path
+    servo: ServoModel
+    plant_servo: ServoModel
+    runs: tuple[Run, ...]
+    branch: str | None = None
+    published: Published | None = None
+
+    def __post_init__(self) -> None:
+        names = [x.name for x in self.runs]
+        if not names or len(set(names)) < len(names):
+            raise InvalidInput("A job needs at least one run, and every run its own name.")

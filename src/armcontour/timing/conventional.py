@@ -1,0 +1,31 @@
+"""The conventional method that the paper compares with: uniform speed along the raw path."""
+
+from __future__ import annotations
+
+from armcontour.arms import Arm, Limits
+from armcontour.motion import JointPath, Stretch, Trajectory
+from armcontour.timing.common import law_peaks, needs_speed, path_law, segment_speeds, tool_path_of
+
+
+def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+    """Uniform tool speed from the first instant to the last, whatever the joints' limits.
+
+    Velocities jump at corners and at both ends; the joint limits are not looked at, as in Sec. IV
+    of the paper.
+
+    Raises:
+        InvalidInput: No assigned velocity.
+    """
+    path = tool_path_of(joint_path, "conventional")
+    speeds = segment_speeds(path, needs_speed(limits, "conventional"))
+    law = path_law(joint_path, path.breaks, speeds, speeds)
+    peaks = law_peaks(law, arm)
+    stretch = Stretch(
+        name="whole path",
+        kind="uniform",
+        t=(0.0, float(law.breaks[-1])),
+        s=(0.0, path.length),
+        demand=peaks.values[2],
+        speed=peaks.speed,
+    )
+    return Trajectory(laws=(law,), method="conventional", path=path, stretches=(stretch,))

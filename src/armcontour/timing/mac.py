@@ -1,0 +1,223 @@
+"""The paper's method: maximum joint acceleration on lines, uniform speed on corners, Sec. III-A.
+
+Lines are in `mac_line.py`. Corners are arcs run at one speed, (16)-(17). Where a line is too short
+to reach a corner's speed or to brake to it, on which the paper is silent, that corner's speed is
+lowered to what the line can reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.errors import InvalidInput, NotRealizable
+from armcontour.geometry import Path
+from armcontour.motion import JointPath, Law, Stretch, Trajectory
+from armcontour.timing.common import (
+    law_peaks,
+    needs_speed,
+    path_law,
+    segment_speeds,
+    tool_path_of,
+)
+from armcontour.timing.mac_line import Line, Part, parts_by_rule
+
+# With fewer laps a short line from rest to rest would have no lap to move in.
+FEWEST_LAPS = 8
+# Next to a rest the speed multiplies from knot to knot, and one lap there would be a coarse step.
+LAPS_AT_REST = 10
+# The middle path and the corners may exceed a joint limit by rounding only.
+ROUNDING = 1e-6
+
+
+@dataclass(slots=True)
+class Junction:
+    """What lies before, between or behind the lines: arcs at one speed, a joint, or a stop.
+
+    Args:
+        arcs: Segment indices of the arcs; empty where lines meet.
+        speed: Speed through it [m/s]; lowered where the lines cannot reach it.
+    """
+
+    arcs: range
+    speed: float
+
+
+def plan_mac(
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    *,
+    knots: int | None = None,
+    period: float = 4e-3,
+) -> Trajectory:
+    """Plan by the paper's method.
+
+    Args:
+        joint_path: A traced path of lines and arcs.
+        arm: The arm.
+        limits: With joint accelerations and assigned velocity; the centripetal acceleration sets
+            the corner speed (16).
+        knots: Laps of equal length per line, at least 8; by default as many as keep the knots no
+            farther apart than the assigned velocity takes the tool in one command interval. The
+            lap next to a rest is divided further.
+        period: Command interval [s].
+
+    Raises:
+        NotRealizable: A lap, the middle path or a corner would break a joint limit; or the path
+            starts or ends on an arc, for which the method has no rule.
+        InvalidInput: A limit that the method needs is missing.
+    """
+    path = tool_path_of(joint_path, "mac")
+    assigned = segment_speeds(path, needs_speed(limits, "mac"))
+    if limits.joint_acceleration is None:
+        raise InvalidInput(
+            "The method mac needs joint acceleration limits: "
+            "limits.replace(joint_acceleration=...) in rad/s²."
+        )
+    if knots is not None and knots < FEWEST_LAPS:
+        raise InvalidInput(
+            f"The method mac needs at least {FEWEST_LAPS} knots a line, not {knots}."
+        )
+    on = np.flatnonzero(path.curvatures == 0).tolist()
+    junctions = _junctions(path, on, assigned, limits)
+    lines = []
+    for number, i in enumerate(on):
+        count = knots or max(FEWEST_LAPS, int(np.ceil(path.lengths[i] / (assigned[i] * period))))
+        rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
+        s = _knots(path.breaks[i], path.breaks[i + 1], count, rest)
+        lines.append(
+            Line(
+                name=f"line {number + 1}",
+                joint_path=joint_path,
+                arm=arm,
+                limit=limits.joint_acceleration,
+                s=s,
+                assigned=float(assigned[i]),
+            )
+        )
+    _match(lines, junctions)
+    laws: list[Law] = []
+    stretches: list[Stretch] = []
+    corner = 0
+    for number, line in enumerate(lines):
+        pieces = line.plan(junctions[number].speed, junctions[number + 1].speed)
+        laws += [x.law for x in pieces]
+        parts = parts_by_rule(line.name, pieces)
+        for i in junctions[number + 1].arcs:
+            corner += 1
+            parts.append(_corner(f"corner {corner}", joint_path, i, junctions[number + 1].speed))
+            laws += parts[-1].laws
+        for part in parts:
+            now = stretches[-1].t[1] if stretches else 0.0
+            stretches.append(_stretch(part, now, arm, limits))
+    return Trajectory(laws=tuple(laws), method="mac", path=path, stretches=tuple(stretches))
+
+
+def _junctions(
+    path: Path,
+    lines: list[int],
+    assigned: FloatArray,
+    limits: Limits,
+) -> list[Junction]:
+    """One junction before the first line, one behind each line, with its largest speed."""
+    ends = np.concatenate([[-1], lines, [len(path)]])
+    stop_joints = set(np.searchsorted(path.breaks, path.stops).tolist())
+    result = []
+    for number, (before, after) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+        arcs = range(int(before) + 1, int(after))
+        rest = number in (0, len(lines)) or any(
+            joint in stop_joints for joint in range(int(before) + 1, int(after) + 1)
+        )
+        if rest and len(arcs):
+            s = float(path.breaks[arcs[0]])
+            raise NotRealizable(
+                f"At {s:.4g} m along the path the tool is at rest next to an arc: the method mac "
+                "runs arcs at one speed and has no rule for that; begin and end arcs on lines, or "
+                "plan by another method.",
+                s=s,
+                point=path(s).tolist(),
+            )
+        speeds = [assigned[i] for i in range(max(int(before), 0), min(int(after) + 1, len(path)))]
+        if limits.centripetal_acceleration is not None:
+            speeds += [
+                float(np.sqrt(limits.centripetal_acceleration / path.curvatures[i])) for i in arcs
+            ]
+        result.append(Junction(arcs, 0.0 if rest else float(min(speeds))))
+    return result
+
+
+def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> FloatArray:
+    """Equal laps, the first or last divided so that its parts take equal times from rest."""
+    shares = np.arange(count + 1) / count
+    parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
+    if rest[0]:
+        shares = np.concatenate([shares[:1], parts, shares[1:]])
+    if rest[1]:
+        shares = np.concatenate([shares[:-1], 1 - parts[::-1], shares[-1:]])
+    s = start + (end - start) * shares
+    s[-1] = end
+    return s
+
+
+def _match(lines: list[Line], junctions: list[Junction]) -> None:
+    """Lower the junctions' speeds to what the lines can reach, forwards and then backwards."""
+    for number, line in enumerate(lines):
+        run = line.forward(junctions[number].speed)
+        if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
+            after = junctions[number + 1]
+            after.speed = min(after.speed, float(run.speed[-1]))
+    for number, line in reversed(list(enumerate(lines))):
+        run = line.reverse(junctions[number + 1].speed)
+        if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
+            before = junctions[number]
+            before.speed = min(before.speed, float(run.speed[-1]))
+
+
+def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
+    """An arc at one speed, (17)."""
+    path = tool_path_of(joint_path, "mac")
+    law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
+    ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
+    return Part(name, "corner", float(law.breaks[-1]), ends, [law])
+
+
+def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
+    """What there is to say of a part that starts at time `now`.
+
+    Raises:
+        NotRealizable: A joint limit is broken; MAC itself never looks at the middle path, the
+            corners or joint velocities, so this is where its claim is checked.
+    """
+    peaks = [law_peaks(law, arm) for law in part.laws]
+    for name, unit, order in (("joint_velocity", "rad/s", 1), ("joint_acceleration", "rad/s²", 2)):
+        allowed = or_unlimited(getattr(limits, name), arm.dof)
+        for found in peaks:
+            over = found.values[order] / allowed
+            j = int(np.argmax(over))
+            if over[j] > 1 + ROUNDING:
+                needed = float(found.values[order][j])
+                raise NotRealizable(
+                    f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
+                    f"along the path, joint {j + 1} would need {needed:.4g} {unit}, but its limit "
+                    f"is {allowed[j]:.4g} {unit}: the method mac does not look at it there; a "
+                    "lower assigned velocity or centripetal acceleration helps.",
+                    s=part.s[0],
+                    t=now,
+                    joint=j + 1,
+                    limit=name,
+                    needed=needed,
+                    allowed=float(allowed[j]),
+                )
+    return Stretch(
+        name=part.name,
+        kind=part.kind,
+        t=(now, now + part.duration),
+        s=part.s,
+        demand=np.max([x.values[2] for x in peaks], axis=0),
+        speed=max(x.speed for x in peaks),
+    )

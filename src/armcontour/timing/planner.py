@@ -1,0 +1,54 @@
+"""The one door to the planners."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from armcontour import _checks
+from armcontour.arms import Arm, Limits
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.motion import JointPath, Trajectory
+from armcontour.timing.conventional import plan_conventional
+from armcontour.tracing import trace
+
+METHODS = ("mac", "conventional")
+
+
+def plan(
+    path: Path | JointPath,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    method: str = "mac",
+    branch: str | None = None,
+    **options: Any,
+) -> Trajectory:
+    """Time a path: the realizable trajectory.
+
+    Args:
+        path: A tool path, which is traced first, or a traced one.
+        arm: The arm.
+        limits: By default the arm's own.
+        method: "mac", the paper's; or "conventional", uniform speed along the raw path.
+        branch: Branch of the inverse kinematics, for a tool path.
+        options: For "mac": `knots` per line, command `period` [s].
+
+    Raises:
+        InvalidInput: An unknown method or option, or a limit that the method needs is missing.
+        Unreachable: A place of the path is out of reach or singular.
+        NotRealizable: The method cannot keep the limits on this path.
+    """
+    _checks.choice("method", method, METHODS)
+    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    joint_path = path if isinstance(path, JointPath) else trace(path, arm, branch=branch)
+    known = ("knots", "period") if method == "mac" else ()
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        takes = f"the options {', '.join(known)}" if known else "no options"
+        raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
+    if method == "conventional":
+        return plan_conventional(joint_path, arm, bounds)
+    from armcontour.timing.mac import plan_mac
+
+    return plan_mac(joint_path, arm, bounds, **options)
