@@ -37,7 +37,10 @@ def load_arm(name: str | FilePath) -> Arm:
         file = FilePath(text)
         if not file.is_file():
             raise InvalidInput(f"There is no arm file {text}.")
-        return _arm(text, file.read_text(encoding="utf-8"))
+        try:
+            return _arm(text, file.read_text(encoding="utf-8"))
+        except UnicodeDecodeError as error:
+            raise InvalidInput(f"{text} is not YAML: it is not text in UTF-8 ({error}).") from None
     if text not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {text!r}: the built-in arms are {', '.join(arm_names())}; "

@@ -123,6 +123,11 @@ class Path:
             InvalidInput: A segment that is none, or a gap, with the segment's index.
         """
         listed = list(segments)
+        for i, x in enumerate(listed):
+            if not isinstance(x, (Line, Arc)):
+                raise InvalidInput(
+                    f"Segment {i} must be a Line or an Arc, not a {type(x).__name__}.", index=i
+                )
         frames = [
             line_frame(x, i) if isinstance(x, Line) else arc_frame(x, i)
             for i, x in enumerate(listed)

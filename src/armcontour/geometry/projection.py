@@ -97,7 +97,9 @@ def _pieces(path: Path) -> tuple[IntArray, FloatArray, FloatArray]:
     # A box over a piece of length l has an area of about l^2 / pi, so N pieces of a path of length
     # L overlap any place of an area A about L^2 / (pi A N) times.
     extent = np.sort(np.ptp(path.vertices, axis=0))[-2:]
-    overlap = path.length**2 / (np.pi * max(extent[0], 1e-3 * extent[1]) * extent[1] * OVERLAP)
+    area = max(extent[0], 1e-3 * extent[1]) * extent[1]
+    # The vertices of a full circle span no area.
+    overlap = path.length**2 / (np.pi * max(area, 1e-24 * path.length**2) * OVERLAP)
     target = path.length / np.clip(overlap, len(path), PIECES_PER_SEGMENT * len(path))
     by_length = np.ceil(path.lengths / target)
     by_turn = np.ceil(path.lengths * path.curvatures / (np.pi / 2))

@@ -85,7 +85,9 @@ def trace(path: Path, arm: Arm, *, branch: str | None = None, tolerance: float =
 
 
 def _first_knots(path: Path) -> Knots:
-    extent = float(np.linalg.norm(np.ptp(path.vertices, axis=0))) or path.length
+    # The vertices of a full circle span nothing: its diameter does.
+    bulge = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
+    extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(bulge.max()))
     by_length = np.ceil(path.lengths / (FIRST_STEP * extent))
     by_turn = np.ceil(path.lengths * path.curvatures / FIRST_TURN)
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)

@@ -1,0 +1,54 @@
+# `make` or `make help` lists what there is to make. Everything is built in .venv.
+
+VENV := .venv
+BIN := $(VENV)/bin
+# The newest supported Python on the machine; `make PYTHON=... ` chooses another.
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
+	2>/dev/null && echo $$p && break; done)
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check bench figures schema clean
+
+help:  ## List the targets
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
+
+demo: $(VENV)/base  ## Run the paper's job end to end, and say where its report is
+	$(BIN)/armcontour demo --out demo --force
+
+test: $(VENV)/test  ## Run the whole test suite
+	$(BIN)/python -m pytest
+
+check: $(VENV)/dev  ## Check format, lint, types and layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
+	$(BIN)/python -m benchmarks
+
+figures: $(VENV)/dev  ## Redraw the figures in docs/
+	$(BIN)/python -m docs.figures
+
+schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files
+	$(BIN)/armcontour schema > docs/reference/job.schema.json
+
+clean:  ## Remove the environment and the demo's results
+	rm -rf $(VENV) demo
+
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "armcontour needs Python 3.11, 3.12 or 3.13 with its venv module; none was found." >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/base: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/test: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+$(VENV)/dev: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'
+	@touch $@

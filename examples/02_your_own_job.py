@@ -1,0 +1,24 @@
+"""A job of your own: a slot with a weak second joint, and what compensation is worth."""
+
+import numpy as np
+
+import armcontour as ac
+
+arm = ac.load_arm("pmk3s")
+slot = ac.Path.from_segments(
+    [
+        ac.Line(start=(0.28, 0.20), end=(0.40, 0.20)),
+        ac.Arc(start=(0.40, 0.20), center=(0.40, 0.23), angle=np.pi),
+        ac.Line(start=(0.40, 0.26), end=(0.28, 0.26)),
+    ]
+)
+limits = arm.limits.replace(speed=0.10, centripetal_acceleration=0.05)
+planned = ac.plan(slot, arm, limits, method="mac")
+servo = ac.ServoModel(kp=[25.0, 20.0], kv=150.0)
+for method in ("none", "pole_placement"):
+    taught = ac.compensate(planned, servo, method=method, period=1e-3)
+    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    error = ac.evaluate(executed, slot, limits=limits).contour_error
+    print(
+        f"{method:15s} contour error {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most"
+    )

@@ -1,0 +1,91 @@
+"""`armcontour`: its commands, their help, and how errors end."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path as FilePath
+from typing import Annotated
+
+import typer
+
+from armcontour._version import __version__
+from armcontour.errors import ArmContourError
+
+app = typer.Typer(
+    name="armcontour",
+    help="Contouring with industrial robot arms: as fast as the limits allow, within the error.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
+
+
+def _version(value: bool) -> None:
+    if value:
+        typer.echo(f"armcontour {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def run(
+    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    out: Out,
+    force: Force = False,
+    open_report: Open = False,
+) -> None:
+    """Run a job: writes summary.json, report.html and RUN/taught.csv for every run."""
+    from armcontour.cli.running import run_job
+    from armcontour.io import read_job
+
+    run_job(lambda: read_job(job), out, force=force, open_report=open_report)
+
+
+@app.command()
+def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
+    """Run the built-in job: the paper's contouring job on the PMK-3s."""
+    from armcontour.cli.running import built_in_job, run_job
+
+    run_job(built_in_job, out, force=force, open_report=open_report)
+
+
+@app.command()
+def arms() -> None:
+    """List the built-in arms."""
+    from armcontour.arms import arm_names, load_arm
+
+    for name in arm_names():
+        arm = load_arm(name)
+        typer.echo(f"{name}: {arm.name}, {arm.dof} joints ({arm.source})")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of job files."""
+    import json
+
+    from armcontour.io import json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2))
+
+
+def main() -> None:
+    """Run the command line; an error ends with its sentence and its exit code."""
+    try:
+        app()
+    except ArmContourError as error:
+        typer.echo(f"Error: {error}", err=True)
+        sys.exit(error.exit_code)

@@ -1,0 +1,104 @@
+"""Running a job from the command line, with progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from armcontour.study import Job, Study
+
+
+def built_in_job() -> Job:
+    """The paper's job, as shipped."""
+    from armcontour.io import parse_job
+
+    file = resources.files("armcontour.study") / "library" / "paper.yaml"
+    return parse_job(file.read_text(encoding="utf-8"), source="the built-in job")
+
+
+def run_job(
+    read: Callable[[], Job], out: FilePath, *, force: bool = False, open_report: bool = False
+) -> None:
+    """Read a job, run it, and write its results.
+
+    Args:
+        read: Gives the job.
+        out: Folder for the results.
+        force: Whether an earlier result there may be replaced.
+        open_report: Whether to open the report in a browser.
+
+    Raises:
+        ArmContourError: As the steps raise it; nothing is written then.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    # Only then the heavy part, so that the folder and the job are refused at once.
+    from armcontour.io import ResultFolder, summary, taught_csv
+
+    job = read()
+    console = Console(stderr=True)
+    with (
+        ResultFolder(out, force=force) as folder,
+        Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        ) as progress,
+    ):
+        from armcontour.report import render_report
+        from armcontour.study import STEPS, run
+
+        task = progress.add_task("starting", total=len(job.runs) * len(STEPS) + 2)
+
+        def step(name: str, what: str) -> None:
+            progress.update(task, description=f"{name}: {what}", advance=1)
+
+        study = run(job, progress=step)
+        progress.update(task, description="writing the report", advance=1)
+        for name, result in study.runs.items():
+            folder.write(f"{name}/taught.csv", taught_csv(result.taught, job.arm.joint_names))
+        folder.write("report.html", render_report(study))
+        folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
+    report = (out / "report.html").resolve()
+    _print_results(study, report)
+    if open_report:
+        import webbrowser
+
+        webbrowser.open(report.as_uri())
+
+
+def _print_results(study: Study, report: FilePath) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=study.job.title, title_justify="left")
+    for name in (
+        "run",
+        "motion [s]",
+        "at rest [s]",
+        "RMS error [mm]",
+        "largest [mm]",
+        "demand / limit",
+    ):
+        table.add_column(name, justify="left" if name == "run" else "right")
+    for name, result in study.runs.items():
+        e = result.evaluation
+        table.add_row(
+            name,
+            f"{e.duration:.4f}",
+            f"{e.settled:.3f}",
+            f"{e.contour_error.rms * 1e3:.4f}",
+            f"{e.contour_error.max * 1e3:.4f}",
+            f"{e.demand_ratio.max():.4f}",
+        )
+    console = Console()
+    console.print(table)
+    console.print(f"Report: {report.as_uri()}", soft_wrap=True, highlight=False)

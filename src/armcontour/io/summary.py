@@ -1,0 +1,152 @@
+"""Results as text: the summary of a study, and taught data."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour._version import __version__
+from armcontour.evaluation import ErrorProfile
+from armcontour.geometry import RoundedPath
+from armcontour.motion import TaughtData
+from armcontour.study import RunResult, Study
+
+UNITS = {
+    "length": "m",
+    "duration": "s",
+    "settled": "s",
+    "until": "s",
+    "contour_error": "m",
+    "tracking_error": "m",
+    "objective_error": "m",
+    "speed": "m/s",
+    "demand": "rad/s^2",
+    "saturated": "share of time",
+    "period": "s",
+    "t": "s",
+    "s": "m",
+}
+
+
+def summary(study: Study, files: Sequence[str] = ()) -> str:
+    """Every metric of every run as JSON, in SI units, with the version.
+
+    Args:
+        study: The study.
+        files: The files of the result, relative to its folder.
+    """
+    job = study.job
+    data = {
+        "armcontour": __version__,
+        "job": job.name,
+        "title": job.title,
+        "arm": {"name": job.arm.name, "source": job.arm.source},
+        "units": UNITS,
+        "runs": {name: _run(result) for name, result in study.runs.items()},
+        "files": list(files),
+    }
+    if job.published is not None:
+        data["published"] = {
+            "source": job.published.source,
+            "runs": job.published.runs,
+            "time_stamps": list(job.published.time_stamps),
+        }
+    return json.dumps(_plain(data), indent=2, allow_nan=False) + "\n"
+
+
+def taught_csv(taught: TaughtData, joint_names: Sequence[str]) -> str:
+    """Taught data as CSV: a header with units, then t and q of every joint."""
+    text = io.StringIO()
+    text.write(",".join(["t [s]", *(f"{name} [rad]" for name in joint_names)]) + "\n")
+    np.savetxt(text, np.column_stack([taught.t, taught.q]), fmt="%.12f", delimiter=",")
+    return text.getvalue()
+
+
+def _run(result: RunResult) -> dict[str, Any]:
+    e = result.evaluation
+    path = result.path
+    found: dict[str, Any] = {
+        "timing": result.run.timing,
+        "compensation": result.run.compensation,
+        "period": result.run.period,
+        "length": path.length,
+        "duration": e.duration,
+        "settled": e.settled,
+        "until": e.until,
+        "contour_error": _error(e.contour_error),
+        "tracking_error": _error(e.tracking_error),
+        "objective_error": None if e.objective_error is None else _error(e.objective_error),
+        "speed": e.speed,
+        "speed_ratio": e.speed_ratio,
+        "demand": e.demand,
+        "demand_ratio": e.demand_ratio,
+        "saturated": e.saturated,
+        "cornering": [
+            {
+                "joint": c.joint,
+                "point": c.point,
+                "rounding": c.rounding,
+                "overshoot": c.overshoot,
+            }
+            for c in e.corners
+        ],
+        "switching_points": result.trajectory.switching_points,
+        "stretches": [
+            {
+                "name": x.name,
+                "kind": x.kind,
+                "t": x.t,
+                "s": x.s,
+                "demand": x.demand,
+                "speed": x.speed,
+            }
+            for x in result.trajectory.stretches
+        ],
+        "merged_points": path.merged,
+    }
+    if isinstance(path, RoundedPath):
+        c = path.corners
+        found["corners"] = [
+            {
+                "joint": c.joint[i],
+                "point": c.point[i],
+                "turn": c.turn[i],
+                "radius": c.radius[i],
+                "error": c.error[i],
+                "tangent": c.tangent[i],
+                "shrunk": bool(c.shrunk[i]),
+                "full_stop": bool(c.stopped[i]),
+                "speed": c.speed[i],
+            }
+            for i in range(len(c))
+        ]
+    return found
+
+
+def _error(profile: ErrorProfile) -> dict[str, float]:
+    return {
+        "rms": profile.rms,
+        "max": profile.max,
+        "t_max": profile.t_max,
+        "s_max": profile.s_max,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """The same data in what JSON knows; not-a-number becomes null."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(x) for x in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,82 @@
+"""Quantities as users write them: a number in SI units, or text with a unit such as `5 mm`."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, WithJsonSchema
+
+
+@cache
+def _registry() -> Any:
+    from pint import UnitRegistry
+
+    return UnitRegistry(cache_folder=None)
+
+
+def parse(value: Any, unit: str) -> float:
+    """The value in `unit`.
+
+    Args:
+        value: A number, which is in `unit` already, or text such as "5 mm".
+        unit: The SI unit wanted, such as "m/s".
+
+    Raises:
+        ValueError: Neither, text without a unit, an unknown unit, or one of another dimension.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"must be a number in {unit} or text with a unit, not {value!r}")
+    if isinstance(value, int | float):
+        if not math.isfinite(value):
+            raise ValueError(f"must be finite, but is {value}")
+        return float(value)
+    try:
+        float(value)
+    except ValueError:
+        pass
+    else:
+        raise ValueError(
+            f"{value!r} has no unit: write one, such as '{value} {unit}', "
+            f"or a plain number in {unit}"
+        )
+    import pint
+
+    try:
+        quantity = _registry().Quantity(value)
+        result = float(quantity.to(unit).magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"must be a quantity in {unit}, which {value!r} is not") from None
+    except (
+        pint.UndefinedUnitError,
+        pint.PintError,
+        ValueError,
+        TypeError,
+        AssertionError,
+    ) as error:
+        raise ValueError(f"{value!r} is not a quantity in {unit}: {error}") from None
+    except Exception as error:  # pint's parser lets tokenizer and syntax errors through
+        raise ValueError(f"{value!r} is not a quantity in {unit}: {error}") from None
+    if not math.isfinite(result):
+        raise ValueError(f"must be finite, but is {value!r}")
+    return result
+
+
+def _quantity(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    schema = {
+        "description": f"A number in {unit}, or text with a unit such as '{example}'.",
+        "anyOf": [{"type": "number"}, {"type": "string"}],
+        "examples": [example],
+    }
+    return BeforeValidator(lambda value: parse(value, unit)), WithJsonSchema(schema)
+
+
+Length = Annotated[float, *_quantity("m", "5 mm")]
+Speed = Annotated[float, *_quantity("m/s", "0.15 m/s")]
+Acceleration = Annotated[float, *_quantity("m/s^2", "0.09 m/s^2")]
+Angle = Annotated[float, *_quantity("rad", "90 deg")]
+JointVelocity = Annotated[float, *_quantity("rad/s", "1.5 rad/s")]
+JointAcceleration = Annotated[float, *_quantity("rad/s^2", "0.72 rad/s^2")]
+Duration = Annotated[float, *_quantity("s", "4 ms")]
+Gain = Annotated[float, *_quantity("1/s", "25 1/s")]

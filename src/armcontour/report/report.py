@@ -1,0 +1,69 @@
+"""The report: sections in order, one page that works offline."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path as FilePath
+
+from armcontour._version import __version__
+from armcontour.errors import InvalidInput
+from armcontour.report import sections
+from armcontour.study import Study
+
+
+def render_report(study: Study) -> str:
+    """The report of a study as one HTML page that needs nothing else."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    found = [
+        sections.overview(study),
+        sections.published(study),
+        sections.paths(study),
+        sections.joint_space(study),
+        sections.tool_speed(study),
+        sections.accelerations(study),
+        sections.contour_error(study),
+        sections.time_stamps(study),
+    ]
+    environment = Environment(
+        loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
+    )
+    config = {"displaylogo": False, "responsive": True}
+
+    def drawing(figure: object, number: str) -> Markup:
+        html = figure.to_html(  # type: ignore[attr-defined]
+            full_html=False, include_plotlyjs=False, div_id=f"figure-{number}", config=config
+        )
+        return Markup(html)
+
+    return environment.get_template("report.html").render(
+        job=study.job,
+        version=__version__,
+        sections=[x for x in found if x is not None],
+        drawing=drawing,
+        plotly=Markup(get_plotlyjs()),
+    )
+
+
+def write_report(study: Study, file: str | FilePath) -> None:
+    """Write the report of a study to an HTML file; it is there whole or not at all.
+
+    Raises:
+        InvalidInput: The file cannot be written.
+    """
+    place = FilePath(file)
+    page = render_report(study)
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=".armcontour-", dir=place.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(page)
+            os.replace(temporary, place)
+        except OSError:
+            FilePath(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise InvalidInput(f"Cannot write the report {place}: {error.strerror}.") from None

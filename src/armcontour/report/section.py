@@ -1,0 +1,47 @@
+"""What a section of the report is made of: data only, which the template shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Rows of text under a header; the first column names the row."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tile:
+    """One figure that matters, in large print."""
+
+    label: str
+    value: str
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the report.
+
+    Args:
+        key: Anchor of the section.
+        title: Its heading.
+        text: What there is to see.
+        tiles: Figures in large print, by the name of their run.
+        figures: Plotly figures.
+        tables: Tables.
+        notes: Sentences below.
+    """
+
+    key: str
+    title: str
+    text: str = ""
+    tiles: tuple[tuple[str, tuple[Tile, ...]], ...] = ()
+    figures: tuple[Any, ...] = ()
+    tables: tuple[Table, ...] = ()
+    notes: tuple[str, ...] = ()

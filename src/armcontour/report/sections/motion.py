@@ -1,0 +1,188 @@
+"""What happened over time: tool speed, joint accelerations, contour error, time stamps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour.report.section import Section, Table
+from armcontour.report.style import (
+    LIMIT_COLOUR,
+    SATURATION_COLOUR,
+    finish,
+    line,
+    run_colours,
+    switching_labels,
+    thinned,
+)
+from armcontour.study import RunResult, Study
+
+# What is smaller than this on the logarithmic axis of errors is drawn there [mm].
+SMALLEST_ERROR = 1e-6
+
+
+def tool_speed(study: Study) -> Section:
+    """Executed tool speed of every run, with the assigned velocity."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    colours = run_colours(study.runs)
+    for name, result in study.runs.items():
+        x = result.execution
+        t, speed = thinned(x.t, x.tool_speed * 1e3)
+        figure.add_trace(line(t, speed, name, colours[name]))
+    for speed in sorted({x.run.limits.speed for x in study.runs.values() if x.run.limits.speed}):
+        time = max(
+            x.trajectory.duration for x in study.runs.values() if x.run.limits.speed == speed
+        )
+        name = f"assigned velocity {speed * 1e3:g} mm/s"
+        figure.add_trace(
+            line([0, time], [speed * 1e3] * 2, name, LIMIT_COLOUR, dash="dash", width=1)
+        )
+    last = _last(study)
+    switching_labels(figure, last.trajectory.switching_points)
+    figure.update_xaxes(title="time [s]")
+    figure.update_yaxes(title="tool speed [mm/s]")
+    return Section(
+        key="speed",
+        title="Tool speed",
+        text=f"As executed; dotted lines are the switching points of the run {last.run.name}.",
+        figures=(finish(figure, title="Tool speed over time"),),
+    )
+
+
+def accelerations(study: Study) -> Section:
+    """Joint accelerations of every run, with limits and saturation marked."""
+    return Section(
+        key="accelerations",
+        title="Joint accelerations",
+        text=(
+            "Planned and executed acceleration of every joint, with its limits as black lines. "
+            "Shaded: the joint is saturated by more than a thousandth of its limit, so it gets "
+            "less than its servo asks for."
+        ),
+        figures=tuple(_accelerations(name, result) for name, result in study.runs.items()),
+    )
+
+
+def contour_error(study: Study) -> Section:
+    """Contour error profile of every run."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    colours = run_colours(study.runs)
+    for name, result in study.runs.items():
+        e = result.evaluation.contour_error
+        t, values = thinned(e.t, e.values * 1e3)
+        label = f"{name}: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
+        figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
+    figure.update_xaxes(title="time [s]")
+    figure.update_yaxes(title="contour error [mm]", type="log", exponentformat="power")
+    return Section(
+        key="contour-error",
+        title="Contour error",
+        text="Distance from the executed tool to the path of its run, on a logarithmic scale.",
+        figures=(finish(figure, title="Contour error over time", height=500),),
+    )
+
+
+def time_stamps(study: Study) -> Section:
+    """Switching points with time, place, rule and joint demand, beside published times."""
+    return Section(
+        key="time-stamps",
+        title="Switching points",
+        text=(
+            "Where one rule hands over to the next: MAC, maximum joint acceleration; AVC, assigned "
+            "velocity; MDC, maximum deceleration; corner, one speed on an arc."
+        ),
+        tables=tuple(_stamps(study, name, x) for name, x in study.runs.items()),
+    )
+
+
+def _last(study: Study) -> RunResult:
+    return list(study.runs.values())[-1]
+
+
+def _accelerations(name: str, result: RunResult) -> Any:
+    from plotly.subplots import make_subplots
+
+    x = result.execution
+    names = x.arm.joint_names
+    limits = result.run.limits.joint_acceleration
+    figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    t_plan = np.linspace(0, result.trajectory.duration, 2000)
+    planned = result.trajectory(t_plan, 2)
+    for j, joint in enumerate(names):
+        row = {"row": j + 1, "col": 1}
+        t, ddq = thinned(x.t, x.ddq[:, j])
+        first = j == 0
+        figure.add_trace(
+            line(t, ddq, "executed", "#0072B2", showlegend=first, legendgroup="executed"), **row
+        )
+        figure.add_trace(
+            line(
+                t_plan,
+                planned[:, j],
+                "planned",
+                "#D55E00",
+                dash="dot",
+                width=1.5,
+                showlegend=first,
+                legendgroup="planned",
+            ),
+            **row,
+        )
+        if limits is not None:
+            for start, end in _saturated(x.t, x.demand[:, j], limits[j]):
+                figure.add_vrect(x0=start, x1=end, fillcolor=SATURATION_COLOUR, line_width=0, **row)
+            for sign in (1, -1):
+                figure.add_hline(
+                    y=sign * limits[j], line={"color": LIMIT_COLOUR, "width": 1}, **row
+                )
+        figure.update_yaxes(title=f"{joint} [rad/s²]", **row)
+    if result.run.rounding is not None:
+        switching_labels(figure, result.trajectory.switching_points, row=1, col=1)
+    figure.update_xaxes(title="time [s]", row=len(names), col=1)
+    return finish(figure, title=f"Run {name}", height=230 * len(names) + 120)
+
+
+def _saturated(t: Any, demand: Any, limit: float) -> list[tuple[float, float]]:
+    """Stretches of time in which the demand exceeds the limit, neighbours joined."""
+    over = np.abs(demand) > limit * (1 + 1e-3)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
+    joined: list[tuple[float, float]] = []
+    for i, k in zip(edges[::2], edges[1::2] - 1, strict=True):
+        start, end = float(t[i]), float(t[k])
+        if joined and start - joined[-1][1] < 2e-3 * t[-1]:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((start, end))
+    return joined
+
+
+def _stamps(study: Study, name: str, result: RunResult) -> Table:
+    published = study.job.published
+    theirs: tuple[float, ...] = ()
+    if published is not None and published.time_stamps_of == name:
+        theirs = published.time_stamps
+    header = ["point", "time [s]", *(["published [s]"] if theirs else []), "s [m]", "then"]
+    joints = [f"{x} demand [rad/s²]" for x in study.job.arm.joint_names]
+    rows = []
+    stretches = result.trajectory.stretches
+    ends = [(0.0, 0.0), *((x.t[1], x.s[1]) for x in stretches)]
+    for k, (t, s) in enumerate(ends):
+        row = [f"P{k}", f"{t:.4f}"]
+        if theirs:
+            row.append(f"{theirs[k]:.3f}" if k < len(theirs) else "")
+        row.append(f"{s:.5f}")
+        if k < len(stretches):
+            x = stretches[k]
+            row += [
+                x.name if x.name.startswith(x.kind) else f"{x.name}: {x.kind}",
+                *(f"{value:.3f}" for value in x.demand),
+            ]
+        else:
+            row += ["end"] + [""] * len(joints)
+        rows.append(tuple(row))
+    return Table(header=(*header, *joints), rows=tuple(rows), caption=f"Run {name}")

@@ -1,0 +1,201 @@
+"""The tool's path, its corners enlarged, and the same in joint space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.geometry import Path, RoundedPath
+from armcontour.report.section import Section
+from armcontour.report.style import PATH_COLOUR, finish, line, run_colours
+from armcontour.study import RunResult, Study
+
+# Places along a path that draw it smoothly; arcs and joints between segments are always met.
+DRAWN_PLACES = 800
+# An enlarged corner shows this many corner errors around it.
+ZOOM = 4.0
+
+
+def paths(study: Study) -> Section:
+    """Cartesian path and its corners."""
+    return Section(
+        key="paths",
+        title="Path of the tool",
+        text=(
+            "The objective path, the rounded path, and what the tool did in each run. The enlarged "
+            "corners show the gap between corner point and arc: the corner error."
+        ),
+        figures=(_cartesian(study), *_corners(study)),
+    )
+
+
+def joint_space(study: Study) -> Section:
+    """Planned and executed joint positions."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    colours = run_colours(study.runs)
+    for name, result in study.runs.items():
+        q, planned = result.execution.q, result.trajectory(_times(result))
+        step = max(1, len(q) // 2000)
+        figure.add_trace(line(q[::step, 0], q[::step, 1], f"{name}: executed", colours[name]))
+        figure.add_trace(
+            line(planned[:, 0], planned[:, 1], f"{name}: planned", colours[name], dash="dot")
+        )
+        if result.run.rounding is not None:
+            _switching_points(figure, result, result.trajectory, colours[name], name)
+    names = study.job.arm.joint_names
+    figure.update_xaxes(title=f"{names[0]} [rad]")
+    figure.update_yaxes(title=f"{names[1]} [rad]")
+    return Section(
+        key="joint-space",
+        title="Joint space",
+        text="Joint positions, planned and executed, with the switching points P0, P1, ...",
+        figures=(finish(figure, title="First two joints", height=560),),
+    )
+
+
+def _times(result: RunResult) -> FloatArray:
+    return np.linspace(0, result.trajectory.duration, DRAWN_PLACES)
+
+
+def drawn(path: Path) -> FloatArray:
+    """Points along a path, every joint between segments among them."""
+    return path(np.union1d(np.linspace(0, path.length, DRAWN_PLACES), path.breaks))
+
+
+def _cartesian(study: Study) -> Any:
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    objective = study.job.path.vertices * 1e3
+    figure.add_trace(line(*objective.T[:2], "objective path", PATH_COLOUR, width=6, opacity=0.5))
+    colours = run_colours(study.runs)
+    for name, result in study.runs.items():
+        tool = result.execution.tool * 1e3
+        step = max(1, len(tool) // 4000)
+        figure.add_trace(line(*tool[::step].T[:2], name, colours[name]))
+        if result.run.rounding is not None:
+            _switching_points(figure, result, None, colours[name], name)
+    figure.update_xaxes(title="x [mm]")
+    figure.update_yaxes(title="y [mm]", scaleanchor="x")
+    return finish(figure, title="Cartesian path", height=640)
+
+
+def _switching_points(
+    figure: Any, result: RunResult, trajectory: Any, colour: str, name: str
+) -> None:
+    """Mark P0, P1, ... on the tool's path, or with a trajectory in joint space."""
+    import plotly.graph_objects as go
+
+    t = result.trajectory.switching_points
+    q = result.trajectory(np.minimum(t, result.trajectory.duration))
+    places = q if trajectory is not None else result.execution.arm.forward(q) * 1e3
+    figure.add_trace(
+        go.Scatter(
+            x=places[:, 0],
+            y=places[:, 1],
+            name=f"{name}: switching points",
+            mode="markers+text",
+            text=[f"P{k}" for k in range(len(t))],
+            textposition="top right",
+            marker={"color": colour, "size": 8, "symbol": "diamond", "line": {"width": 1}},
+            visible=True if name == _last_rounded(result) else "legendonly",
+        )
+    )
+
+
+def _last_rounded(result: RunResult) -> str:
+    return result.run.name if result.run.compensation != "none" else ""
+
+
+def _corners(study: Study) -> list[Any]:
+    """One row of enlarged corners, if any run has rounded ones."""
+    import plotly.graph_objects as go
+    from plotly.subplots import make_subplots
+
+    rounded = [x for x in study.runs.values() if isinstance(x.path, RoundedPath)]
+    if not rounded or not isinstance(rounded[0].path, RoundedPath):
+        return []
+    corners = rounded[0].path.corners
+    shown = np.flatnonzero(corners.radius > 0)[:6]
+    if not len(shown):
+        return []
+    figure = make_subplots(
+        rows=1,
+        cols=len(shown),
+        subplot_titles=[
+            f"corner {k + 1}: r = {corners.radius[k] * 1e3:.2f} mm, "
+            f"error {corners.error[k] * 1e3:.2f} mm"
+            for k in shown
+        ],
+    )
+    colours = run_colours(study.runs)
+    for column, k in enumerate(shown, start=1):
+        center, half = corners.point[k] * 1e3, ZOOM * corners.error[k] * 1e3
+        first = column == 1
+        figure.add_trace(
+            line(
+                *(study.job.path.vertices * 1e3).T[:2],
+                "objective path",
+                PATH_COLOUR,
+                width=6,
+                opacity=0.5,
+                showlegend=first,
+                legendgroup="objective",
+            ),
+            row=1,
+            col=column,
+        )
+        figure.add_trace(
+            line(
+                *(drawn(rounded[0].path) * 1e3).T[:2],
+                "rounded path",
+                "#000000",
+                dash="dash",
+                width=1.5,
+                showlegend=first,
+                legendgroup="rounded",
+            ),
+            row=1,
+            col=column,
+        )
+        for name, result in study.runs.items():
+            tool = result.execution.tool * 1e3
+            near = (np.abs(tool[:, :2] - center[:2]) < 3 * half).all(axis=1)
+            # Gaps where the tool is elsewhere, so that no line joins two visits.
+            points = np.where(near[:, None], tool[:, :2], np.nan)[_kept(near)]
+            figure.add_trace(
+                go.Scatter(
+                    x=points[:, 0],
+                    y=points[:, 1],
+                    name=name,
+                    mode="lines",
+                    line={"color": colours[name], "width": 2},
+                    showlegend=first,
+                    legendgroup=name,
+                ),
+                row=1,
+                col=column,
+            )
+        figure.update_xaxes(
+            title="x [mm]", range=[center[0] - half, center[0] + half], row=1, col=column
+        )
+        axis = "x" if column == 1 else f"x{column}"
+        figure.update_yaxes(
+            title="y [mm]" if first else None,
+            range=[center[1] - half, center[1] + half],
+            scaleanchor=axis,
+            row=1,
+            col=column,
+        )
+    return [finish(figure, title="Corners enlarged", height=520)]
+
+
+def _kept(near: Any) -> Any:
+    """Indices of the near points and of one neighbour of each run of them."""
+    edge = near | np.roll(near, 1) | np.roll(near, -1)
+    kept = np.flatnonzero(edge)
+    return kept[:: max(1, len(kept) // 3000)]

@@ -1,0 +1,76 @@
+"""Published figures beside ours."""
+
+from __future__ import annotations
+
+from armcontour.report.section import Section, Table
+from armcontour.study import Published, Study
+
+# Name in a job file -> what people call it, factor from SI, unit.
+FIGURES = {
+    "contour_error_rms": ("RMS contour error", 1e3, "mm"),
+    "contour_error_max": ("largest contour error", 1e3, "mm"),
+    "duration": ("time of motion", 1.0, "s"),
+    "settled": ("time until rest", 1.0, "s"),
+}
+
+
+def published(study: Study) -> Section | None:
+    """A table of published figures, ours, and how the runs compare; None if there are none."""
+    found = study.job.published
+    if found is None or not found.runs:
+        return None
+    tables = [_figures(study, found)]
+    ratios = _ratios(study, found)
+    if ratios is not None:
+        tables.append(ratios)
+    return Section(
+        key="published",
+        title="Beside the published figures",
+        text=f"Published: {found.source}.",
+        tables=tuple(tables),
+        notes=found.notes,
+    )
+
+
+def ours(study: Study, run: str, figure: str) -> float:
+    """Our value of a published figure [SI]."""
+    e = study.runs[run].evaluation
+    return {
+        "contour_error_rms": e.contour_error.rms,
+        "contour_error_max": e.contour_error.max,
+        "duration": e.duration,
+        "settled": e.settled,
+    }[figure]
+
+
+def _figures(study: Study, found: Published) -> Table:
+    rows = []
+    for run, figures in found.runs.items():
+        for name, value in figures.items():
+            label, scale, unit = FIGURES[name]
+            here = ours(study, run, name) * scale
+            rows.append(
+                (
+                    f"{run}: {label}",
+                    f"{value * scale:.3f} {unit}",
+                    f"{here:.4f} {unit}",
+                    f"{here - value * scale:+.4f} {unit}",
+                )
+            )
+    return Table(header=("figure", "published", "here", "difference"), rows=tuple(rows))
+
+
+def _ratios(study: Study, found: Published) -> Table | None:
+    """Every later run over the first one, in the figures that both have."""
+    runs = list(found.runs)
+    rows = []
+    for run in runs[1:]:
+        for name in found.runs[run]:
+            if name in found.runs[runs[0]]:
+                theirs = found.runs[run][name] / found.runs[runs[0]][name]
+                here = ours(study, run, name) / ours(study, runs[0], name)
+                label = f"{run} / {runs[0]}: {FIGURES[name][0]}"
+                rows.append((label, f"{theirs:.1%}", f"{here:.2%}"))
+    if not rows:
+        return None
+    return Table(header=("ratio", "published", "here"), rows=tuple(rows))

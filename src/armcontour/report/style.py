@@ -1,0 +1,90 @@
+"""Colours, fonts and layout that all figures share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+
+# Okabe and Ito's palette, which the colour-blind can tell apart; grey and black are kept for paths.
+RUN_COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+PATH_COLOUR = "#888888"
+LIMIT_COLOUR = "#000000"
+SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
+# More points than this in one curve are not seen, but loaded.
+MOST_POINTS = 3000
+
+
+def run_colours(names: Iterable[str]) -> dict[str, str]:
+    """One colour per run, in order, starting over after six."""
+    return {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(names)}
+
+
+def thinned(t: FloatArray, *curves: FloatArray) -> list[FloatArray]:
+    """Times and curves with at most about `MOST_POINTS` points, every peak kept.
+
+    Args:
+        t: (n,).
+        curves: (n,) each; the extremes of each are kept in every stretch of time.
+    """
+    n = len(t)
+    bins = MOST_POINTS // (2 * max(1, len(curves)))
+    if n <= MOST_POINTS:
+        return [t, *curves]
+    size = int(np.ceil(n / bins))
+    kept = {0, n - 1}
+    for curve in curves:
+        padded = np.append(curve, np.full(-n % size, curve[-1])).reshape(-1, size)
+        first = np.arange(len(padded)) * size
+        kept |= set(np.minimum(first + padded.argmin(axis=1), n - 1).tolist())
+        kept |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
+    order = np.array(sorted(kept))
+    return [t[order], *(x[order] for x in curves)]
+
+
+def finish(figure: Any, *, title: str, height: int = 460) -> Any:
+    """Apply the common layout."""
+    figure.update_layout(
+        title={"text": title, "x": 0, "xanchor": "left", "font": {"size": 16}},
+        template="plotly_white",
+        height=height,
+        font={"family": "system-ui, sans-serif", "size": 13, "color": "#222222"},
+        margin={"l": 70, "r": 20, "t": 70, "b": 60},
+        legend={"orientation": "h", "yref": "container", "yanchor": "bottom", "y": 0, "x": 0},
+        hovermode="closest",
+    )
+    figure.update_xaxes(showline=True, linecolor="#444444", ticks="outside", zeroline=False)
+    figure.update_yaxes(showline=True, linecolor="#444444", ticks="outside", zeroline=False)
+    return figure
+
+
+def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
+    """A curve."""
+    import plotly.graph_objects as go
+
+    dash = more.pop("dash", "solid")
+    width = more.pop("width", 2)
+    return go.Scatter(
+        x=x,
+        y=y,
+        name=name,
+        mode="lines",
+        line={"color": colour, "dash": dash, "width": width},
+        **more,
+    )
+
+
+def switching_labels(figure: Any, times: FloatArray, **place: Any) -> None:
+    """Mark the switching points P0, P1, ... along the time axis."""
+    for k, t in enumerate(times):
+        figure.add_vline(
+            x=float(t),
+            line={"color": "#BBBBBB", "width": 1, "dash": "dot"},
+            annotation_text=f"P{k}",
+            annotation_position="top",
+            annotation_font_size=10,
+            **place,
+        )

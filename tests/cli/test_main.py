@@ -1,0 +1,117 @@
+"""The command line as a user meets it: results, errors with their exit codes, start-up."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import yaml
+
+JOB = {
+    "name": "bracket",
+    "arm": "pmk3s",
+    "path": {"points": [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]},
+    "limits": {"speed": "0.10 m/s", "centripetal_acceleration": "0.09 m/s^2"},
+    "corners": {"tolerance": "2 mm"},
+    "servo": {"kp": 25, "kv": 150},
+    "runs": {
+        "planned": {"timing": {"method": "mac"}},
+        "compensated": {
+            "timing": {"method": "mac"},
+            "compensation": {"method": "pole_placement"},
+        },
+    },
+}
+
+
+def armcontour(*arguments: str, cwd: FilePath) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "armcontour", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+
+
+def test_runs_a_job(tmp_path: FilePath) -> None:
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
+    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Report: file://" in done.stdout
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert set(summary["runs"]) == {"planned", "compensated"}
+    for name in summary["files"]:
+        assert (tmp_path / "out" / name).is_file()
+    run = summary["runs"]["compensated"]
+    assert run["contour_error"]["rms"] < summary["runs"]["planned"]["contour_error"]["rms"]
+    assert run["corners"][0]["error"] == pytest.approx(2e-3)
+    header, *rows = (tmp_path / "out" / "compensated" / "taught.csv").read_text().splitlines()
+    assert header == "t [s],joint 1 [rad],joint 2 [rad]"
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    np.testing.assert_allclose(np.diff(table[:, 0]), 4e-3, atol=1e-12)
+    assert table[-1, 0] >= run["duration"]
+    # Again without and with --force.
+    refused = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "--force" in refused.stderr
+    assert armcontour("run", "job.yaml", "--out", "out", "--force", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        ({"path": {"points": [[0.30, 0.20], [0.80, 0.20]]}}, 3, "out of reach"),
+        ({"path": {"points": [[0.30, 0.20]]}}, 2, "at least two different points"),
+        ({"limits": {"speed": "0.1"}}, 2, "has no unit"),
+        ({"limits": {"speed": -0.1}}, 2, "above zero"),
+        ({"corners": {"tolerance": "-1 mm"}}, 2, "must not be negative"),
+        ({"colour": "red"}, 2, "unknown key colour"),
+        ({"servo": {"kp": [1, 2, 3], "kv": 150}}, 2, "3 values"),
+        (
+            {
+                "path": {"points": [[-0.065, 0.3], [0.335, 0.3]]},
+                "limits": {"speed": 0.3},
+            },
+            4,
+            "joint 2",
+        ),
+        ({"runs": {"a": {"timing": {"method": "magic"}}}}, 2, "method must be one of"),
+    ],
+)
+def test_an_error_is_one_sentence_with_its_code_and_leaves_nothing(
+    tmp_path: FilePath, change: dict[str, object], code: int, words: str
+) -> None:
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump({**JOB, **change}))
+    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == code
+    assert words in done.stderr
+    assert done.stderr.startswith("Error: ")
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert [x.name for x in tmp_path.iterdir()] == ["job.yaml"]
+
+
+def test_an_unwritable_folder_is_refused_before_the_work(tmp_path: FilePath) -> None:
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
+    done = armcontour("run", "job.yaml", "--out", "job.yaml/out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Cannot write to the folder" in done.stderr
+
+
+def test_lists_arms_version_and_schema(tmp_path: FilePath) -> None:
+    assert "pmk3s: PMK-3s, 2 joints" in armcontour("arms", cwd=tmp_path).stdout
+    assert armcontour("--version", cwd=tmp_path).stdout.startswith("armcontour 0.")
+    assert json.loads(armcontour("schema", cwd=tmp_path).stdout)["title"] == "JobModel"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
+def test_help_imports_nothing_heavy(arguments: list[str], tmp_path: FilePath) -> None:
+    code = (
+        "import sys\n"
+        f"sys.argv = ['armcontour', *{arguments!r}]\n"
+        "from armcontour.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'plotly', 'pint', 'yaml', 'jinja2'}\n"
+        "sys.exit(len(heavy & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
+    assert done.returncode == 0
