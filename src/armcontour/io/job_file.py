@@ -254,7 +254,9 @@ def _servo(model: ServoModelModel, arm: Arm) -> ServoModel:
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     corners = job.corners if model.corners is None else model.corners
     limits = arm.limits.replace(**_given(job.limits)).replace(**_given(model.limits))
-    options = {"knots": model.timing.knots} if model.timing.knots is not None else {}
+    options: dict[str, Any] = (
+        {"knots": model.timing.knots} if model.timing.knots is not None else {}
+    )
     period = job.command_interval if model.command_interval is None else model.command_interval
     if model.timing.method == "mac":
         options["period"] = period
@@ -308,8 +310,8 @@ def _published(model: PublishedModel, job: JobModel) -> Published:
         if name not in job.runs:
             raise InvalidInput(f"published names the run {name}, which the job does not have.")
     try:
-        runs = {
-            name: {key: parse(value, PUBLISHED_UNITS[key]) for key, value in figures.items()}
+        runs: dict[str, dict[str, float]] = {
+            name: {str(key): parse(value, PUBLISHED_UNITS[key]) for key, value in figures.items()}
             for name, figures in model.runs.items()
         }
     except ValueError as error:

@@ -32,13 +32,15 @@ def tool_speed(study: Study) -> Section:
         x = result.execution
         t, speed = thinned(x.t, x.tool_speed * 1e3)
         figure.add_trace(line(t, speed, name, colours[name]))
-    for speed in sorted({x.run.limits.speed for x in study.runs.values() if x.run.limits.speed}):
-        time = max(
-            x.trajectory.duration for x in study.runs.values() if x.run.limits.speed == speed
-        )
-        name = f"assigned velocity {speed * 1e3:g} mm/s"
+    assigned: dict[float, float] = {}
+    for result in study.runs.values():
+        if result.run.limits.speed is not None:
+            longest = assigned.get(result.run.limits.speed, 0.0)
+            assigned[result.run.limits.speed] = max(longest, result.trajectory.duration)
+    for value, time in sorted(assigned.items()):
+        name = f"assigned velocity {value * 1e3:g} mm/s"
         figure.add_trace(
-            line([0, time], [speed * 1e3] * 2, name, LIMIT_COLOUR, dash="dash", width=1)
+            line([0, time], [value * 1e3] * 2, name, LIMIT_COLOUR, dash="dash", width=1)
         )
     last = _last(study)
     switching_labels(figure, last.trajectory.switching_points)

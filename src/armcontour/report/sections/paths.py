@@ -71,12 +71,14 @@ def _cartesian(study: Study) -> Any:
 
     figure = go.Figure()
     objective = study.job.path.vertices * 1e3
-    figure.add_trace(line(*objective.T[:2], "objective path", PATH_COLOUR, width=6, opacity=0.5))
+    figure.add_trace(
+        line(objective[:, 0], objective[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
+    )
     colours = run_colours(study.runs)
     for name, result in study.runs.items():
         tool = result.execution.tool * 1e3
         step = max(1, len(tool) // 4000)
-        figure.add_trace(line(*tool[::step].T[:2], name, colours[name]))
+        figure.add_trace(line(tool[::step, 0], tool[::step, 1], name, colours[name]))
         if result.run.rounding is not None:
             _switching_points(figure, result, None, colours[name], name)
     figure.update_xaxes(title="x [mm]")
@@ -133,12 +135,14 @@ def _corners(study: Study) -> list[Any]:
         ],
     )
     colours = run_colours(study.runs)
+    objective, path = study.job.path.vertices * 1e3, drawn(rounded[0].path) * 1e3
     for column, k in enumerate(shown, start=1):
         center, half = corners.point[k] * 1e3, ZOOM * corners.error[k] * 1e3
         first = column == 1
         figure.add_trace(
             line(
-                *(study.job.path.vertices * 1e3).T[:2],
+                objective[:, 0],
+                objective[:, 1],
                 "objective path",
                 PATH_COLOUR,
                 width=6,
@@ -151,7 +155,8 @@ def _corners(study: Study) -> list[Any]:
         )
         figure.add_trace(
             line(
-                *(drawn(rounded[0].path) * 1e3).T[:2],
+                path[:, 0],
+                path[:, 1],
                 "rounded path",
                 "#000000",
                 dash="dash",
