@@ -137,7 +137,7 @@ class Trajectory:
             result[of] = values
         if result is None:
             result = np.empty((0, self.dof))
-        return result.reshape((*at.shape, -1))
+        return result.reshape((*at.shape, result.shape[1]))
 
     def sample(self, period: float) -> Samples:
         """The trajectory every `period` [s], and at its end."""

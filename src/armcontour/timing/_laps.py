@@ -20,9 +20,10 @@ def laps(
     """Run from the first knot towards the last, as fast as (18)-(20) allow.
 
     The paper does not print how a lap hands its velocity to the next. Plain `dq + ddq h` is not
-    damped: any error in a joint that does not set the lap's time alternates from lap to lap and
-    grows as 1 / h. So the joint that sets the lap's time hands over its velocity, and the others
-    take theirs from the path, (28); the difference is of third order in h.
+    damped: any velocity error of a joint that does not set the lap's time alternates from lap to
+    lap, and the acceleration it causes grows as 1 / h. So the joint that sets the lap's time hands
+    over its velocity, and the others take theirs from the path, (28); the step in their velocity
+    is of second order in h.
 
     Args:
         q: Joint positions at the knots [rad], (n + 1, dof).

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
@@ -79,6 +80,7 @@ def plan_mac(
             "The method mac needs joint acceleration limits: "
             "limits.replace(joint_acceleration=...) in rad/s²."
         )
+    interval = _checks.positive("command interval", period, "s")
     if knots is not None and knots < FEWEST_LAPS:
         raise InvalidInput(
             f"The method mac needs at least {FEWEST_LAPS} knots a line, not {knots}."
@@ -87,7 +89,7 @@ def plan_mac(
     junctions = _junctions(path, on, assigned, limits)
     lines = []
     for number, i in enumerate(on):
-        count = knots or max(FEWEST_LAPS, int(np.ceil(path.lengths[i] / (assigned[i] * period))))
+        count = knots or max(FEWEST_LAPS, int(np.ceil(path.lengths[i] / (assigned[i] * interval))))
         rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         s = _knots(path.breaks[i], path.breaks[i + 1], count, rest)
         lines.append(

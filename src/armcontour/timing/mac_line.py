@@ -17,7 +17,7 @@ from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import JointPath, LapLaw, Law
 from armcontour.timing._laps import laps
-from armcontour.timing.common import path_law
+from armcontour.timing.common import law_peaks, path_law
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,14 +166,18 @@ class Line:
             both = np.arange(first, last + 1)
             slower = both[forward.speed[both] <= backward[both]]
             last = int(slower[-1]) if len(slower) else first - 1
+            if first == 0 and forward.speed[0] >= backward[0]:
+                last = -1  # the start was lowered to what the line can brake from: MDC throughout
             first = last + 1
             meeting = 0 <= last and first <= n
+            if meeting:
+                last, first = self._meeting(last, first, forward.speed, backward)
         else:
             self._refuse_broken(forward, last, reverse, n - first)
             meeting = False
         pieces = [self._mac(forward, last)] if last > 0 else []
-        if first <= n and last < first:
-            low, high = max(last, 0), first
+        low, high = max(last, 0), first
+        if low < high <= n:
             pieces.append(self._middle(low, high, forward.speed, backward, meeting))
         if first < n:
             pieces.append(self._mdc(reverse, first))
@@ -194,10 +198,28 @@ class Line:
         law = LapLaw(
             breaks=np.concatenate([[0.0], np.cumsum(h)]),
             q=self.q[first:],
-            dq=-(run.dq + run.ddq * run.h[:, None])[:count][::-1],
+            dq=-(run.dq[:count] + run.ddq[:count] * run.h[:count, None])[::-1],
             ddq=run.ddq[:count][::-1],
         )
         return Piece(law, "MDC", (float(self.s[first]), float(self.s[-1])))
+
+    def _meeting(
+        self, low: int, high: int, forward: FloatArray, backward: FloatArray
+    ) -> tuple[int, int]:
+        """Knots around the place where the passes meet, between which the limit is kept.
+
+        One lap; but where they meet next to one of its ends, it would be MAC or MDC throughout with
+        uniform acceleration of the tool, not of the joints, and need a little too much: then two.
+        """
+        for begin, end in ((low, high), (low - 1, high), (low, high + 1)):
+            if begin < 0 or end >= len(self.s) or np.isnan([forward[begin], backward[end]]).any():
+                continue
+            law = path_law(
+                self.joint_path, self.s[[begin, end]], forward[[begin]], backward[[end]]
+            )
+            if (law_peaks(law, self.arm).values[2] <= self.limit).all():
+                return begin, end
+        return low, high
 
     def _middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool

@@ -1,0 +1,140 @@
+"""The compiled part of joint constraints: values at interval ends, and how far they can bulge."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from armcontour._checks import FloatArray, IntArray
+
+
+@njit(cache=True, error_model="numpy")
+def derivatives(
+    coefficients: FloatArray, breaks: FloatArray, piece: IntArray, s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """dq_ds and d2q_ds2 at both ends of every interval, and bounds of the next two inside.
+
+    Args:
+        coefficients: Of the joint path, (pieces, 6, dof).
+        breaks: Of the joint path, (pieces + 1,).
+        piece: Piece of each interval, (n,).
+        s: Interval ends, (n + 1,).
+
+    Returns:
+        First and second derivative, (2, n, dof); bounds of |d3q_ds3| and |d4q_ds4|, (n, dof).
+    """
+    n = len(piece)
+    dof = coefficients.shape[2]
+    first = np.empty((2, n, dof))
+    second = np.empty((2, n, dof))
+    third = np.empty((n, dof))
+    fourth = np.empty((n, dof))
+    for i in range(n):
+        k = piece[i]
+        scale = 1.0 / (breaks[k + 1] - breaks[k])
+        x0 = (s[i] - breaks[k]) * scale
+        x1 = (s[i + 1] - breaks[k]) * scale
+        middle = 0.5 * (x0 + x1)
+        half = 0.5 * (x1 - x0)
+        for j in range(dof):
+            a1, a2, a3 = coefficients[k, 1, j], coefficients[k, 2, j], coefficients[k, 3, j]
+            a4, a5 = coefficients[k, 4, j], coefficients[k, 5, j]
+            for end in range(2):
+                x = x0 if end == 0 else x1
+                first[end, i, j] = scale * (
+                    a1 + x * (2 * a2 + x * (3 * a3 + x * (4 * a4 + x * 5 * a5)))
+                )
+                second[end, i, j] = (
+                    scale * scale * (2 * a2 + x * (6 * a3 + x * (12 * a4 + x * 20 * a5)))
+                )
+            # Taylor about the middle: the fifth derivative is constant.
+            f3 = abs(6 * a3 + middle * (24 * a4 + middle * 60 * a5))
+            f4 = abs(24 * a4 + middle * 120 * a5)
+            f5 = abs(120 * a5)
+            third[i, j] = (f3 + half * (f4 + half * 0.5 * f5)) * scale**3
+            fourth[i, j] = (f4 + half * f5) * scale**4
+    return first, second, third, fourth
+
+
+@njit(cache=True, error_model="numpy")
+def acceleration_bulge(
+    width: FloatArray,
+    third: FloatArray,
+    fourth: FloatArray,
+    x: FloatArray,
+    u: FloatArray,
+) -> FloatArray:
+    """How far a joint acceleration can rise above its chord on each interval, (n, dof).
+
+    With u constant and x linear, its second derivative in s is `5 q''' u + q'''' x`; a function
+    rises above its chord by at most width² / 8 times the largest amount of that.
+    """
+    n, dof = third.shape
+    bulge = np.empty((n, dof))
+    for i in range(n):
+        share = width[i] * width[i] / 8.0
+        for j in range(dof):
+            bulge[i, j] = share * (5.0 * third[i, j] * u[i] + fourth[i, j] * x[i])
+    return bulge
+
+
+@njit(cache=True, error_model="numpy")
+def path_acceleration_bound(
+    first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray, x: FloatArray
+) -> FloatArray:
+    """Largest |u| that joint accelerations allow at the start of each interval, (n,)."""
+    n, dof = first.shape[1], first.shape[2]
+    bound = np.empty(n)
+    for i in range(n):
+        least = math.inf
+        for j in range(dof):
+            room = max(high[j], -low[j]) + abs(second[0, i, j]) * x[i]
+            size = abs(first[0, i, j])
+            if size * least > room:
+                least = room / size
+        bound[i] = least
+    return bound
+
+
+@njit(cache=True, error_model="numpy")
+def velocity_ceiling(
+    width: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    limit: FloatArray,
+    x: FloatArray,
+    u: FloatArray,
+    narrow: bool,
+) -> FloatArray:
+    """Largest x at both ends of each interval under joint velocity limits, (2, n).
+
+    Between the ends `h = x q'²` can rise above its chord by width² / 8 times the largest
+    `|h''| <= 8 |u q' q''| + 2 x (q''² + |q' q'''|)`, bounded with the largest values on the interval.
+    """
+    n, dof = first.shape[1], first.shape[2]
+    ceiling = np.full((2, n), np.inf)
+    for i in range(n):
+        d = width[i]
+        for j in range(dof):
+            if limit[j] == np.inf:
+                continue
+            v2 = limit[j] * limit[j]
+            bulge = 0.0
+            slope = max(abs(first[0, i, j]), abs(first[1, i, j])) + d * d / 8 * third[i, j]
+            if narrow:
+                bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + d * third[i, j]
+                rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
+                bulge = d * d / 8 * rate
+            for end in range(2):
+                square = first[end, i, j] * first[end, i, j]
+                best = 0.0
+                if v2 > bulge:
+                    best = (v2 - bulge) / square if square > 0.0 else np.inf
+                if narrow:
+                    # Or simply: slow enough for the steepest place of the interval.
+                    best = max(best, v2 / (slope * slope) if slope > 0.0 else np.inf)
+                ceiling[end, i] = min(ceiling[end, i], best)
+    return ceiling
