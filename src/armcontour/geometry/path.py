@@ -11,8 +11,10 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.geometry.projection import Projection, SegmentIndex
+from armcontour.geometry.cell_index import CellIndex
+from armcontour.geometry.projection import PIECES_PER_SEGMENT, Projection, pieces_wanted
 from armcontour.geometry.segments import NO_DEMAND, Arc, Demand, Line, arc_frame, line_frame
+from armcontour.geometry.tree_index import SegmentIndex
 
 # Points closer than this are one point: a nanometre is below what any arm can resolve.
 REPEATED_POINT = 1e-9
@@ -54,7 +56,7 @@ class Path:
     tags: tuple[str | None, ...] = ()
     merged: tuple[int, ...] = ()
     breaks: FloatArray = field(init=False, repr=False)
-    _index: list[SegmentIndex] = field(init=False, repr=False)
+    _index: list[SegmentIndex | CellIndex] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         starts = _checks.points("starts", self.starts)
@@ -208,8 +210,8 @@ class Path:
     def project(self, points: npt.ArrayLike) -> Projection:
         """The nearest point of the path for each of `points`, (n, dimension) [m].
 
-        Exact on lines and arcs. A tree of bounding boxes is built at the first call and kept;
-        a query then costs about the logarithm of the number of segments.
+        Exact on lines and arcs. A spatial index is built at the first call and kept; a query then
+        costs about the logarithm of the number of segments.
 
         Raises:
             InvalidInput: Points of another dimension, or not finite.
@@ -221,8 +223,13 @@ class Path:
                 f"the path has {self.dimension}."
             )
         if not self._index:
-            self._index.append(SegmentIndex.build(self))
+            self._index.append(self._build_index())
         return self._index[0].nearest(queries)
+
+    def _build_index(self) -> SegmentIndex | CellIndex:
+        """Cells for a path so tangled that a tree would need too many pieces, else a tree."""
+        tangled = pieces_wanted(self) > PIECES_PER_SEGMENT * len(self)
+        return (CellIndex if tangled and self.dimension == 2 else SegmentIndex).build(self)
 
     @property
     def turns(self) -> FloatArray:
