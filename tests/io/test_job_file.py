@@ -164,7 +164,12 @@ def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key() -> Non
 
 def test_the_built_in_job_is_the_papers() -> None:
     job = built_in_job()
-    assert [x.name for x in job.runs] == ["conventional", "uncompensated", "proposed"]
+    assert [x.name for x in job.runs] == [
+        "conventional",
+        "uncompensated",
+        "proposed",
+        "optimal",
+    ]
     assert job.published is not None
     assert job.published.runs["proposed"]["contour_error_rms"] == pytest.approx(0.164e-3)
     assert job.published.time_stamps[-1] == 5.770

@@ -47,7 +47,7 @@ def run(
     force: Force = False,
     open_report: Open = False,
 ) -> None:
-    """Run a job: writes summary.json, report.html and RUN/taught.csv for every run."""
+    """Run a job: writes summary.json, report.html, and taught.csv and planned.csv per run."""
     from armcontour.cli.running import run_job
     from armcontour.io import read_job
 
@@ -60,6 +60,30 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
     from armcontour.cli.running import built_in_job, run_job
 
     run_job(built_in_job, out, force=force, open_report=open_report)
+
+
+@app.command()
+def check(
+    trajectory: Annotated[FilePath, typer.Argument(help="Time-stamped joint trajectory (CSV).")],
+    arm: Annotated[str, typer.Option("--arm", help="Built-in arm, or an arm file (YAML).")],
+    limits: Annotated[
+        FilePath | None,
+        typer.Option("--limits", help="Limits file (YAML); by default the arm's own limits."),
+    ] = None,
+    path: Annotated[
+        FilePath | None,
+        typer.Option("--path", help="Job file (YAML) whose path the tool was to follow."),
+    ] = None,
+    run_name: Annotated[
+        str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
+    """Judge any joint trajectory against limits; exit code 1 if one is violated."""
+    from armcontour.cli.checking import check_file
+
+    kept = check_file(trajectory, arm, limits, path, run_name=run_name, as_json=as_json)
+    raise typer.Exit(0 if kept else 1)
 
 
 @app.command()

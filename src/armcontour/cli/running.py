@@ -37,7 +37,7 @@ def run_job(
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     # Only then the heavy part, so that the folder and the job are refused at once.
-    from armcontour.io import ResultFolder, summary, taught_csv
+    from armcontour.io import ResultFolder, planned_csv, summary, taught_csv
 
     job = read()
     console = Console(stderr=True)
@@ -65,6 +65,8 @@ def run_job(
         progress.update(task, description="writing the report", advance=1)
         for name, result in study.runs.items():
             folder.write(f"{name}/taught.csv", taught_csv(result.taught, job.arm.joint_names))
+            planned = planned_csv(result.trajectory, result.run.period)
+            folder.write(f"{name}/planned.csv", planned)
         folder.write("report.html", render_report(study))
         folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()

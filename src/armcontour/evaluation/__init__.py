@@ -1,7 +1,18 @@
-"""Evaluation of executions. Shares only geometry and arms with what it judges."""
+"""Evaluation of executions; checks of trajectories. Shares only geometry and arms with others."""
 
+from armcontour.evaluation.checking import Check, PathDeviation, check
 from armcontour.evaluation.corners import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.evaluation import Evaluation, evaluate
+from armcontour.evaluation.tally import LimitUse
 
-__all__ = ["CornerDeviation", "ErrorProfile", "Evaluation", "evaluate"]
+__all__ = [
+    "Check",
+    "CornerDeviation",
+    "ErrorProfile",
+    "Evaluation",
+    "LimitUse",
+    "PathDeviation",
+    "check",
+    "evaluate",
+]

@@ -1,7 +1,21 @@
 """User files: the only room that knows units other than SI."""
 
 from armcontour.io.job_file import json_schema, parse_job, read_job
+from armcontour.io.limits_file import read_limits
 from armcontour.io.results import ResultFolder
-from armcontour.io.summary import summary, taught_csv
+from armcontour.io.summary import planned_csv, summary, taught_csv
+from armcontour.io.trajectory_file import TrajectoryFile, parse_trajectory, read_trajectory
 
-__all__ = ["ResultFolder", "json_schema", "parse_job", "read_job", "summary", "taught_csv"]
+__all__ = [
+    "ResultFolder",
+    "TrajectoryFile",
+    "json_schema",
+    "parse_job",
+    "parse_trajectory",
+    "planned_csv",
+    "read_job",
+    "read_limits",
+    "read_trajectory",
+    "summary",
+    "taught_csv",
+]

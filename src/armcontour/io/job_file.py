@@ -65,8 +65,12 @@ class LimitsModel(_Model):
     """Limits; those of the joints are the arm's own unless given here."""
 
     speed: Speed | None = None
+    tool_acceleration: Acceleration | None = None
     centripetal_acceleration: Acceleration | None = None
     joint_acceleration: JointAcceleration | list[JointAcceleration] | None = None
+    joint_deceleration: JointAcceleration | list[JointAcceleration] | None = Field(
+        default=None, description="in the negative direction, where it differs"
+    )
     joint_velocity: JointVelocity | list[JointVelocity] | None = None
 
 
@@ -89,8 +93,9 @@ class ServoModelModel(_Model):
 class TimingModel(_Model):
     """How the path is timed."""
 
-    method: str
+    method: str = Field(default="optimal", description="optimal, mac or conventional")
     knots: int | None = Field(default=None, description="mac: laps per line")
+    intervals: int | None = Field(default=None, description="optimal: intervals of the grid, about")
 
 
 class CompensationModel(_Model):
@@ -105,7 +110,7 @@ class CompensationModel(_Model):
 class RunModel(_Model):
     """One way to do the job; what it does not say it takes from the job."""
 
-    timing: TimingModel
+    timing: TimingModel = TimingModel()
     compensation: CompensationModel = CompensationModel()
     limits: LimitsModel = LimitsModel()
     corners: CornersModel | Literal["sharp"] | None = None
@@ -183,7 +188,7 @@ def parse_job(text: str, *, source: str = "job", folder: FilePath | None = None)
     try:
         model = JobModel.model_validate(data)
     except ValidationError as error:
-        raise InvalidInput(f"{source}: {_first(error)}") from None
+        raise InvalidInput(f"{source}: {first_problem(error)}") from None
     try:
         return _job(model, folder or FilePath())
     except InvalidInput as error:
@@ -196,7 +201,7 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _first(error: ValidationError) -> str:
+def first_problem(error: ValidationError) -> str:
     """The first problem as a sentence, and how many more there are."""
     problems = error.errors()
     # Where a key may hold one of two things, the message of the one that came closest says most.
@@ -254,15 +259,14 @@ def _servo(model: ServoModelModel, arm: Arm) -> ServoModel:
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     corners = job.corners if model.corners is None else model.corners
     limits = arm.limits.replace(**_given(job.limits)).replace(**_given(model.limits))
-    options: dict[str, Any] = (
-        {"knots": model.timing.knots} if model.timing.knots is not None else {}
-    )
+    options: dict[str, Any] = _given(model.timing)
+    method = options.pop("method")
     period = job.command_interval if model.command_interval is None else model.command_interval
-    if model.timing.method == "mac":
+    if method == "mac":
         options["period"] = period
     return Run(
         name=name,
-        timing=model.timing.method,
+        timing=method,
         compensation=model.compensation.method,
         limits=limits.for_joints(arm.dof),
         rounding=None if isinstance(corners, str) else Rounding(**_given(corners)),

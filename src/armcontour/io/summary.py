@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour._version import __version__
 from armcontour.evaluation import ErrorProfile
 from armcontour.geometry import RoundedPath
-from armcontour.motion import TaughtData
+from armcontour.motion import TaughtData, Trajectory
 from armcontour.study import RunResult, Study
 
 UNITS = {
@@ -27,6 +28,8 @@ UNITS = {
     "speed": "m/s",
     "demand": "rad/s^2",
     "saturated": "share of time",
+    "assigned_length": "share of length",
+    "assigned_time": "share of time",
     "period": "s",
     "t": "s",
     "s": "m",
@@ -61,9 +64,29 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
 
 def taught_csv(taught: TaughtData, joint_names: Sequence[str]) -> str:
     """Taught data as CSV: a header with units, then t and q of every joint."""
+    return _csv([f"{name} [rad]" for name in joint_names], [taught.t, taught.q])
+
+
+def planned_csv(trajectory: Trajectory, period: float) -> str:
+    """The realizable trajectory as CSV: t, then q, dq and ddq of every joint.
+
+    Args:
+        trajectory: The trajectory.
+        period: Time between rows; the last row is the end [s].
+    """
+    x = trajectory.sample(period)
+    names = [
+        f"{quantity} {j + 1} [{unit}]"
+        for quantity, unit in (("q", "rad"), ("dq", "rad/s"), ("ddq", "rad/s^2"))
+        for j in range(trajectory.dof)
+    ]
+    return _csv(names, [x.t, x.q, x.dq, x.ddq])
+
+
+def _csv(names: Sequence[str], columns: Sequence[FloatArray]) -> str:
     text = io.StringIO()
-    text.write(",".join(["t [s]", *(f"{name} [rad]" for name in joint_names)]) + "\n")
-    np.savetxt(text, np.column_stack([taught.t, taught.q]), fmt="%.12f", delimiter=",")
+    text.write(",".join(["t [s]", *names]) + "\n")
+    np.savetxt(text, np.column_stack(columns), fmt="%.12f", delimiter=",")
     return text.getvalue()
 
 
@@ -109,6 +132,26 @@ def _run(result: RunResult) -> dict[str, Any]:
         ],
         "merged_points": path.merged,
     }
+    if result.explanation is not None:
+        why = result.explanation
+        found["explanation"] = {
+            "assigned_length": why.assigned_length,
+            "assigned_time": why.assigned_time,
+            "bindings": [
+                {"limit": x.limit, "joint": x.joint, "t": x.t, "s": x.s, "share": x.share}
+                for x in why.bindings
+            ],
+            "shortfalls": [
+                {
+                    "kind": x.kind,
+                    "s": x.s,
+                    "speed": x.speed,
+                    "assigned": x.assigned,
+                    "reason": x.reason,
+                }
+                for x in why.shortfalls
+            ],
+        }
     if isinstance(path, RoundedPath):
         c = path.corners
         found["corners"] = [

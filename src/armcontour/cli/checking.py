@@ -1,0 +1,156 @@
+"""Checking a trajectory file from the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armcontour.evaluation import Check
+    from armcontour.geometry import Path
+
+# Columns of text where the output goes to a file or another program.
+WIDTH = 120
+UNITS = {
+    "joint_acceleration": "rad/s²",
+    "joint_deceleration": "rad/s²",
+    "joint_velocity": "rad/s",
+    "speed": "m/s",
+    "tool_acceleration": "m/s²",
+    "centripetal_acceleration": "m/s²",
+    "path_deviation": "m",
+}
+
+
+def check_file(
+    trajectory: FilePath,
+    arm_name: str,
+    limits_file: FilePath | None,
+    job_file: FilePath | None,
+    *,
+    run_name: str | None = None,
+    as_json: bool = False,
+) -> bool:
+    """Check a trajectory file, print what was found, and say whether every limit is kept.
+
+    Args:
+        trajectory: CSV file.
+        arm_name: Built-in arm, or its file.
+        limits_file: Limits; by default the arm's own.
+        job_file: The job whose path the tool was to follow.
+        run_name: The run of that job.
+        as_json: Whether to print JSON and not a table.
+
+    Raises:
+        InvalidInput: A file that cannot be used.
+    """
+    from armcontour.arms import load_arm
+    from armcontour.errors import InvalidInput
+    from armcontour.evaluation import check
+    from armcontour.io import read_limits, read_trajectory
+
+    arm = load_arm(arm_name)
+    limits, deviation = (arm.limits, None) if limits_file is None else read_limits(limits_file, arm)
+    path = None if job_file is None else _path(job_file, run_name)
+    if deviation is not None and path is None:
+        raise InvalidInput(
+            f"{limits_file} limits the deviation from a path: name its job with --path."
+        )
+    samples = read_trajectory(trajectory, arm.joint_names)
+    found = check(samples, arm, limits, path, deviation=deviation)
+    if not found.uses and found.path_deviation is None:
+        raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
+    if as_json:
+        print(json.dumps(_plain(found), indent=2, allow_nan=False))
+    else:
+        _print(found)
+    return not found.violated
+
+
+def _path(job_file: FilePath, run_name: str | None) -> Path:
+    """The path of a job, with the corners of its run rounded.
+
+    Without a run's name it is the rounded path, if the job's runs round corners in one way only.
+    """
+    from armcontour.errors import InvalidInput
+    from armcontour.io import read_job
+    from armcontour.study import path_of
+
+    job = read_job(job_file)
+    if run_name is not None:
+        for run in job.runs:
+            if run.name == run_name:
+                return path_of(job, run)
+        names = ", ".join(x.name for x in job.runs)
+        raise InvalidInput(f"{job_file} has no run {run_name!r}: its runs are {names}.")
+    rounding = {
+        (x.rounding, x.limits.centripetal_acceleration): x
+        for x in job.runs
+        if x.rounding is not None
+    }
+    if len(rounding) > 1:
+        names = ", ".join(x.name for x in rounding.values())
+        raise InvalidInput(
+            f"The runs of {job_file} round corners differently: choose one with --run ({names})."
+        )
+    return path_of(job, next(iter(rounding.values()))) if rounding else job.path
+
+
+def _plain(found: Check) -> dict[str, Any]:
+    def known(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return {
+        "kept": not found.violated,
+        "worst": None if found.worst is None else found.worst.name,
+        "limits": [{**asdict(x), "violated": x.certain > 1 + found.tolerance} for x in found.uses],
+        "not_judged": list(found.not_judged),
+        "path_deviation": None if found.path_deviation is None else asdict(found.path_deviation),
+        "start": found.start,
+        "end": found.end,
+        "end_speeds": [known(x) for x in found.end_speeds],
+        "states": found.states,
+        "tolerance": found.tolerance,
+        "rounding": dict(found.rounding),
+        "reconstruction": found.reconstruction,
+    }
+
+
+def _print(found: Check) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table()
+    for name in ("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"):
+        table.add_column(name, justify="left" if name == "limit" else "right")
+    table.add_column("verdict")
+    for x in found.uses:
+        unit = UNITS.get(x.name, "")
+        table.add_row(
+            x.name.replace("_", " "),
+            f"{x.ratio:.6f}",
+            f"{x.slack:.1g}",
+            f"{x.value:.6g} {unit}",
+            f"{x.limit:.6g} {unit}",
+            f"{x.t:.6g}",
+            "" if x.joint is None else str(x.joint),
+            "violated" if x.certain > 1 + found.tolerance else "kept",
+        )
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    console.print(table)
+    lines = [found.reconstruction]
+    if found.path_deviation is not None:
+        far = found.path_deviation
+        lines.append(
+            f"Largest distance from the path: {far.distance * 1e3:.6g} mm at t = {far.t:.6g} s, "
+            f"s = {far.s:.6g} m."
+        )
+    if found.not_judged:
+        lines.append(f"Not judged, for these samples do not tell: {', '.join(found.not_judged)}.")
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False)

@@ -1,0 +1,301 @@
+"""An independent check of any time-stamped joint trajectory against limits and a path.
+
+Shares only geometry and arms with what planned it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.errors import InvalidInput
+from armcontour.evaluation.checking_laws import Law, judge_law
+from armcontour.evaluation.checking_samples import Log, judge_samples
+from armcontour.evaluation.tally import LimitUse, Tally
+from armcontour.geometry import Path
+
+# A computed number is trusted to this many units in its last binary place, and no further.
+ULPS = 4
+# Printed times that are this near to a regular grid, in printed digits, are taken to be on it.
+ON_GRID = 1e-3
+UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
+
+
+class TimeSamples(Protocol):
+    """Samples in time: `t` (n,), `q` (n, dof); `dq`, `ddq` and `resolution` where it has them."""
+
+    @property
+    def t(self) -> FloatArray:
+        """Times [s]."""
+
+    @property
+    def q(self) -> FloatArray:
+        """Joint positions [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathDeviation:
+    """The tool's largest distance from the path [m], when [s], and where along the path [m]."""
+
+    distance: float
+    t: float
+    s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Check:
+    """What a check found.
+
+    Args:
+        uses: One entry for every limit that could be judged.
+        not_judged: Limits that these samples cannot tell anything about.
+        reconstruction: One sentence: what was taken to happen between samples.
+        tolerance: Part by which a limit may be exceeded.
+        states: Number of times that were looked at.
+        start, end: First and last time [s].
+        end_speeds: Largest joint velocity at the first and the last time [rad/s]; NaN if unknown.
+        path_deviation: If a path was given.
+        rounding: Bound on the error of "t", "q", "dq", "ddq" that was allowed for [SI].
+    """
+
+    uses: tuple[LimitUse, ...]
+    not_judged: tuple[str, ...]
+    reconstruction: str
+    tolerance: float
+    states: int
+    start: float
+    end: float
+    end_speeds: tuple[float, float]
+    path_deviation: PathDeviation | None
+    rounding: Mapping[str, float]
+
+    @property
+    def worst(self) -> LimitUse | None:
+        """The limit that is certainly used most; None if there was none to judge."""
+        return max(self.uses, key=lambda x: x.certain, default=None)
+
+    @property
+    def violations(self) -> tuple[LimitUse, ...]:
+        """The limits that are certainly exceeded."""
+        return tuple(x for x in self.uses if x.certain > 1 + self.tolerance)
+
+    @property
+    def violated(self) -> bool:
+        """Whether any limit is certainly exceeded."""
+        return bool(self.violations)
+
+    def __getitem__(self, name: str) -> LimitUse:
+        """The use of one limit, by its name."""
+        for use in self.uses:
+            if use.name == name:
+                return use
+        raise KeyError(name)
+
+
+def check(
+    samples: TimeSamples | Law,
+    arm: Arm,
+    limits: Limits | None = None,
+    path: Path | None = None,
+    *,
+    deviation: float | None = None,
+    resolution: Mapping[str, npt.ArrayLike] | None = None,
+    tolerance: float = 1e-9,
+    velocity_step: float = 1e-4,
+    points: int = 50,
+    seed: int = 0,
+) -> Check:
+    """Judge a joint trajectory, whoever made it.
+
+    A law, such as a `Trajectory`, is looked at on both sides of every break and at random places
+    between all breaks. Of samples, what they say themselves is judged, and between them what every
+    motion through them must have: a violation that is reported is real, up to the rounding that is
+    allowed for, and a peak between samples may be higher than what is reported.
+
+    Args:
+        samples: Anything with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
+            `law(t, order, side=...)`, with `duration` and `breaks`.
+        arm: The arm that moves.
+        limits: By default the arm's own.
+        path: The path the tool was to follow.
+        deviation: Largest distance of the tool from it [m].
+        resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI], for
+            samples; by default their own `resolution`, or none.
+        tolerance: Part by which a limit may be exceeded.
+        velocity_step: Largest jump of a joint's velocity at a break of a law [rad/s].
+        points: Random places per interval of a law.
+        seed: Of these places.
+
+    Raises:
+        InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
+    """
+    dof = arm.dof
+    if path is not None and path.dimension != arm.dimension:
+        raise InvalidInput(
+            f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
+            f"{arm.dimension}."
+        )
+    if deviation is not None:
+        deviation = _checks.positive("deviation", deviation, "m")
+        if path is None:
+            raise InvalidInput("A largest deviation needs the path that the tool was to follow.")
+    bounds = (arm.limits if limits is None else limits).for_joints(dof)
+    tally = Tally(arm, bounds, path, deviation)
+    tolerance = _checks.not_negative("tolerance", tolerance)
+    if callable(samples):
+        step = _checks.positive("velocity_step", velocity_step, "rad/s")
+        count = judge_law(samples, tally, points=points, seed=seed, velocity_step=step)
+        start, end = float(samples.breaks[0]), float(samples.breaks[-1])
+        reconstruction = (
+            f"A continuous law: nothing is reconstructed; judged at {points} random places "
+            f"(seed {seed}) between any two breaks and on both sides of every break."
+        )
+        ends = samples(np.array([start]), 1)[0], samples(np.array([end]), 1, side="left")[0]
+        rounding: dict[str, float] = {}
+    else:
+        log = _log(samples, dof, resolution)
+        judge_samples(log, tally)
+        count, start, end = len(log.t), float(log.t[0]), float(log.t[-1])
+        reconstruction = _reconstruction(log)
+        nan = np.array([np.nan])
+        ends = (nan, nan) if log.dq is None else (log.dq[0], log.dq[-1])
+        rounding = {"t": float(log.t_error.max())} | {
+            name: float(error.max())
+            for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
+            if getattr(log, name) is not None
+        }
+    uses = tally.uses()
+    wanted = [x for x in Limits.__dataclass_fields__ if getattr(bounds, x) is not None]
+    return Check(
+        uses=uses,
+        not_judged=tuple(x for x in wanted if x not in {use.name for use in uses}),
+        reconstruction=reconstruction,
+        tolerance=tolerance,
+        states=count,
+        start=start,
+        end=end,
+        end_speeds=(float(np.abs(ends[0]).max()), float(np.abs(ends[1]).max())),
+        path_deviation=None if path is None else PathDeviation(**tally.farthest),
+        rounding=rounding,
+    )
+
+
+def _reconstruction(log: Log) -> str:
+    columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
+    given = " and ".join(", ".join(columns).rsplit(", ", 1))
+    cubic = "; its distance from a path is that of the cubics through q and dq"
+    centripetal = (
+        ""
+        if log.dq is not None and log.ddq is not None
+        else "; centripetal acceleration is estimated from neighbouring samples"
+    )
+    return (
+        f"Samples of {given}: these are judged as they stand, and between samples the mean "
+        "velocities and accelerations that every motion through them must reach, so peaks between "
+        f"samples may be higher{cubic if log.dq is not None else ''}{centripetal}."
+    )
+
+
+def _log(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None) -> Log:
+    """The samples, checked, with the errors that printing and computing may have made."""
+    t, q = getattr(samples, "t", None), getattr(samples, "q", None)
+    if t is None or q is None:
+        raise InvalidInput(
+            "A trajectory to check must have times t and joint positions q, or be a callable law."
+        )
+    times = _column("t", t, None)
+    columns = {"q": _column("q", q, dof)}
+    for name in ("dq", "ddq"):
+        if getattr(samples, name, None) is not None:
+            columns[name] = _column(name, getattr(samples, name), dof)
+    for name, values in columns.items():
+        if len(values) != len(times):
+            raise InvalidInput(f"There are {len(times)} times, but {len(values)} rows of {name}.")
+    least = 2 if "dq" in columns else 3
+    if len(times) < least:
+        raise InvalidInput(
+            f"A trajectory {'with' if least == 2 else 'without'} velocities needs at least {least} "
+            f"samples, but has {len(times)}."
+        )
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        row = int(late[0]) + 1
+        raise InvalidInput(
+            f"Times must increase, but row {row + 1} ({times[row]:.9g} s) does not come after "
+            f"row {row} ({times[row - 1]:.9g} s).",
+            index=row,
+            t=float(times[row]),
+        )
+    digits: Mapping[str, npt.ArrayLike] = (
+        (getattr(samples, "resolution", None) or {}) if resolution is None else resolution
+    )
+    unknown = set(digits) - set(UNITS)
+    if unknown:
+        raise InvalidInput(f"resolution is that of t, q, dq or ddq, not of {sorted(unknown)[0]!r}.")
+    errors = {name: np.zeros(dof) for name in ("q", "dq", "ddq")}
+    for name, values in columns.items():
+        printed = _checks.per_joint(f"resolution of {name}", digits.get(name, 0.0), dof)
+        if (printed < 0).any():
+            raise InvalidInput(f"The resolution of {name} must not be negative.")
+        errors[name] = printed / 2 + ULPS * np.finfo(np.float64).eps * np.abs(values).max(axis=0)
+    t_error, clock = _time_errors(
+        times, _checks.not_negative("resolution of t", digits.get("t", 0.0))
+    )
+    return Log(
+        t=times,
+        q=columns["q"],
+        dq=columns.get("dq"),
+        ddq=columns.get("ddq"),
+        errors=(errors["q"], errors["dq"], errors["ddq"]),
+        t_error=t_error,
+        clock=clock,
+    )
+
+
+def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
+    """Bounds on the errors of times, and on the part by which all of them may be stretched.
+
+    If all times but the last are regular as printed, so were they before, with a period that
+    printing changed by no more than would have shown at the other end.
+    """
+    step = (t[-2] - t[0]) / (len(t) - 2) if len(t) > 2 else t[-1] - t[0]
+    number = np.round((t - t[0]) / step)
+    regular = np.abs(t - t[0] - number * step) <= ON_GRID * resolution
+    floor = ULPS * np.finfo(np.float64).eps * np.abs(t)
+    if not regular[:-1].all():
+        return resolution / 2 + floor, 0.0
+    stretch = resolution / max(t[-2] - t[0], t[-1] - t[-2])
+    return np.where(regular, 0.0, resolution / 2) + floor, float(stretch)
+
+
+def _column(name: str, values: Any, dof: int | None) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{name} must be numbers in {UNITS[name]}: {error}.") from None
+    if dof is None and array.ndim != 1:
+        raise InvalidInput(f"t must be one row of times, but has the shape {array.shape}.")
+    if dof is not None and (array.ndim != 2 or array.shape[1] != dof):
+        raise InvalidInput(
+            f"{name} must have one row per sample and {dof} columns, one per joint of the arm, "
+            f"but has the shape {array.shape}."
+        )
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        row = int(bad[0, 0])
+        joint = int(bad[0, 1]) + 1 if dof is not None else None
+        of = "" if joint is None else f" of joint {joint}"
+        raise InvalidInput(
+            f"{name}{of} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must be "
+            "finite.",
+            index=row,
+            joint=joint,
+        )
+    return array

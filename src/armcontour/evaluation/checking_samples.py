@@ -1,0 +1,225 @@
+"""Checking samples: only what every motion through them must have.
+
+Over a window between two samples, a mean is known exactly, whatever the motion between them does,
+and the peak is at least the mean. Three means of the joint acceleration `a` over a window of
+length T follow from the positions and velocities at its ends, and one from three positions:
+
+    (v1 - v0) / T                           weight 1 / T
+    2 (q1 - q0 - v0 T) / T²                 weight 2 (T - t) / T²
+    2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
+    2 ((q2 - q1) / T2 - (q1 - q0) / T1) / (T1 + T2)    triangle
+
+All weights are positive and integrate to 1. The wider the window the less the rounding of the
+numbers counts, so windows of 1, 2, 4, ... samples are looked at, until rounding no longer counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from armcontour._checks import FloatArray
+from armcontour.evaluation.tally import SLOWEST, States, Tally
+
+# Wider windows are not looked at when rounding is at most this part of every limit.
+NEGLIGIBLE = 1e-7
+# Places between two samples at which the cubic's distance from the path is looked at.
+BETWEEN = np.arange(1, 8) / 8
+# Windows in which the tool turns by more than this sine tell nothing of centripetal acceleration.
+WIDEST_TURN = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Log:
+    """Samples that were checked, with bounds on their errors.
+
+    Args:
+        t: Times, increasing [s], (n,).
+        q: Joint positions (n, dof).
+        dq, ddq: Velocities and accelerations, where known.
+        errors: Bounds on the error of q, dq and ddq, (dof,) each.
+        t_error: Bound on the error of every time, (n,).
+        clock: Bound on the part by which all times may be stretched.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray | None
+    ddq: FloatArray | None
+    errors: tuple[FloatArray, FloatArray, FloatArray]
+    t_error: FloatArray
+    clock: float
+
+    def spans(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Length of every window of `k` samples, and a bound on its error, (windows, 1) each."""
+        span = (self.t[k:] - self.t[:-k])[:, None]
+        return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Windows:
+    """Means of one vector quantity over windows, with bounds on their errors."""
+
+    mean: FloatArray
+    error: FloatArray
+
+
+def judge_samples(log: Log, tally: Tally) -> None:
+    """Offer to the tally what holds at the samples and what must hold between them."""
+    _at_samples(log, tally)
+    tool, tool_error = tally.tool(log.q, log.errors[0])
+    velocity, velocity_error = None, None
+    if log.dq is not None:
+        states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
+        velocity, velocity_error = tally.tool_velocity(states)
+    width = 1
+    while width < len(log.t):
+        slack = max(
+            _velocities(log, tally, tool, tool_error, width),
+            _second_means(log, tally, tool, tool_error, width)
+            if log.dq is None or velocity is None or velocity_error is None
+            else _velocity_changes(log, log.dq, tally, velocity, velocity_error, width),
+        )
+        if slack <= NEGLIGIBLE:
+            break
+        width *= 2
+    if tally.path is not None:
+        tally.distance(log.t, log.q, log.errors[0])
+        if log.dq is not None:
+            # The weights of dq sum to at most a quarter of the interval.
+            off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
+            tally.distance(*_cubic(log.t, log.q, log.dq), off)
+
+
+def _at_samples(log: Log, tally: Tally) -> None:
+    if log.dq is not None:
+        tally.states(States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors))
+    elif log.ddq is not None:
+        tally.joint_acceleration(log.t, log.ddq, log.q, log.errors[2])
+
+
+def _velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int) -> float:
+    """Mean velocities of joints and tool over windows of `k` samples."""
+    t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
+    limits, slack = tally.limits, 0.0
+    if limits.joint_velocity is not None:
+        x = _mean(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
+        slack = tally.offer("joint_velocity", t, np.abs(x.mean), limits.joint_velocity, q, x.error)
+    if limits.speed is not None:
+        x = _mean(log, tool, off[:, None], k)
+        size = np.linalg.norm(x.mean, axis=1)
+        slack = max(slack, tally.offer("speed", t, size, limits.speed, q, x.error[:, 0]))
+    return slack
+
+
+def _velocity_changes(
+    log: Log, dq: FloatArray, tally: Tally, velocity: FloatArray, off: FloatArray, k: int
+) -> float:
+    """Mean accelerations of joints and tool over windows of `k` samples, from velocities."""
+    t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
+    span, late = log.spans(k)
+    q_error, dq_error = log.errors[0], log.errors[1]
+    x = _mean(log, dq, np.tile(dq_error, (len(dq), 1)), k)
+    slack = tally.joint_acceleration(t, x.mean, q, x.error)
+    step = log.q[k:] - log.q[:-k]
+    for v, sign in ((dq[:-k], 1.0), (dq[k:], -1.0)):
+        rest = step - v * span
+        off_rest = 2 * q_error + dq_error * (span + late) + np.abs(v) * late
+        error = 2 * np.abs(rest) / span**2 - 2 * (np.abs(rest) - off_rest) / (span + late) ** 2
+        tally.joint_acceleration(t, sign * 2 * rest / span**2, q, error)
+    x = _mean(log, velocity, off[:, None], k)
+    return max(
+        slack, _tool_acceleration(log, tally, velocity[:-k], velocity[k:], x, t, q, off[k:], k)
+    )
+
+
+def _second_means(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int) -> float:
+    """Mean accelerations of joints and tool over windows of `2 k` samples, from positions."""
+    if len(log.t) <= 2 * k:
+        return 0.0
+    t, q = log.t[k:-k], log.q[k:-k]
+    _, _, x = _triangle(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
+    slack = tally.joint_acceleration(t, x.mean, q, x.error)
+    before, after, x = _triangle(log, tool, off[:, None], k)
+    chord_error = np.maximum(before.error, after.error)[:, 0]
+    found = _tool_acceleration(log, tally, before.mean, after.mean, x, t, q, chord_error, k)
+    return max(slack, found)
+
+
+def _triangle(
+    log: Log, y: FloatArray, off: FloatArray, k: int
+) -> tuple[_Windows, _Windows, _Windows]:
+    """Mean velocities before and after each middle sample, and the mean acceleration of both."""
+    chords = _mean(log, y, off, k, both_ways=True)
+    before = _Windows(mean=chords.mean[:-k], error=chords.error[:-k])
+    after = _Windows(mean=chords.mean[k:], error=chords.error[k:])
+    span, late = log.spans(2 * k)
+    mean = 2 * (after.mean - before.mean) / span
+    size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
+    error = (2 * (before.error + after.error) + size * late) / (span + late)
+    return before, after, _Windows(mean=mean, error=error)
+
+
+def _tool_acceleration(
+    log: Log,
+    tally: Tally,
+    before: FloatArray,
+    after: FloatArray,
+    x: _Windows,
+    t: FloatArray,
+    q: FloatArray,
+    velocity_error: FloatArray,
+    k: int,
+) -> float:
+    """Offer the tool's mean acceleration between two velocities, and its normal part."""
+    limits, size, error = tally.limits, np.linalg.norm(x.mean, axis=1), x.error[:, 0]
+    slack = 0.0
+    if limits.tool_acceleration is not None:
+        slack = tally.offer("tool_acceleration", t, size, limits.tool_acceleration, q, error)
+    if limits.centripetal_acceleration is None or (log.dq is not None and log.ddq is not None):
+        return slack
+    first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    slowest = np.minimum(first, last)
+    # While the tool turns by an angle within the window, its tangential acceleration, too, has a
+    # part normal to the middle direction: the sine of the angle times its amount, which is taken
+    # from the windows from one before this one to one behind it.
+    cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
+    sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
+    moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
+    turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, SLOWEST))
+    middle = np.maximum(np.linalg.norm(before + after, axis=1), SLOWEST)
+    along = np.abs(np.einsum("ij,ij->i", x.mean, before + after)) / middle
+    along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest") if len(along) else along
+    total = error + turned * along
+    # Rounding alone decides whether wider windows can tell more.
+    tally.centripetal(t, before + after, x.mean, q, total, moving)
+    return max(slack, float(error.max()) / limits.centripetal_acceleration if len(error) else 0.0)
+
+
+def _mean(log: Log, y: FloatArray, off: FloatArray, k: int, *, both_ways: bool = False) -> _Windows:
+    """Mean rate of `y` over windows of `k` samples; `off` bounds y's error per row and column.
+
+    An error of one column is that of the vector's length. The error bounds by how much the true
+    mean may be smaller, or with `both_ways` also by how much it may be larger.
+    """
+    span, late = log.spans(k)
+    mean = (y[k:] - y[:-k]) / span
+    size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
+    shortest = np.maximum(span - late, 1e-6 * span)
+    error = (off[k:] + off[:-k] + size * late) / (shortest if both_ways else span + late)
+    return _Windows(mean=mean, error=error)
+
+
+def _cubic(t: FloatArray, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times and joint positions between samples on the cubics that q and dq make."""
+    u, h = BETWEEN[None, :, None], np.diff(t)[:, None, None]
+    at = (t[:-1, None] + np.diff(t)[:, None] * BETWEEN).ravel()
+    found = (
+        (1 + 2 * u) * (1 - u) ** 2 * q[:-1, None]
+        + u**2 * (3 - 2 * u) * q[1:, None]
+        + h * u * (1 - u) ** 2 * dq[:-1, None]
+        - h * u**2 * (1 - u) * dq[1:, None]
+    )
+    return at, found.reshape(-1, q.shape[1])

@@ -1,0 +1,47 @@
+"""Limits files: YAML with the keys that `limits` has in a job file, and `deviation`."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+from pydantic import ValidationError
+
+from armcontour.arms import Arm, Limits
+from armcontour.errors import InvalidInput
+from armcontour.io.job_file import LimitsModel, first_problem
+from armcontour.io.units import Length
+from armcontour.io.yaml_text import load
+
+
+class LimitsFileModel(LimitsModel):
+    """A limits file; `deviation` is the largest distance of the tool from its path."""
+
+    deviation: Length | None = None
+
+
+def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None]:
+    """The limits in a YAML file, and the largest deviation from the path [m] if it has one.
+
+    Limits of the joints that the file does not give are the arm's own, as in a job file.
+
+    Raises:
+        InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
+    """
+    place = FilePath(file)
+    try:
+        text = place.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InvalidInput(f"Cannot read the limits file {place}: {reason}.") from None
+    data = load(text, place.name)
+    if not isinstance(data, dict):
+        raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")
+    try:
+        model = LimitsFileModel.model_validate(data)
+    except ValidationError as error:
+        raise InvalidInput(f"{place.name}: {first_problem(error)}") from None
+    given = model.model_dump(exclude_none=True, exclude={"deviation"})
+    try:
+        return arm.limits.replace(**given).for_joints(arm.dof), model.deviation
+    except InvalidInput as error:
+        raise InvalidInput(f"{place.name}: {error}") from None

@@ -1,0 +1,154 @@
+"""`armcontour check` as a user meets it: the table, JSON, exit codes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import yaml
+
+import armcontour as ac
+
+JOB = {
+    "name": "paper's path",
+    "arm": "pmk3s",
+    "path": {"points": [[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]]},
+    "limits": {"speed": 0.15, "centripetal_acceleration": 0.09},
+    "corners": {"tolerance": "5 mm"},
+    "servo": {"kp": 25, "kv": 150},
+    "runs": {
+        "sharp": {"timing": {"method": "conventional"}, "corners": "sharp"},
+        "rounded": {"timing": {"method": "mac"}},
+    },
+}
+LIMITS = {"speed": "0.15 m/s", "centripetal_acceleration": "0.0901 m/s^2", "deviation": "0.1 mm"}
+
+
+def check(folder: FilePath, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "armcontour", "check", *arguments]
+    return subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={"COLUMNS": "200", "PYTHONIOENCODING": "utf-8"},
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: FilePath, mac: ac.Trajectory) -> FilePath:
+    """The paper's job planned by its method, as a file of positions with nine decimals."""
+    samples = mac.sample(4e-3)
+    np.savetxt(
+        tmp_path / "planned.csv",
+        np.column_stack([samples.t, samples.q]),
+        "%.9f",
+        ",",
+        header="t [s],joint 1 [rad],joint 2 [rad]",
+        comments="",
+    )
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
+    (tmp_path / "limits.yaml").write_text(
+        # The method's velocity steps at knots need a little more than its 0.72 rad/s².
+        yaml.safe_dump({**LIMITS, "joint_acceleration": 0.722})
+    )
+    return tmp_path
+
+
+def test_kept_limits_end_with_0(folder: FilePath) -> None:
+    given = ("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--path", "job.yaml")
+    done = check(folder, *given)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for words in ("joint acceleration", "speed", "path deviation", "kept", "Samples of q:"):
+        assert words in done.stdout
+    assert "violated" not in done.stdout
+    data = json.loads(check(folder, *given, "--json").stdout)
+    assert data["kept"] is True
+    uses = {x["name"]: x for x in data["limits"]}
+    assert set(uses) == {
+        "joint_acceleration",
+        "speed",
+        "centripetal_acceleration",
+        "path_deviation",
+    }
+    assert uses["joint_acceleration"]["ratio"] == pytest.approx(0.72 / 0.722, abs=2e-3)
+    assert data["path_deviation"]["distance"] < 1e-6
+    assert data["rounding"]["q"] == pytest.approx(5e-10)
+    assert data["end_speeds"] == [None, None]
+
+
+def test_a_violation_ends_with_1_and_says_where(folder: FilePath) -> None:
+    (folder / "limits.yaml").write_text("joint_acceleration: [0.7, 0.8]\n")
+    done = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml")
+    assert done.returncode == 1
+    assert "violated" in done.stdout
+    assert done.stderr == ""
+    done = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--json")
+    assert done.returncode == 1
+    data = json.loads(done.stdout)
+    assert data["kept"] is False
+    (use,) = data["limits"]
+    assert (use["name"], use["joint"], use["violated"]) == ("joint_acceleration", 1, True)
+    assert use["ratio"] == pytest.approx(0.72 / 0.7, abs=3e-3)
+
+
+def test_the_path_of_one_run(folder: FilePath) -> None:
+    given = ("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--path", "job.yaml")
+    sharp = check(folder, *given, "--run", "sharp", "--json")
+    assert sharp.returncode == 1
+    assert json.loads(sharp.stdout)["path_deviation"]["distance"] > 1e-3
+    unknown = check(folder, *given, "--run", "other")
+    assert unknown.returncode == 2
+    assert "its runs are rounded, sharp" in unknown.stderr
+    runs = {**JOB["runs"], "wide": {"timing": {"method": "mac"}, "corners": {"tolerance": 0.01}}}
+    (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
+    torn = check(folder, *given)
+    assert torn.returncode == 2
+    assert "choose one with --run (rounded, wide)" in torn.stderr
+
+
+def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath) -> None:
+    (folder / "bad.csv").write_text("t,q1,q2\n0,1,2\n0,1,2\n")
+    for arguments, words in (
+        (("none.csv", "--arm", "pmk3s"), "Cannot read the trajectory file"),
+        (("bad.csv", "--arm", "pmk3s"), "bad.csv, line 3: times must increase"),
+        (("planned.csv", "--arm", "pmk4"), "no built-in arm"),
+        (("planned.csv", "--arm", "pmk3s", "--limits", "none.yaml"), "Cannot read the limits file"),
+        (("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml"), "with --path"),
+    ):
+        done = check(folder, *arguments)
+        assert done.returncode == 2, arguments
+        assert done.stderr.startswith("Error: ")
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_what_run_writes_can_be_checked(tmp_path: FilePath) -> None:
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
+    command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=300)
+    (tmp_path / "limits.yaml").write_text("speed: 0.151\njoint_acceleration: 0.73\n")
+    done = check(
+        tmp_path,
+        *("out/rounded/taught.csv", "--arm", "pmk3s", "--limits", "limits.yaml"),
+        *("--path", "job.yaml"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Largest distance from the path" in done.stdout
+
+
+def test_help_imports_nothing_heavy(tmp_path: FilePath) -> None:
+    code = (
+        "import sys\n"
+        "sys.argv = ['armcontour', 'check', '--help']\n"
+        "from armcontour.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "sys.exit(len({'numpy', 'scipy', 'numba', 'yaml', 'pint'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
+    assert done.returncode == 0

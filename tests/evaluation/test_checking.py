@@ -1,0 +1,381 @@
+"""The independent checker: hand-computed motions, what it claims, and what it refuses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.motion import LapLaw, Samples
+
+
+@dataclass
+class Log:
+    """Samples with only some of the columns."""
+
+    t: npt.ArrayLike
+    q: npt.ArrayLike
+    dq: npt.ArrayLike | None = None
+    ddq: npt.ArrayLike | None = None
+
+
+def laps(durations: list[float], ddq: list[list[float]], q: tuple[float, float]) -> ac.Trajectory:
+    """Uniform joint accelerations one after the other, from rest at `q`."""
+    t = np.concatenate([[0], np.cumsum(durations)])
+    positions, velocities = [np.array(q)], [np.zeros(2)]
+    for h, a in zip(durations, np.array(ddq), strict=True):
+        positions.append(positions[-1] + velocities[-1] * h + a * h**2 / 2)
+        velocities.append(velocities[-1] + a * h)
+    law = LapLaw(breaks=t, q=np.array(positions), dq=np.array(velocities[:-1]), ddq=np.array(ddq))
+    return ac.Trajectory(laws=(law,), method="by hand")
+
+
+# Joint 1 up at 0.5, on, down at 0.4 rad/s²; joint 2 the other way at a third of it. Its breaks lie
+# on no grid of samples.
+JERKY = laps(
+    [math.sqrt(0.5), 0.3111, math.sqrt(0.5) * 1.25],
+    [[0.5, -0.2], [0.0, 0.0], [-0.4, 0.16]],
+    (0.3, 0.9),
+)
+PEAK = 0.5 * math.sqrt(0.5)  # rad/s, of joint 1
+BOUNDS = {"joint_acceleration": [0.5, 0.2], "joint_velocity": [PEAK, 0.4 * PEAK]}
+
+
+def columns(samples: Samples, names: str) -> Log:
+    return Log(samples.t, samples.q, **{x: getattr(samples, x) for x in names.split() if x != "q"})
+
+
+def rounded_to(log: Log, digits: int) -> tuple[Log, dict[str, float]]:
+    """The log as it is printed with that many decimals, and its resolution."""
+    kept = {x: getattr(log, x) for x in ("q", "dq", "ddq") if getattr(log, x) is not None}
+    return (
+        Log(log.t, **{x: np.round(values, digits) for x, values in kept.items()}),
+        dict.fromkeys(kept, 10.0**-digits),
+    )
+
+
+def test_a_law_by_hand(arm: ac.Arm) -> None:
+    found = ac.check(JERKY, arm, ac.Limits(**BOUNDS))
+    assert not found.violated
+    up = found["joint_acceleration"]
+    assert (up.ratio, up.value, up.limit, up.joint) == (1.0, 0.5, 0.5, 1)
+    assert found["joint_velocity"].ratio == pytest.approx(1, abs=1e-12)
+    assert found["velocity_step"].value < 1e-12
+    assert found.worst is not None
+    assert found.end_speeds == pytest.approx((0, 0), abs=1e-15)
+    assert (found.start, found.end) == (0, JERKY.duration)
+    assert found.states == 3 * 52
+    assert "both sides of every break" in found.reconstruction
+
+
+def test_a_law_over_its_limit_says_which_joint_when_and_by_how_much(arm: ac.Arm) -> None:
+    found = ac.check(JERKY, arm, ac.Limits(joint_acceleration=[0.5, 0.19], joint_velocity=1.0))
+    assert found.violated
+    (use,) = found.violations
+    assert use is found.worst
+    assert (use.name, use.joint, use.limit) == ("joint_acceleration", 2, 0.19)
+    assert use.ratio == pytest.approx(0.2 / 0.19)
+    assert use.t <= math.sqrt(0.5)
+
+
+def test_limits_that_differ_by_direction(arm: ac.Arm) -> None:
+    both = {"joint_acceleration": [0.5, 0.16], "joint_deceleration": [0.4, 0.2]}
+    for samples in (JERKY, JERKY.sample(1e-3), columns(JERKY.sample(1e-3), "q")):
+        assert not ac.check(samples, arm, ac.Limits(**both)).violated
+        swapped = dict(zip(both, list(both.values())[::-1], strict=True))
+        found = ac.check(samples, arm, ac.Limits(**swapped))
+        assert {(x.name, x.joint) for x in found.violations} == {
+            ("joint_acceleration", 1),
+            ("joint_deceleration", 2),
+        }
+        assert found["joint_deceleration"].ratio == pytest.approx(0.2 / 0.16, rel=1e-6)
+
+
+@pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq", "q ddq"])
+@pytest.mark.parametrize("period", [1e-3, 7e-3, 0.0613])
+def test_jerky_motion_that_keeps_its_limits_is_never_blamed(
+    arm: ac.Arm, names: str, period: float
+) -> None:
+    found = ac.check(columns(JERKY.sample(period), names), arm, ac.Limits(**BOUNDS))
+    assert not found.violated, found.worst
+    assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq", "q ddq"])
+def test_a_tenth_of_a_percent_too_much_is_caught(arm: ac.Arm, names: str) -> None:
+    tight = ac.Limits(joint_acceleration=np.array([0.5, 0.2]) / 1.001)
+    found = ac.check(columns(JERKY.sample(4e-3), names), arm, tight)
+    assert found.violated
+    assert found["joint_acceleration"].ratio == pytest.approx(1.001, rel=1e-6)
+
+
+def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm: ac.Arm) -> None:
+    """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.2 rad/s² on the way."""
+    log = Log([0.0, 1.0], [[0.3, 0.9], [0.4, 0.9]], [[0, 0], [0, 0]], [[0, 0], [0, 0]])
+    found = ac.check(log, arm, ac.Limits(joint_acceleration=0.1, joint_velocity=0.09))
+    assert found["joint_acceleration"].value == pytest.approx(0.2)
+    assert found["joint_velocity"].value == pytest.approx(0.1)
+    assert {x.name for x in found.violations} == {"joint_acceleration", "joint_velocity"}
+
+
+def test_velocities_that_do_not_belong_to_the_positions_are_found(arm: ac.Arm) -> None:
+    samples = JERKY.sample(4e-3)
+    wrong = Log(samples.t, samples.q, 0.9 * samples.dq, samples.ddq)
+    assert ac.check(wrong, arm, ac.Limits(**BOUNDS))["joint_acceleration"].ratio > 2
+
+
+@pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
+def test_printed_digits_are_forgiven_and_no_more(arm: ac.Arm, names: str) -> None:
+    """Six decimals at 1 ms: second differences of q are off by up to 2 rad/s²."""
+    log, resolution = rounded_to(columns(JERKY.sample(1e-3), names), 6)
+    kept = ac.check(log, arm, ac.Limits(**BOUNDS), resolution=resolution)
+    assert not kept.violated, kept.worst
+    assert kept.rounding["q"] == pytest.approx(5e-7)
+    assert kept["joint_acceleration"].certain > 0.99
+    assert ac.check(log, arm, ac.Limits(**BOUNDS)).violated  # taken for exact, it is not forgiven
+    tight = ac.Limits(**{name: np.array(values) / 1.02 for name, values in BOUNDS.items()})
+    found = ac.check(log, arm, tight, resolution=resolution)
+    assert {x.name for x in found.violations} == set(BOUNDS)
+    assert found["joint_acceleration"].ratio == pytest.approx(1.02, abs=2e-3)
+    assert 0 < found["joint_acceleration"].slack < 1e-2
+
+
+def test_digits_of_time_count_unless_the_samples_are_regular(arm: ac.Arm) -> None:
+    t = np.sort(np.random.default_rng(1).uniform(0, JERKY.duration, 400))
+    t = t[np.append(True, np.diff(np.round(t, 5)) > 0)]
+    log = Log(np.round(t, 5), JERKY(t), JERKY(t, 1))
+    limits = ac.Limits(**BOUNDS)
+    assert ac.check(log, arm, limits).violated
+    forgiven = ac.check(log, arm, limits, resolution={"t": 1e-5})
+    assert not forgiven.violated, forgiven.worst
+    assert forgiven.rounding["t"] == pytest.approx(5e-6)
+    regular = JERKY.sample(1e-3)
+    found = ac.check(
+        Log(np.round(regular.t[:-1], 3), regular.q[:-1]), arm, limits, resolution={"t": 1e-3}
+    )
+    assert found.rounding["t"] < 1e-12
+
+
+def circle(arm: ac.Arm, speed: float, names: str) -> tuple[Log, ac.Path]:
+    """The tool on a circle of 50 mm at uniform speed, every 2 ms."""
+    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=6.0)])
+    t = np.arange(0, path.length / speed, 2e-3)
+    s = speed * t
+    q = arm.inverse(path(s))
+    dq = arm.joint_velocity(q, speed * path(s, 1))
+    ddq = arm.joint_acceleration(q, dq, speed**2 * path(s, 2))
+    return columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), path
+
+
+@pytest.mark.parametrize(
+    ("names", "near"), [("q", 1e-5), ("q dq", 1e-5), ("q dq ddq", 1e-9), ("q ddq", 1e-5)]
+)
+def test_the_tool_on_a_circle(arm: ac.Arm, names: str, near: float) -> None:
+    log, path = circle(arm, 0.1, names)
+    limits = ac.Limits(speed=0.1, tool_acceleration=0.2, centripetal_acceleration=0.2)
+    found = ac.check(log, arm, limits, path, deviation=1e-6)
+    for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
+        assert found[name].ratio == pytest.approx(1, abs=near), name
+        assert found[name].s is not None
+        assert found[name].joint is None
+    assert not found.violated, found.worst
+    assert found.path_deviation is not None
+    assert found.path_deviation.distance < 1e-9
+    tight = limits.replace(centripetal_acceleration=0.199)
+    assert [x.name for x in ac.check(log, arm, tight).violations] == ["centripetal_acceleration"]
+
+
+def test_speeding_up_on_a_line_is_no_centripetal_acceleration(arm: ac.Arm) -> None:
+    path = ac.Path.polyline([(0.35, 0.10), (0.35, 0.20)])
+    t = np.linspace(0, 1, 501)
+    s, ds = 0.1 * t**2, 0.2 * t
+    q = arm.inverse(path(s))
+    dq = arm.joint_velocity(q, ds[:, None] * path(s, 1))
+    ddq = arm.joint_acceleration(q, dq, 0.2 * path(s, 1))
+    limits = ac.Limits(tool_acceleration=0.2, centripetal_acceleration=0.09)
+    for names in ("q", "q dq", "q dq ddq"):
+        found = ac.check(columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), arm, limits)
+        assert not found.violated, found.worst
+        assert found["centripetal_acceleration"].certain < 1e-3
+        assert found["tool_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+
+
+def test_where_the_tool_stands_no_centripetal_acceleration_is_defined(arm: ac.Arm) -> None:
+    log = Log([0.0, 1.0, 2.0], [[0.3, 0.9]] * 3, [[0, 0]] * 3, [[0, 0]] * 3)
+    found = ac.check(log, arm, ac.Limits(centripetal_acceleration=0.09, speed=1.0))
+    assert found.not_judged == ("centripetal_acceleration",)
+    assert found["speed"].ratio == 0
+
+
+def test_the_distance_from_a_path(arm: ac.Arm) -> None:
+    points = np.linspace((0.30, 0.201), (0.40, 0.203), 50)
+    log = Log(np.arange(50) * 0.1, arm.inverse(points))
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
+    found = ac.check(log, arm, ac.Limits(), path, deviation=2e-3)
+    assert found.path_deviation is not None
+    assert found.path_deviation.distance == pytest.approx(3e-3)
+    assert (found.path_deviation.t, found.path_deviation.s) == pytest.approx((4.9, 0.1))
+    assert found["path_deviation"].ratio == pytest.approx(1.5)
+    assert found.violated
+    assert not ac.check(log, arm, ac.Limits(), path).violated
+
+
+def test_a_law_is_judged_on_both_sides_of_its_breaks(arm: ac.Arm) -> None:
+    """A lap of a nanosecond with too much acceleration hides from any sampling."""
+    hidden = laps([0.5, 1e-9, 0.5], [[0.1, 0], [5.0, 0], [-0.1, 0]], (0.3, 0.9))
+    found = ac.check(hidden, arm, ac.Limits(joint_acceleration=0.1))
+    assert found["joint_acceleration"].ratio == pytest.approx(50)
+
+
+def test_jumps_of_a_law(arm: ac.Arm) -> None:
+    law = LapLaw(
+        breaks=np.array([0.0, 1.0, 2.0]),
+        q=np.array([[0.3, 0.9], [0.4, 0.9], [0.5, 0.9]]),
+        dq=np.array([[0.1, 0.0], [0.1, 0.01]]),
+        ddq=np.zeros((2, 2)),
+    )
+    planned = ac.Trajectory(laws=(law,), method="by hand")
+    found = ac.check(planned, arm, ac.Limits(joint_acceleration=1.0))
+    use = found["velocity_step"]
+    assert (use.value, use.joint, use.t) == pytest.approx((0.01, 2, 1.0))
+    assert found.violated
+    assert found.end_speeds == pytest.approx((0.1, 0.1))
+    assert not ac.check(
+        planned, arm, ac.Limits(joint_acceleration=1.0), velocity_step=0.02
+    ).violated
+    torn = LapLaw(breaks=law.breaks, q=law.q, dq=law.dq * [0.99, 1], ddq=law.ddq)
+    found = ac.check(ac.Trajectory(laws=(torn,), method="by hand"), arm, ac.Limits())
+    assert found["position_step"].value == pytest.approx(1e-3)
+    assert found.violated
+
+
+def test_the_papers_method_on_the_papers_job(
+    mac: ac.Trajectory, rounded: ac.RoundedPath, arm: ac.Arm, limits: ac.Limits
+) -> None:
+    """Laps hand over velocities with a step of about 1e-5 rad/s, by the method's design."""
+    found = ac.check(mac, arm, limits, rounded)
+    assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-9)
+    assert found["joint_acceleration"].ratio <= 1 + 1e-9
+    assert found["speed"].ratio < 1
+    # The corner is uniform, but its joint path is traced to 1e-8 m.
+    assert found["centripetal_acceleration"].ratio == pytest.approx(1, abs=1e-4)
+    assert 1e-6 < found["velocity_step"].value < 2e-5
+    assert found.path_deviation is not None
+    assert found.path_deviation.distance < 1e-8
+    # In samples the step is what it is: more acceleration than allowed within a sample.
+    sampled = ac.check(mac.sample(1e-3), arm, limits, rounded)
+    assert 1.005 < sampled["joint_acceleration"].ratio < 1.02
+
+
+@given(
+    k=st.floats(0.1, 10),
+    q=st.lists(st.tuples(st.floats(-1, 1), st.floats(0.3, 2)), min_size=4, max_size=12),
+    seed=st.integers(0, 99),
+)
+def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(
+    k: float, q: list[tuple[float, float]], seed: int
+) -> None:
+    arm = ac.load_arm("pmk3s")
+    random = np.random.default_rng(seed)
+    limits = ac.Limits(joint_velocity=1.0, joint_acceleration=1.0, joint_deceleration=0.5)
+    t = np.cumsum(random.uniform(0.1, 1, len(q)))
+    dq, ddq = random.normal(size=(2, len(q), 2))
+    for velocities, accelerations in ((None, None), (dq, None), (dq, ddq)):
+        before = ac.check(Log(t, q, velocities, accelerations), arm, limits)
+        slow = Log(
+            k * t,
+            q,
+            None if velocities is None else velocities / k,
+            None if accelerations is None else accelerations / k**2,
+        )
+        after = ac.check(slow, arm, limits)
+        for name, power in (
+            ("joint_velocity", 1),
+            ("joint_acceleration", 2),
+            ("joint_deceleration", 2),
+        ):
+            expected = before[name].ratio / k**power
+            assert after[name].ratio == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+GOOD: dict[str, Any] = {"t": [0.0, 0.1, 0.2], "q": [[0.3, 0.9], [0.31, 0.9], [0.32, 0.9]]}
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "data"),
+    [
+        ({"t": [0.0, 0.1, 0.1]}, ["row 3", "does not come after row 2"], {"index": 2}),
+        ({"t": [0.0, 0.2, 0.1]}, ["row 3"], {"index": 2, "t": 0.1}),
+        ({"t": [0.0, np.nan, 0.2]}, ["t is nan in row 2"], {"index": 1}),
+        (
+            {"q": [[0.3, 0.9], [0.3, 0.9], [0.3, np.inf]]},
+            ["q of joint 2 is inf in row 3"],
+            {"index": 2, "joint": 2},
+        ),
+        ({"dq": [[0.3, 0.9], [np.nan, 0.9], [0.3, 0.1]]}, ["dq of joint 1 is nan in row 2"], {}),
+        ({"t": [0.0, 0.1], "q": GOOD["q"][:2]}, ["at least 3 samples", "has 2"], {}),
+        ({"t": [0.0, 0.1]}, ["2 times, but 3 rows of q"], {}),
+        ({"q": [[0.3], [0.3], [0.3]]}, ["2 columns, one per joint"], {}),
+        ({"q": [["a", "b"]]}, ["q must be numbers in rad"], {}),
+        ({"t": None}, ["must have times t"], {}),
+    ],
+)
+def test_what_is_no_trajectory_is_refused(
+    arm: ac.Arm, refuses: Callable[..., None], change: dict[str, Any], words: list[str], data: Any
+) -> None:
+    log = Log(**{**GOOD, **change})
+    refuses(lambda: ac.check(log, arm), ac.InvalidInput, *words, **data)
+
+
+def test_what_cannot_be_asked(
+    arm: ac.Arm, objective: ac.Path, refuses: Callable[..., None]
+) -> None:
+    log, bad = Log(**GOOD), ac.InvalidInput
+    refuses(lambda: ac.check(log, arm, deviation=1e-3), bad, "needs the path")
+    refuses(lambda: ac.check(log, arm, path=objective, deviation=0), bad, "deviation", "above zero")
+    refuses(lambda: ac.check(log, arm, resolution={"x": 1}), bad, "not of 'x'")
+    refuses(lambda: ac.check(log, arm, resolution={"q": -1}), bad, "must not be negative")
+    space = ac.Path.polyline([(0, 0, 0), (1, 1, 1)])
+    refuses(lambda: ac.check(log, arm, path=space), bad, "3 coordinates")
+    three = ac.Limits(joint_acceleration=[1, 1, 1])
+    refuses(lambda: ac.check(log, arm, three), bad, "3 values", "2 joints")
+    spline = LapLaw(
+        breaks=np.array([0, 1.0]), q=np.zeros((2, 3)), dq=np.zeros((1, 3)), ddq=np.zeros((1, 3))
+    )
+    other = ac.Trajectory(laws=(spline,), method="by hand")
+    refuses(lambda: ac.check(other, arm), bad, "3 joints", "the arm has 2")
+
+
+@pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
+def test_no_motion_is_blamed_for_what_it_did_not_do(arm: ac.Arm, names: str) -> None:
+    """Random jerky motions, sampled at random times and printed with few digits, time included."""
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        n = int(random.integers(1, 8))
+        ddq = random.uniform(-1, 1, (n, 2)) * random.choice([0.1, 1, 5])
+        planned = laps(random.uniform(0.05, 0.3, n).tolist(), ddq.tolist(), (0.3, 0.9))
+        dense = np.union1d(np.linspace(0, planned.duration, 2001), planned.breaks)
+        velocity = np.abs(planned(dense, 1)).max(axis=0)
+        tool = np.linalg.norm(arm.tool_velocity(planned(dense), planned(dense, 1)), axis=1)
+        limits = ac.Limits(
+            joint_velocity=velocity * (1 + 1e-9),
+            joint_acceleration=np.maximum(ddq.max(axis=0), 1e-3),
+            joint_deceleration=np.maximum(-ddq.min(axis=0), 1e-3),
+            speed=tool.max() * (1 + 1e-5),
+        )
+        digits = int(random.choice([4, 6, 9]))
+        t = np.sort(random.uniform(0, planned.duration, 100))
+        t = t[np.append(True, np.diff(np.round(t, digits)) > 0)]
+        samples = Samples(t=t, q=planned(t), dq=planned(t, 1), ddq=planned(t, 2))
+        log, resolution = rounded_to(columns(samples, names), digits)
+        log.t = np.round(t, digits)
+        found = ac.check(log, arm, limits, resolution={**resolution, "t": 10.0**-digits})
+        assert not found.violated, (seed, found.worst)

@@ -1,0 +1,164 @@
+"""Trajectory files and limits files: what they give, and how a bad one is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_trajectory, read_limits, read_trajectory
+
+ROWS = "\n0,0.1,0.2\n0.5,0.3,0.4\n"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t,q1,q2",
+        "t [s],joint 1 [rad],joint 2 [rad]",
+        "time,q_1,q_2",
+        "T (s), Q1 (rad), Q2 (rad)",
+        "t_s,q1_rad,q2_rad",
+        "t,shoulder [rad],elbow",
+    ],
+)
+def test_names_and_units_of_columns(header: str) -> None:
+    found = parse_trajectory(header + ROWS, ["shoulder", "elbow"])
+    np.testing.assert_array_equal(found.t, [0, 0.5])
+    np.testing.assert_array_equal(found.q, [[0.1, 0.2], [0.3, 0.4]])
+    assert found.dq is None
+    assert found.ddq is None
+    assert not found.q.flags.writeable
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " , "])
+def test_all_columns_in_any_order_with_comments_and_other_units(separator: str) -> None:
+    text = """# from a controller
+    ddq 2 [deg/s^2],dq 1 [deg/s],t [ms],q 2 [deg],q1_deg,dq2,ddq1 [rad/s²]
+    # the first sample
+
+    180,90,0,45,90,1,2
+    180,90,4,45,90,1,2
+    """
+    found = parse_trajectory(text.replace(",", separator))
+    np.testing.assert_allclose(found.t, [0, 4e-3])
+    np.testing.assert_allclose(found.q, [[np.pi / 2, np.pi / 4]] * 2)
+    assert found.dq is not None
+    assert found.ddq is not None
+    np.testing.assert_allclose(found.dq, [[np.pi / 2, 1]] * 2)
+    np.testing.assert_allclose(found.ddq, [[2, np.pi]] * 2)
+    assert found.resolution["t"] == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("texts", "resolution"),
+    [
+        (["0.123456", "1.200000", "0.000000"], 1e-6),  # %.6f
+        (["1.234567", "0.12", "0"], 1e-6),  # the same, its zeros cut off
+        (["1.234560e-01", "1.200000e+00", "0.000000e+00"], 1e-6),  # %.6e: its largest number
+        (["0.123457", "12.3457", "0.00123457"], 1e-4),  # %.6g: its largest number
+        (["0.1", "0.30000000000000004", "-1.2345678901234567"], 1e-16),  # shortest
+        (["12", "-7", "0"], 1),
+        ([".5", "1.", "+2.25"], 1e-2),
+    ],
+)
+def test_resolution_is_that_of_the_printed_digits(texts: list[str], resolution: float) -> None:
+    rows = "".join(f"{i},{x},0\n" for i, x in enumerate(texts))
+    found = parse_trajectory("t,q1,q2\n" + rows)
+    assert found.resolution["q"] == pytest.approx(resolution, rel=1e-6)
+    in_degrees = parse_trajectory("t,q1 [deg],q2 [deg]\n" + rows)
+    assert in_degrees.resolution["q"] == pytest.approx(np.deg2rad(resolution), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "log.csv is empty"),
+        ("# nothing\n", "log.csv is empty"),
+        ("t,q1,q2\n", "no samples"),
+        ("0,0.1,0.2\n1,0.1,0.2\n", "line 1: the first line must name the columns"),
+        ("# a\nt,q1,tau1\n0,1,2\n", "line 2: unknown column 'tau1'"),
+        ("t,q1,q1_deg\n0,1,2\n", "line 1: the columns 'q1' and 'q1_deg' hold the same"),
+        ("q1,q2\n0,1\n", "line 1: the column t is missing"),
+        ("t,dq1\n0,1\n", "line 1: the column q1 is missing"),
+        ("t\n0\n", "line 1: the column q1 is missing"),
+        ("t,q1,q3\n0,1,2\n", "line 1: the column q2 is missing"),
+        ("t,q1,q2,dq1\n0,1,2,3\n", "line 1: the column dq2 is missing"),
+        ("t,q0,q1\n0,1,2\n", "joints count from 1"),
+        ("t,q\n0,1\n", "unknown column 'q'"),
+        ("t [m],q1\n0,1\n", r"the unit 'm' of the column 't \[m\]' is not one of s"),
+        ("t,q1 [rad/s]\n0,1\n", "is not one of rad"),
+        ("t,q1,dq1 [1/s]\n0,1,2\n", "is not one of rad/s"),
+        ("t,q1 []\n0,1\n", "is not one of rad"),
+        ("t,q1\n0,1\n1\n", "line 3: 1 values, but 2 columns"),
+        ("t,q1\n0,1\n1,2,3\n", "line 3: 3 values, but 2 columns"),
+        ("t,q1\n0,1\n\n1,x\n", "line 4: 'x' in the column 'q1' is not a finite number"),
+        ("t,q1\n0,1\n1,nan\n", "line 3: 'nan' in the column 'q1'"),
+        ("t,q1\n0,1\n1,\n", "line 3: '' in the column 'q1'"),
+        ("t,q1\n0,1\n# a\n0,2\n", "line 4: times must increase, but 0 does not come after 0"),
+    ],
+)
+def test_anything_else_is_refused_with_its_line(text: str, words: str) -> None:
+    with pytest.raises(InvalidInput, match=words) as caught:
+        parse_trajectory(text, source="log.csv")
+    assert str(caught.value).startswith("log.csv")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path: FilePath) -> None:
+    with pytest.raises(InvalidInput, match="Cannot read the trajectory file .*No such file"):
+        read_trajectory(tmp_path / "none.csv")
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InvalidInput, match="not UTF-8"):
+        read_trajectory(tmp_path / "binary.csv")
+
+
+def test_a_trajectory_survives_its_file(tmp_path: FilePath, mac: ac.Trajectory) -> None:
+    samples = mac.sample(4e-3)
+    table = np.column_stack([samples.t, samples.q, samples.dq, samples.ddq])
+    file = tmp_path / "mac.csv"
+    np.savetxt(file, table, "%.9f", ",", header="t,q1,q2,dq1,dq2,ddq1,ddq2", comments="")
+    found = read_trajectory(file)
+    for name in ("t", "q", "dq", "ddq"):
+        np.testing.assert_allclose(getattr(found, name), getattr(samples, name), atol=6e-10)
+        assert found.resolution[name] == pytest.approx(1e-9)
+
+
+def test_limits_with_units(tmp_path: FilePath, arm: ac.Arm) -> None:
+    file = tmp_path / "limits.yaml"
+    file.write_text(
+        "speed: 150 mm/s\ntool_acceleration: 2\ncentripetal_acceleration: 0.09 m/s^2\n"
+        "joint_velocity: [90 deg/s, 1.0]\njoint_deceleration: 0.5 rad/s^2\ndeviation: 0.1 mm\n"
+    )
+    limits, deviation = read_limits(file, arm)
+    assert deviation == pytest.approx(1e-4)
+    assert (limits.speed, limits.tool_acceleration) == (0.15, 2)
+    assert limits.joint_velocity is not None
+    assert limits.joint_acceleration is not None
+    assert limits.joint_deceleration is not None
+    np.testing.assert_allclose(limits.joint_velocity, [np.pi / 2, 1])
+    np.testing.assert_array_equal(limits.joint_acceleration, [0.72, 0.72])  # the arm's own
+    np.testing.assert_array_equal(limits.joint_deceleration, [0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("- 1", "must hold a mapping of limits"),
+        ("{", "not valid YAML"),
+        ("speeed: 1", "unknown key speeed"),
+        ("speed: '0.1'", "speed: '0.1' has no unit"),
+        ("speed: -1", "speed must be above zero"),
+        ("deviation: 1 s", "deviation: must be a quantity in m"),
+        ("joint_velocity: [1, 2, 3]", "3 values.*2 joints"),
+    ],
+)
+def test_limits_that_are_none(tmp_path: FilePath, arm: ac.Arm, text: str, words: str) -> None:
+    (tmp_path / "limits.yaml").write_text(text)
+    with pytest.raises(InvalidInput, match=words):
+        read_limits(tmp_path / "limits.yaml", arm)
+    with pytest.raises(InvalidInput, match="Cannot read the limits file"):
+        read_limits(tmp_path / "none.yaml", arm)
