@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         NotRealizable,
         Unreachable,
     )
-    from armcontour.evaluation import Evaluation, evaluate
+    from armcontour.evaluation import Check, Evaluation, LimitUse, check, evaluate
     from armcontour.execution import Plant, ServoPlant, execute
     from armcontour.geometry import Arc, Demand, Line, Path, RoundedPath, round_corners
     from armcontour.io import read_job
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from armcontour.report import write_report
     from armcontour.servo import ServoModel
     from armcontour.study import Job, Study, run
-    from armcontour.timing import plan
+    from armcontour.timing import Explanation, explain, plan
     from armcontour.tracing import trace
 
 _HOME = {
@@ -47,7 +47,7 @@ _HOME = {
         "NotRealizable",
         "Unreachable",
     ),
-    "evaluation": ("Evaluation", "evaluate"),
+    "evaluation": ("Check", "Evaluation", "LimitUse", "check", "evaluate"),
     "execution": ("Plant", "ServoPlant", "execute"),
     "geometry": ("Arc", "Demand", "Line", "Path", "RoundedPath", "round_corners"),
     "io": ("read_job",),
@@ -55,7 +55,7 @@ _HOME = {
     "report": ("write_report",),
     "servo": ("ServoModel",),
     "study": ("Job", "Study", "run"),
-    "timing": ("plan",),
+    "timing": ("Explanation", "explain", "plan"),
     "tracing": ("trace",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -64,14 +64,17 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "Check",
     "CompensationError",
     "Demand",
     "Evaluation",
     "Execution",
     "ExecutionError",
+    "Explanation",
     "InvalidInput",
     "Job",
     "JointPath",
+    "LimitUse",
     "Limits",
     "Line",
     "NotRealizable",
@@ -87,9 +90,11 @@ __all__ = [
     "Unreachable",
     "__version__",
     "arm_names",
+    "check",
     "compensate",
     "evaluate",
     "execute",
+    "explain",
     "load_arm",
     "plan",
     "read_job",

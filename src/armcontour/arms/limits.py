@@ -13,28 +13,43 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 
+JOINT_LIMITS = {
+    "joint_acceleration": "rad/s²",
+    "joint_deceleration": "rad/s²",
+    "joint_velocity": "rad/s",
+}
+TOOL_LIMITS = {"speed": "m/s", "tool_acceleration": "m/s²", "centripetal_acceleration": "m/s²"}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits:
     """Limits of the joints and of the tool; what is not given is not limited.
 
     Args:
-        joint_acceleration: Largest acceleration of each joint, either way [rad/s²], (dof,).
+        joint_acceleration: Largest acceleration of each joint [rad/s²], (dof,); either way, unless
+            `joint_deceleration` is given.
+        joint_deceleration: Largest acceleration of each joint in its negative direction, as an
+            amount [rad/s²], (dof,).
         joint_velocity: Largest velocity of each joint, either way [rad/s], (dof,).
         speed: Assigned velocity: tool speed asked for and not exceeded [m/s].
-        centripetal_acceleration: Largest centripetal acceleration of the tool [m/s²].
+        tool_acceleration: Largest acceleration of the tool, as a vector's length [m/s²].
+        centripetal_acceleration: Largest part of it at right angles to the motion [m/s²].
 
     Raises:
-        InvalidInput: A limit that is not above zero.
+        InvalidInput: A limit that is not above zero, or a deceleration without an acceleration.
     """
 
     joint_acceleration: FloatArray | None = None
+    joint_deceleration: FloatArray | None = None
     joint_velocity: FloatArray | None = None
     speed: float | None = None
+    tool_acceleration: float | None = None
     centripetal_acceleration: float | None = None
 
     def __post_init__(self) -> None:
-        for name, unit in (("joint_acceleration", "rad/s²"), ("joint_velocity", "rad/s")):
+        if self.joint_deceleration is not None and self.joint_acceleration is None:
+            raise InvalidInput("joint_deceleration needs joint_acceleration beside it.")
+        for name, unit in JOINT_LIMITS.items():
             values = getattr(self, name)
             if values is None:
                 continue
@@ -45,7 +60,7 @@ class Limits:
                     limit=name,
                 )
             object.__setattr__(self, name, _checks.locked(array))
-        for name, unit in (("speed", "m/s"), ("centripetal_acceleration", "m/s²")):
+        for name, unit in TOOL_LIMITS.items():
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, _checks.positive(name, value, unit))
@@ -70,10 +85,22 @@ class Limits:
         """
         changes = {
             name: _checks.per_joint(name, values, dof, unit)
-            for name, unit in (("joint_acceleration", "rad/s²"), ("joint_velocity", "rad/s"))
-            if (values := getattr(self, name)) is not None
+            for name, unit in JOINT_LIMITS.items()
+            if (values := getattr(self, name)) is not None and values.shape != (dof,)
         }
-        return self.replace(**changes)
+        return self.replace(**changes) if changes else self
+
+    def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bound of every joint's acceleration, infinite without one."""
+        upper = or_unlimited(self.joint_acceleration, dof)
+        lower = upper if self.joint_deceleration is None else self.joint_deceleration
+        return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
+
+    def same_both_ways(self) -> bool:
+        """Whether every joint may accelerate alike in both directions."""
+        if self.joint_deceleration is None or self.joint_acceleration is None:
+            return True
+        return bool(np.array_equal(self.joint_deceleration, self.joint_acceleration))
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:

@@ -7,7 +7,8 @@ from numba import njit
 
 from armcontour._checks import FloatArray
 
-# A Taylor series of the filter's state over a step of at most this many time constants ...
+# A Taylor series of the filter's state over a step of at most this many of its shortest time
+# constants ...
 LARGEST_STEP = 0.25
 # ... ends at rounding with this many terms, for inputs up to fifth order too.
 TERMS = 22
@@ -19,6 +20,7 @@ def filtered(
     coefficients: FloatArray,
     damping: FloatArray,
     rate: FloatArray,
+    fastest: FloatArray,
     start: FloatArray,
 ) -> FloatArray:
     """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
@@ -28,6 +30,7 @@ def filtered(
         coefficients: Input per interval in x = u / width, (n, 6, dof).
         damping: d1, d2 per joint, (dof, 2).
         rate: p per joint [1/s], (dof,).
+        fastest: Size of the filter's largest pole per joint [1/s], (dof,).
         start: Input value at which everything is at rest before the first interval, (dof,).
 
     Returns:
@@ -44,7 +47,7 @@ def filtered(
         state = np.array([start[j], 0.0, 0.0])
         states[0, j] = state
         for i in range(n):
-            steps = int(np.ceil(width[i] * p / LARGEST_STEP))
+            steps = int(np.ceil(width[i] * fastest[j] / LARGEST_STEP))
             steps = max(steps, 1)
             h = width[i] / steps
             for step in range(steps):

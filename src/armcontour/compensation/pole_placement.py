@@ -87,6 +87,7 @@ def pole_placement(
         np.concatenate([motion, rest]),
         np.stack([c1 / rate**2, c2 / rate], axis=1),
         rate,
+        np.abs(placed).max(axis=1),
         trajectory(0.0),
     )
     at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
@@ -103,7 +104,10 @@ def pole_placement(
 
 
 def _checked(poles: npt.ArrayLike, dof: int) -> ComplexArray:
-    placed = np.array(poles, dtype=np.complex128)
+    try:
+        placed = np.array(poles, dtype=np.complex128)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"poles must be three finite numbers [1/s]: {error}.") from None
     if placed.shape == (3,):
         placed = np.tile(placed, (dof, 1))
     if placed.shape != (dof, 3) or not np.isfinite(placed).all():

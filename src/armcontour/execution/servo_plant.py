@@ -39,6 +39,11 @@ class ServoPlant(Plant):
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
+        if not own.same_both_ways():
+            raise InvalidInput(
+                "The servo plant saturates alike in both directions: leave joint_deceleration out "
+                "of its limits."
+            )
         self.acceleration = or_unlimited(own.joint_acceleration, arm.dof)
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:

@@ -2,7 +2,7 @@
 
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath, quintic
-from armcontour.motion.laws import LapLaw, Law, PathLaw
+from armcontour.motion.laws import LapLaw, Law, PathLaw, interval_times
 from armcontour.motion.taught import TaughtData
 from armcontour.motion.trajectory import Samples, Stretch, Trajectory
 
@@ -16,5 +16,6 @@ __all__ = [
     "Stretch",
     "TaughtData",
     "Trajectory",
+    "interval_times",
     "quintic",
 ]

@@ -56,7 +56,7 @@ class LapLaw(Law):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PathLaw(Law):
-    """A joint path run along with a piecewise polynomial s(t): the tool stays on the path.
+    """A joint path run along with a path acceleration that is linear in s on every interval.
 
     Every joint between segments that lies on the way must be one of the breaks.
 
@@ -64,7 +64,8 @@ class PathLaw(Law):
         joint_path: The path.
         breaks: Interval ends, from 0 [s], (n + 1,).
         s: Arc lengths at the breaks [m], (n + 1,).
-        rates: ds, dds, ddds at the start of every interval, (n, 3) [m/s, m/s², m/s³].
+        rates: ds and dds at the start of every interval, and the slope of dds over s on it, (n, 3)
+            [m/s, m/s², 1/s²].
     """
 
     joint_path: JointPath
@@ -80,12 +81,14 @@ class PathLaw(Law):
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """s, ds or dds at times `t` by the formula of interval `i`."""
         u = t - self.breaks[i]
-        ds, dds, ddds = self.rates[i, 0], self.rates[i, 1], self.rates[i, 2]
+        ds, dds, slope = self.rates[i, 0], self.rates[i, 1], self.rates[i, 2]
+        # The solution of `dds = dds_i + slope (s - s_i)`: hyperbolic or circular functions.
+        c, h, p = _linear_motion(slope, u)
         if order == 0:
-            s = self.s[i] + u * (ds + u * (dds / 2 + u * ddds / 6))
+            s = self.s[i] + ds * h + dds * p
             # Rounding must not carry s over a joint, whose two sides differ.
             return np.asarray(np.clip(s, self.s[i], self.s[i + 1]))
-        return np.asarray(ds + u * (dds + u * ddds / 2) if order == 1 else dds + u * ddds)
+        return np.asarray(ds * c + dds * h if order == 1 else ds * slope * h + dds * c)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """q, dq or ddq by the chain rule."""
@@ -107,3 +110,44 @@ class PathLaw(Law):
 def _refuse_disorder(breaks: FloatArray) -> None:
     if len(breaks) < 2 or breaks[0] != 0 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must start at 0 and increase.")
+
+
+def interval_times(
+    width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
+) -> FloatArray:
+    """Times of intervals run with a path acceleration linear in s.
+
+    Args:
+        width: Lengths [m], (n,).
+        begin: ds at the starts [m/s], (n,).
+        end: ds at the ends [m/s], (n,).
+        slope: Slope of dds over s [1/s²], (n,).
+
+    Returns:
+        `(2 / k) atanh(k width / (begin + end))` with `k² = slope`, (n,) [s].
+    """
+    simple = 2 * width / (begin + end)
+    z = slope * simple**2 / 4
+    size = np.sqrt(np.abs(z))
+    series = 1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9)))
+    if size.max() < 1e-2:
+        return np.asarray(simple * series)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exact = np.where(z > 0, np.arctanh(np.minimum(size, 1 - 1e-16)), np.arctan(size)) / size
+    return np.asarray(simple * np.where(size < 1e-2, series, exact))
+
+
+def _linear_motion(slope: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """cosh(k t), sinh(k t) / k and (cosh(k t) - 1) / k², `k² = slope`, for any sign of it."""
+    z = slope * t * t
+    size = np.sqrt(np.abs(z))
+    half = size / 2
+    safe = np.where(size < 1e-2, 1.0, size)
+    c = np.where(z > 0, np.cosh(size), np.cos(size))
+    h = np.where(z > 0, np.sinh(size), np.sin(size)) / safe
+    p = 2 * (np.where(z > 0, np.sinh(half), np.sin(half)) / safe) ** 2
+    near = size < 1e-2
+    c = np.where(near, 1 + z / 2 * (1 + z / 12 * (1 + z / 30)), c)
+    h = np.where(near, 1 + z / 6 * (1 + z / 20 * (1 + z / 42)), h)
+    p = np.where(near, 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56))), p)
+    return c, t * h, t * t * p

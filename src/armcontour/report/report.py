@@ -24,6 +24,7 @@ def render_report(study: Study) -> str:
         sections.paths(study),
         sections.joint_space(study),
         sections.tool_speed(study),
+        sections.bindings(study),
         sections.accelerations(study),
         sections.contour_error(study),
         sections.time_stamps(study),

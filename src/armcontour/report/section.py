@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from armcontour.study import RunResult, Study
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
@@ -45,3 +47,12 @@ class Section:
     figures: tuple[Any, ...] = ()
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+def marked_run(study: Study) -> RunResult | None:
+    """The run whose switching points figures show: the one with published times, or the last."""
+    switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
+    published = study.job.published
+    if published is not None and published.time_stamps_of is not None:
+        return study.runs[published.time_stamps_of]
+    return switched[-1] if switched else None

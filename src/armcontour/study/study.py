@@ -12,7 +12,7 @@ from armcontour.execution import ServoPlant, execute
 from armcontour.geometry import Path, round_corners
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.study.job import Job, Run
-from armcontour.timing import plan
+from armcontour.timing import Explanation, explain, plan
 from armcontour.tracing import trace
 
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
@@ -28,6 +28,7 @@ class RunResult:
         path: The path that the tool was to follow: rounded, or the objective path itself.
         joint_path: The same in joint space.
         trajectory: The realizable trajectory.
+        explanation: Which limit binds where, for a plan of the method "optimal".
         taught: The taught data.
         execution: What the joints did.
         evaluation: What that was worth.
@@ -37,6 +38,7 @@ class RunResult:
     path: Path
     joint_path: JointPath
     trajectory: Trajectory
+    explanation: Explanation | None
     taught: TaughtData
     execution: Execution
     evaluation: Evaluation
@@ -64,17 +66,24 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     return Study(job=job, runs=MappingProxyType(results))
 
 
+def path_of(job: Job, this: Run) -> Path:
+    """The path that the tool is to follow in one run: with its corners rounded, if they are."""
+    if this.rounding is None:
+        return job.path
+    acceleration = this.rounding.acceleration
+    if acceleration is None:
+        acceleration = this.limits.centripetal_acceleration
+    return round_corners(
+        job.path,
+        tolerance=this.rounding.tolerance,
+        speed=this.rounding.speed,
+        acceleration=acceleration,
+    )
+
+
 def _run(job: Job, this: Run, progress: Progress) -> RunResult:
     progress(this.name, "rounding")
-    path = job.path
-    if this.rounding is not None:
-        acceleration = this.rounding.acceleration or this.limits.centripetal_acceleration
-        path = round_corners(
-            job.path,
-            tolerance=this.rounding.tolerance,
-            speed=this.rounding.speed,
-            acceleration=acceleration,
-        )
+    path = path_of(job, this)
     progress(this.name, "tracing")
     joint_path = trace(path, job.arm, branch=job.branch)
     progress(this.name, "timing")
@@ -95,6 +104,9 @@ def _run(job: Job, this: Run, progress: Progress) -> RunResult:
         path=path,
         joint_path=joint_path,
         trajectory=trajectory,
+        explanation=(
+            explain(trajectory, job.arm, this.limits) if trajectory.method == "optimal" else None
+        ),
         taught=taught,
         execution=executed,
         evaluation=evaluate(

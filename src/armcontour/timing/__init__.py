@@ -1,5 +1,6 @@
 """Timing: one file per method, one door to them."""
 
+from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
 from armcontour.timing.planner import METHODS, plan
 
-__all__ = ["METHODS", "plan"]
+__all__ = ["METHODS", "Binding", "Explanation", "Shortfall", "explain", "plan"]

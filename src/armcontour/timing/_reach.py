@@ -1,8 +1,10 @@
 """The compiled part of the optimal planner: what can be reached, backwards and then forwards.
 
-The stage of interval i has x at its start and y at its end (both ds²), `u = (y - x) / (2 width)`.
-Every row is then linear in x and y, and every disc convex, so for a given y the allowed x form an
-interval, and its upper end is a concave function of y.
+The stage of interval i has x at its start and y at its end (both ds²). Its mean path acceleration
+is `(y - x) / (2 width)`, and with the slope given beforehand that at its start is
+`(y - x - shift) / (2 width)` and that at its end `(y - x + shift) / (2 width)`. Every row is then
+linear in x and y, and every disc convex, so for a given y the allowed x form an interval, and its
+upper end is a concave function of y.
 """
 
 from __future__ import annotations
@@ -16,6 +18,15 @@ from armcontour._checks import FloatArray
 
 # The search for the best y of a stage takes a few cuts; this many would mean it is broken.
 MOST_CUTS = 80
+# Two ends of an interval this near to each other, relatively, differ by rounding only.
+EDGE = 1e-13
+# What rounding does to a row, relatively.
+ROUNDING = 1e-15
+# A row binds on an interval from this share of its bound on, if no ceiling is this near to binding.
+BINDING = 0.98
+BELOW_CEILING = 1 - 1e-6
+# A skew is taken where it changes the binding quantity by at most this share over the interval.
+LARGEST_CHANGE = 0.1
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -30,6 +41,7 @@ def _of_x(
     c0: float,
     c1: float,
     r: float,
+    shift: float,
 ) -> tuple[float, float, float, float]:
     """Interval of x for a given y: upper end, its slope in y, lower end, its slope."""
     upper = np.inf
@@ -41,13 +53,14 @@ def _of_x(
             inertia = a[end, i, k] * half
             p = b[end, i, k] - inertia if end == 0 else -inertia
             q = inertia if end == 0 else inertia + b[end, i, k]
+            known = q * y - (inertia * shift if end == 0 else -inertia * shift)
             if p == 0.0:
-                if q * y > high[end, i, k] or q * y < low[end, i, k]:
+                if known > high[end, i, k] or known < low[end, i, k]:
                     return -np.inf, -1.0, 0.0, 0.0
                 continue
             inverse = 1.0 / p
-            first = (low[end, i, k] - q * y) * inverse
-            second = (high[end, i, k] - q * y) * inverse
+            first = (low[end, i, k] - known) * inverse
+            second = (high[end, i, k] - known) * inverse
             if p < 0.0:
                 first, second = second, first
             if second < upper:
@@ -63,23 +76,24 @@ def _of_x(
             return -np.inf, -1.0, 0.0, 0.0
         reach = math.sqrt(left)
         steep = (c1 / half) * (c1 / half) * y / max(reach, 1e-300)
-        if y + reach < upper:
-            upper = y + reach
+        if y + shift + reach < upper:
+            upper = y + shift + reach
             upper_slope = 1.0 - steep
-        if y - reach > lower:
-            lower = y - reach
+        if y + shift - reach > lower:
+            lower = y + shift - reach
             lower_slope = 1.0 + steep
         k2 = (c0 / half) * (c0 / half)
-        left = radius * radius * (1.0 + k2) - k2 * y * y
+        moved = y - shift
+        left = radius * radius * (1.0 + k2) - k2 * moved * moved
         if left < 0.0:
             return -np.inf, -1.0, 0.0, 0.0
         reach = math.sqrt(left)
-        steep = k2 * y / max(reach, 1e-300)
-        if (y + reach) / (1.0 + k2) < upper:
-            upper = (y + reach) / (1.0 + k2)
+        steep = k2 * moved / max(reach, 1e-300)
+        if (moved + reach) / (1.0 + k2) < upper:
+            upper = (moved + reach) / (1.0 + k2)
             upper_slope = (1.0 - steep) / (1.0 + k2)
-        if (y - reach) / (1.0 + k2) > lower:
-            lower = (y - reach) / (1.0 + k2)
+        if (moved - reach) / (1.0 + k2) > lower:
+            lower = (moved - reach) / (1.0 + k2)
             lower_slope = (1.0 + steep) / (1.0 + k2)
     return upper, upper_slope, lower, lower_slope
 
@@ -96,6 +110,7 @@ def _of_y(
     c0: float,
     c1: float,
     r: float,
+    shift: float,
 ) -> tuple[float, float]:
     """Interval of y for a given x."""
     upper = np.inf
@@ -107,9 +122,12 @@ def _of_y(
             q = inertia if end == 0 else inertia + b[end, i, k]
             if q == 0.0:
                 continue
+            known = p * x - (inertia * shift if end == 0 else -inertia * shift)
             inverse = 1.0 / q
-            first = (low[end, i, k] - p * x) * inverse
-            second = (high[end, i, k] - p * x) * inverse
+            # Where q is tiny and x at the row's edge, rounding must not decide on y.
+            least, most = low[end, i, k], high[end, i, k]
+            first = (least - ROUNDING * (abs(least) + abs(known)) - known) * inverse
+            second = (most + ROUNDING * (abs(most) + abs(known)) - known) * inverse
             if q < 0.0:
                 first, second = second, first
             upper = min(upper, second)
@@ -117,12 +135,13 @@ def _of_y(
     if r < np.inf:
         radius = r / half
         reach = math.sqrt(max(radius * radius - (c0 / half * x) * (c0 / half * x), 0.0))
-        upper = min(upper, x + reach)
-        lower = max(lower, x - reach)
+        upper = min(upper, x + shift + reach)
+        lower = max(lower, x + shift - reach)
         k2 = (c1 / half) * (c1 / half)
-        reach = math.sqrt(max(radius * radius * (1.0 + k2) - k2 * x * x, 0.0))
-        upper = min(upper, (x + reach) / (1.0 + k2))
-        lower = max(lower, (x - reach) / (1.0 + k2))
+        moved = x - shift
+        reach = math.sqrt(max(radius * radius * (1.0 + k2) - k2 * moved * moved, 0.0))
+        upper = min(upper, (moved + reach) / (1.0 + k2))
+        lower = max(lower, (moved - reach) / (1.0 + k2))
     return upper, lower
 
 
@@ -136,6 +155,7 @@ def reach(
     ceiling: FloatArray,
     c: FloatArray,
     radius: FloatArray,
+    shifts: FloatArray,
     start: float,
     end: float,
 ) -> tuple[FloatArray, FloatArray, int]:
@@ -150,6 +170,7 @@ def reach(
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n).
         radius: Their radii, infinite for none, (n,).
+        shifts: Slope of u over s times width², (n,).
         start: x at the first point.
         end: x at the last point.
 
@@ -165,55 +186,121 @@ def reach(
         half = 0.5 / width[i]
         cap = ceiling[i]
         y = most[i + 1]
-        c0, c1, r = c[0, i], c[1, i], radius[i]
-        up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r)
-        feasible = up >= down and up >= 0.0
-        if feasible and (up >= cap or slope >= 0.0):
-            most[i] = min(up, cap)
-            continue
-        if not feasible and up > -np.inf and slope - down_slope >= 0.0 and slope >= 0.0:
-            return x, most, i
-        # A lower y allows a larger x: find the top of a concave function by cutting.
-        y_left = 0.0
-        x_left, slope_left, down_left, _ = _of_x(y_left, half, a, b, low, high, i, c0, c1, r)
-        if not (x_left >= down_left and x_left >= 0.0):
-            return x, most, i
-        y_right, x_right, slope_right = y, up, slope
-        best = max(x_left, up if feasible else 0.0)
-        right_known = feasible
+        c0, c1, r, shift = c[0, i], c[1, i], radius[i], shifts[i]
+        up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+        # Too fast an end of the interval may leave no x at all. The room for x is concave in y, so
+        # Newton's steps come down to its edge without passing over it.
         for _ in range(MOST_CUTS):
-            if slope_left <= 0.0 or best >= cap:
+            if up >= down - EDGE * abs(down) and up >= 0.0:
                 break
-            if right_known and slope_left > slope_right:
+            closing = slope - down_slope if up >= 0.0 else slope
+            gap = up - down if up >= 0.0 else up
+            if up == -np.inf or closing >= 0.0:
+                y *= 0.5
+            else:
+                # On a steep edge the step can be lost in rounding: then y has to move all the same.
+                y = min(max(y - gap / closing, 0.0), y * (1 - EDGE))
+            up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+        else:
+            return x, most, i
+        # The largest x is there, or, if x rises as y falls, at the top of a concave function.
+        if up < cap and slope < 0.0:
+            y_left = 0.0
+            x_left, slope_left, down_left, _ = _of_x(
+                y_left, half, a, b, low, high, i, c0, c1, r, shift
+            )
+            if not (x_left >= down_left and x_left >= 0.0):
+                return x, most, i
+            y_right, x_right, slope_right = y, up, slope
+            best = max(x_left, up)
+            for _ in range(MOST_CUTS):
+                if slope_left <= 0.0 or slope_left <= slope_right or best >= cap:
+                    break
                 y = (x_right - x_left + slope_left * y_left - slope_right * y_right) / (
                     slope_left - slope_right
                 )
-                if x_left + slope_left * (y - y_left) <= best * (1 + 1e-13):
+                if y <= y_left or y >= y_right:
                     break
-                y = min(max(y, y_left), y_right)
-            else:
-                y = 0.5 * (y_left + y_right)
-            if y <= y_left or y >= y_right:
-                break
-            up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r)
-            if not (up >= down and up >= 0.0):
-                y_right, right_known = y, False
-                continue
-            best = max(best, up)
-            if slope > 0.0:
-                y_left, x_left, slope_left = y, up, slope
-            else:
-                y_right, x_right, slope_right, right_known = y, up, slope, True
-        most[i] = min(best, cap)
+                if x_left + slope_left * (y - y_left) <= best * (1 + EDGE):
+                    break
+                up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+                best = max(best, up)
+                if slope > 0.0:
+                    y_left, x_left, slope_left = y, up, slope
+                else:
+                    y_right, x_right, slope_right = y, up, slope
+            up = best
+        most[i] = min(up, cap)
     x[0] = start
     if start > most[0] * (1 + 1e-12):
         return x, most, 0
     for i in range(n):
         half = 0.5 / width[i]
-        up, down = _of_y(x[i], half, a, b, low, high, i, c[0, i], c[1, i], radius[i])
+        up, down = _of_y(x[i], half, a, b, low, high, i, c[0, i], c[1, i], radius[i], shifts[i])
         y = min(up, most[i + 1])
         # Both ends of the interval of y are rounded.
-        if y < down - 1e-9 * (abs(down) + most[i + 1]):
+        if y < down - 1e-9 * (abs(down) + most[i + 1] + x[i]):
             return x, most, i
         x[i + 1] = max(y, 0.0)
     return x, most, -1
+
+
+@njit(cache=True, error_model="numpy")
+def skews(
+    width: FloatArray,
+    a: FloatArray,
+    b: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    ceiling: FloatArray,
+    c: FloatArray,
+    radius: FloatArray,
+    x: FloatArray,
+) -> FloatArray:
+    """Slope of dds over s that keeps the binding constraint binding all along an interval, (n,).
+
+    Args:
+        width: Interval lengths, (n,).
+        a: Coefficients of u at interval starts and ends, (2, n, rows).
+        b: Coefficients of x, likewise.
+        low: Lower bounds, likewise.
+        high: Upper bounds, likewise.
+        ceiling: Largest x at the grid points, (n + 1,).
+        c: Coefficients of the discs, (2, n).
+        radius: Their radii, infinite for none, (n,).
+        x: A plan, (n + 1,).
+    """
+    n = len(width)
+    skew = np.zeros(n)
+    for i in range(n):
+        first, last = x[i], x[i + 1]
+        if first == 0.0 or last == 0.0:
+            continue
+        if first > ceiling[i] * BELOW_CEILING or last > ceiling[i + 1] * BELOW_CEILING:
+            continue
+        u = (last - first) / (2.0 * width[i])
+        most = BINDING
+        for k in range(a.shape[2]):
+            if a[0, i, k] * a[1, i, k] <= 0.0:
+                continue
+            v0 = a[0, i, k] * u + b[0, i, k] * first
+            v1 = a[1, i, k] * u + b[1, i, k] * last
+            bound0 = high[0, i, k] if v0 > 0.0 else low[0, i, k]
+            bound1 = high[1, i, k] if v0 > 0.0 else low[1, i, k]
+            used = max(v0 / bound0, v1 / bound1)
+            if used > most:
+                u0 = (bound0 - b[0, i, k] * first) / a[0, i, k]
+                u1 = (bound1 - b[1, i, k] * last) / a[1, i, k]
+                change = abs(a[0, i, k] * (u1 - u0))
+                if change < LARGEST_CHANGE * abs(bound0):
+                    most = used
+                    skew[i] = (u1 - u0) / width[i]
+        if radius[i] < np.inf:
+            used = max(math.hypot(c[0, i] * first, u), math.hypot(c[1, i] * last, u)) / radius[i]
+            left0 = radius[i] ** 2 - (c[0, i] * first) ** 2
+            left1 = radius[i] ** 2 - (c[1, i] * last) ** 2
+            if used > most and left0 > 0.0 and left1 > 0.0:
+                change = math.copysign(1.0, u) * (math.sqrt(left1) - math.sqrt(left0))
+                if abs(change) < LARGEST_CHANGE * radius[i]:
+                    skew[i] = change / width[i]
+    return skew

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,16 +25,16 @@ class Grid:
         joint_path: The path.
         s: Interval ends [m], (n + 1,).
         piece: The joint path's piece that holds each interval, (n,).
+        width: Interval lengths [m], (n,).
     """
 
     joint_path: JointPath
     s: FloatArray
     piece: IntArray
+    width: FloatArray = field(init=False)
 
-    @property
-    def width(self) -> FloatArray:
-        """Interval lengths [m], (n,)."""
-        return np.diff(self.s)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "width", np.diff(self.s))
 
     def __len__(self) -> int:
         """Number of intervals."""
@@ -84,12 +84,19 @@ def given_grid(joint_path: JointPath, points: FloatArray) -> Grid:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
-    s = np.union1d(points, breaks)
+    s = np.unique(np.concatenate([points, breaks]))
     # A point that is a break but for rounding is that break.
-    close = np.diff(s) < 1e-12 * (breaks[-1] - breaks[0])
-    drop = np.zeros(len(s), dtype=bool)
-    at_break = np.isin(s, breaks)
-    drop[:-1] |= close & ~at_break[:-1]
-    drop[1:] |= close & at_break[:-1] & ~at_break[1:]
-    s = s[~drop]
+    close = np.flatnonzero(np.diff(s) < 1e-12 * (breaks[-1] - breaks[0]))
+    if len(close):
+        second_is_break = np.isin(s[close + 1], breaks)
+        s = np.delete(s, np.where(second_is_break, close, close + 1))
     return Grid(joint_path, s, joint_path.locate(s[:-1]))
+
+
+def split(grid: Grid, parts: FloatArray) -> Grid:
+    """The grid with every interval cut into so many equal parts (at least 1)."""
+    count = np.maximum(1, parts).astype(np.intp)
+    of = np.repeat(np.arange(len(grid)), count)
+    number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    s = grid.s[of] + grid.width[of] * number / count[of]
+    return Grid(grid.joint_path, np.append(s, grid.s[-1]), grid.piece[of])

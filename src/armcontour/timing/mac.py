@@ -81,6 +81,11 @@ def plan_mac(
             "limits.replace(joint_acceleration=...) in rad/s²."
         )
     interval = _checks.positive("command interval", period, "s")
+    if not limits.same_both_ways():
+        raise InvalidInput(
+            "The method mac knows one acceleration limit per joint for both directions: leave "
+            "joint_deceleration out, or plan by the method optimal."
+        )
     if knots is not None and knots < FEWEST_LAPS:
         raise InvalidInput(
             f"The method mac needs at least {FEWEST_LAPS} knots a line, not {knots}."

@@ -214,9 +214,7 @@ class Line:
         for begin, end in ((low, high), (low - 1, high), (low, high + 1)):
             if begin < 0 or end >= len(self.s) or np.isnan([forward[begin], backward[end]]).any():
                 continue
-            law = path_law(
-                self.joint_path, self.s[[begin, end]], forward[[begin]], backward[[end]]
-            )
+            law = path_law(self.joint_path, self.s[[begin, end]], forward[[begin]], backward[[end]])
             if (law_peaks(law, self.arm).values[2] <= self.limit).all():
                 return begin, end
         return low, high

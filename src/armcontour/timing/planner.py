@@ -10,9 +10,16 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.conventional import plan_conventional
+from armcontour.timing.mac import plan_mac
+from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace
 
-METHODS = ("mac", "conventional")
+METHODS = ("optimal", "mac", "conventional")
+OPTIONS = {
+    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
+    "mac": ("knots", "period"),
+    "conventional": (),
+}
 
 
 def plan(
@@ -20,7 +27,7 @@ def plan(
     arm: Arm,
     limits: Limits | None = None,
     *,
-    method: str = "mac",
+    method: str = "optimal",
     branch: str | None = None,
     **options: Any,
 ) -> Trajectory:
@@ -30,9 +37,11 @@ def plan(
         path: A tool path, which is traced first, or a traced one.
         arm: The arm.
         limits: By default the arm's own.
-        method: "mac", the paper's; or "conventional", uniform speed along the raw path.
+        method: "optimal", the fastest that keeps every limit; "mac", the paper's; or
+            "conventional", uniform speed along the raw path.
         branch: Branch of the inverse kinematics, for a tool path.
-        options: For "mac": `knots` per line, command `period` [s].
+        options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
+            (see `plan_optimal`). For "mac": `knots` per line, command `period` [s].
 
     Raises:
         InvalidInput: An unknown method or option, or a limit that the method needs is missing.
@@ -42,13 +51,13 @@ def plan(
     _checks.choice("method", method, METHODS)
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     joint_path = path if isinstance(path, JointPath) else trace(path, arm, branch=branch)
-    known = ("knots", "period") if method == "mac" else ()
+    known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
         takes = f"the options {', '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
-    if method == "conventional":
-        return plan_conventional(joint_path, arm, bounds)
-    from armcontour.timing.mac import plan_mac
-
-    return plan_mac(joint_path, arm, bounds, **options)
+    if method == "optimal":
+        return plan_optimal(joint_path, arm, bounds, **options)
+    if method == "mac":
+        return plan_mac(joint_path, arm, bounds, **options)
+    return plan_conventional(joint_path, arm, bounds)

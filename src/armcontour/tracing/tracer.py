@@ -35,7 +35,9 @@ class Knots:
         return Knots(self.segment[which], self.u0[which], self.u1[which])
 
 
-def trace(path: Path, arm: Arm, *, branch: str | None = None, tolerance: float = 1e-8) -> JointPath:
+def trace(
+    path: Path, arm: Arm, *, branch: str | None = None, tolerance: float = 1e-10
+) -> JointPath:
     """The joint path that carries the arm's tool along `path`.
 
     q, dq_ds and d2q_ds2 at the knots are exact: closed-form inverse kinematics, (28) and (27).

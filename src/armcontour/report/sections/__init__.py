@@ -1,5 +1,6 @@
 """The sections of the report: each turns a study into data that the template shows."""
 
+from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.motion import (
     accelerations,
     contour_error,
@@ -12,6 +13,7 @@ from armcontour.report.sections.published import published
 
 __all__ = [
     "accelerations",
+    "bindings",
     "contour_error",
     "joint_space",
     "overview",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.report.section import Section, Table
+from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.style import (
     LIMIT_COLOUR,
     SATURATION_COLOUR,
@@ -42,14 +42,17 @@ def tool_speed(study: Study) -> Section:
         figure.add_trace(
             line([0, time], [value * 1e3] * 2, name, LIMIT_COLOUR, dash="dash", width=1)
         )
-    last = _last(study)
-    switching_labels(figure, last.trajectory.switching_points)
+    marked = marked_run(study)
+    text = "As executed."
+    if marked is not None:
+        switching_labels(figure, marked.trajectory.switching_points)
+        text += f" Dotted lines are the switching points of the run {marked.run.name}."
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="tool speed [mm/s]")
     return Section(
         key="speed",
         title="Tool speed",
-        text=f"As executed; dotted lines are the switching points of the run {last.run.name}.",
+        text=text,
         figures=(finish(figure, title="Tool speed over time"),),
     )
 
@@ -89,8 +92,10 @@ def contour_error(study: Study) -> Section:
     )
 
 
-def time_stamps(study: Study) -> Section:
+def time_stamps(study: Study) -> Section | None:
     """Switching points with time, place, rule and joint demand, beside published times."""
+    if not any(x.trajectory.stretches for x in study.runs.values()):
+        return None
     return Section(
         key="time-stamps",
         title="Switching points",
@@ -98,12 +103,10 @@ def time_stamps(study: Study) -> Section:
             "Where one rule hands over to the next: MAC, maximum joint acceleration; AVC, assigned "
             "velocity; MDC, maximum deceleration; corner, one speed on an arc."
         ),
-        tables=tuple(_stamps(study, name, x) for name, x in study.runs.items()),
+        tables=tuple(
+            _stamps(study, name, x) for name, x in study.runs.items() if x.trajectory.stretches
+        ),
     )
-
-
-def _last(study: Study) -> RunResult:
-    return list(study.runs.values())[-1]
 
 
 def _accelerations(name: str, result: RunResult) -> Any:
@@ -143,7 +146,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
                     y=sign * limits[j], line={"color": LIMIT_COLOUR, "width": 1}, **row
                 )
         figure.update_yaxes(title=f"{joint} [rad/s²]", **row)
-    if result.run.rounding is not None:
+    if len(result.trajectory.stretches) > 1:
         switching_labels(figure, result.trajectory.switching_points, row=1, col=1)
     figure.update_xaxes(title="time [s]", row=len(names), col=1)
     return finish(figure, title=f"Run {name}", height=230 * len(names) + 120)

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath
-from armcontour.report.section import Section
+from armcontour.report.section import Section, marked_run
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours
 from armcontour.study import RunResult, Study
 
@@ -44,8 +44,9 @@ def joint_space(study: Study) -> Section:
         figure.add_trace(
             line(planned[:, 0], planned[:, 1], f"{name}: planned", colours[name], dash="dot")
         )
-        if result.run.rounding is not None:
-            _switching_points(figure, result, result.trajectory, colours[name], name)
+    marked = marked_run(study)
+    if marked is not None:
+        _switching_points(figure, marked, marked.trajectory, colours[marked.run.name])
     names = study.job.arm.joint_names
     figure.update_xaxes(title=f"{names[0]} [rad]")
     figure.update_yaxes(title=f"{names[1]} [rad]")
@@ -79,16 +80,15 @@ def _cartesian(study: Study) -> Any:
         tool = result.execution.tool * 1e3
         step = max(1, len(tool) // 4000)
         figure.add_trace(line(tool[::step, 0], tool[::step, 1], name, colours[name]))
-        if result.run.rounding is not None:
-            _switching_points(figure, result, None, colours[name], name)
+    marked = marked_run(study)
+    if marked is not None:
+        _switching_points(figure, marked, None, colours[marked.run.name])
     figure.update_xaxes(title="x [mm]")
     figure.update_yaxes(title="y [mm]", scaleanchor="x")
     return finish(figure, title="Cartesian path", height=640)
 
 
-def _switching_points(
-    figure: Any, result: RunResult, trajectory: Any, colour: str, name: str
-) -> None:
+def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: str) -> None:
     """Mark P0, P1, ... on the tool's path, or with a trajectory in joint space."""
     import plotly.graph_objects as go
 
@@ -99,18 +99,13 @@ def _switching_points(
         go.Scatter(
             x=places[:, 0],
             y=places[:, 1],
-            name=f"{name}: switching points",
+            name=f"{result.run.name}: switching points",
             mode="markers+text",
             text=[f"P{k}" for k in range(len(t))],
             textposition="top right",
             marker={"color": colour, "size": 8, "symbol": "diamond", "line": {"width": 1}},
-            visible=True if name == _last_rounded(result) else "legendonly",
         )
     )
-
-
-def _last_rounded(result: RunResult) -> str:
-    return result.run.name if result.run.compensation != "none" else ""
 
 
 def _corners(study: Study) -> list[Any]:

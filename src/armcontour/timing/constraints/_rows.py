@@ -61,22 +61,27 @@ def derivatives(
 @njit(cache=True, error_model="numpy")
 def acceleration_bulge(
     width: FloatArray,
+    second: FloatArray,
     third: FloatArray,
     fourth: FloatArray,
     x: FloatArray,
     u: FloatArray,
+    skew: FloatArray,
 ) -> FloatArray:
     """How far a joint acceleration can rise above its chord on each interval, (n, dof).
 
-    With u constant and x linear, its second derivative in s is `5 q''' u + q'''' x`; a function
-    rises above its chord by at most width² / 8 times the largest amount of that.
+    With u linear in s, its second derivative is `5 q''' u + q'''' x + 4 q'' skew`; a function rises
+    above its chord by at most width² / 8 times the largest amount of that.
     """
     n, dof = third.shape
     bulge = np.empty((n, dof))
     for i in range(n):
         share = width[i] * width[i] / 8.0
         for j in range(dof):
-            bulge[i, j] = share * (5.0 * third[i, j] * u[i] + fourth[i, j] * x[i])
+            bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + width[i] * third[i, j]
+            bulge[i, j] = share * (
+                5.0 * third[i, j] * u[i] + fourth[i, j] * x[i] + 4.0 * bend * abs(skew[i])
+            )
     return bulge
 
 
@@ -107,12 +112,14 @@ def velocity_ceiling(
     limit: FloatArray,
     x: FloatArray,
     u: FloatArray,
+    skew: FloatArray,
     narrow: bool,
 ) -> FloatArray:
     """Largest x at both ends of each interval under joint velocity limits, (2, n).
 
     Between the ends `h = x q'²` can rise above its chord by width² / 8 times the largest
-    `|h''| <= 8 |u q' q''| + 2 x (q''² + |q' q'''|)`, bounded with the largest values on the interval.
+    `|h''| <= 8 |u q' q''| + 2 x (q''² + |q' q'''|) + 2 |skew| q'²`, bounded with the largest values
+    on the interval.
     """
     n, dof = first.shape[1], first.shape[2]
     ceiling = np.full((2, n), np.inf)
@@ -127,7 +134,7 @@ def velocity_ceiling(
             if narrow:
                 bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + d * third[i, j]
                 rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
-                bulge = d * d / 8 * rate
+                bulge = d * d / 8 * (rate + 2 * abs(skew[i]) * slope * slope)
             for end in range(2):
                 square = first[end, i, j] * first[end, i, j]
                 best = 0.0
@@ -138,3 +145,37 @@ def velocity_ceiling(
                     best = max(best, v2 / (slope * slope) if slope > 0.0 else np.inf)
                 ceiling[end, i] = min(ceiling[end, i], best)
     return ceiling
+
+
+@njit(cache=True, error_model="numpy")
+def margin_lost(
+    low: FloatArray,
+    high: FloatArray,
+    narrow_low: FloatArray,
+    narrow_high: FloatArray,
+    ceiling: FloatArray,
+    narrow_ceiling: FloatArray,
+    a: FloatArray,
+    change: FloatArray,
+) -> FloatArray:
+    """Largest share of any limit that margins take on each interval, (n,).
+
+    It is 1 where the change of u over half an interval alone would break a bound at rest, so that
+    the stage of the interval would have no state that is safe for certain.
+    """
+    n = low.shape[1]
+    lost = np.zeros(n)
+    for end in range(2):
+        for i in range(n):
+            worst = lost[i]
+            for k in range(low.shape[2]):
+                up, down = high[end, i, k], -low[end, i, k]
+                left = min(narrow_high[end, i, k], -narrow_low[end, i, k])
+                worst = max(worst, (up - narrow_high[end, i, k]) / up)
+                worst = max(worst, (down + narrow_low[end, i, k]) / down)
+                if abs(a[end, i, k] * change[i]) > left:
+                    worst = max(worst, 1.0)
+            if narrow_ceiling[end, i] < ceiling[end, i]:
+                worst = max(worst, 1.0 - narrow_ceiling[end, i] / ceiling[end, i])
+            lost[i] = worst
+    return lost

@@ -1,45 +1,76 @@
 """What a constraint tells the kernel.
 
-On an interval of the grid the planner moves with one path acceleration `u = dds`, so that
-`x = ds²` is linear in s. A constraint says what that means at both ends of every interval:
+On an interval of the grid the planner moves with a path acceleration `u = dds` that is linear in
+s with a given slope, the skew. A constraint says what that means at both ends of every interval:
 
-- rows: `low <= a u + b x <= high` at the interval's start, with x there, and at its end;
 - a ceiling: the largest x at either end;
+- rows: `low <= a u + b x <= high` at the interval's start, with x there, and at its end;
 - a disc: `(c x)² + u² <= r²` at either end.
 
-Its bounds are already narrowed so that what holds at both ends holds between them (see
-docs/concepts/optimal.md). To bound what happens between, it may use how large x and u can get.
+A constraint needs to define only what it has. What it returns is already narrowed so that what
+holds at both ends holds between them (docs/concepts/optimal.md has the proof); to bound what
+happens between the ends it is told how large x and u can get.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+
+import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.motion import JointPath
+from armcontour.timing.constraints._rows import derivatives
 from armcontour.timing.grid import Grid
 
 
 @dataclass(frozen=True, slots=True)
+class JointDerivatives:
+    """Derivatives of the joint path on a grid.
+
+    Args:
+        first: dq_ds at the starts (index 0) and ends (1) of all intervals, (2, n, dof).
+        second: d2q_ds2, likewise.
+        third: Bound of |d3q_ds3| on each interval, (n, dof).
+        fourth: Bound of |d4q_ds4|, likewise.
+    """
+
+    first: FloatArray
+    second: FloatArray
+    third: FloatArray
+    fourth: FloatArray
+
+    @classmethod
+    def on(cls, grid: Grid) -> JointDerivatives:
+        """Those of the grid's joint path."""
+        path: JointPath = grid.joint_path
+        return cls(*derivatives(path.coefficients, path.breaks, grid.piece, grid.s))
+
+
+@dataclass(frozen=True, slots=True)
 class Bounds:
-    """How large things get on each interval, whatever the plan: for what happens between points.
+    """How large things can get on each interval, whatever the plan.
 
     Args:
         x: Largest ds² [m²/s²], (n,).
         u: Largest |dds| [m/s²], (n,).
+        skew: Slope of dds over s [1/s²], (n,).
     """
 
     x: FloatArray
     u: FloatArray
+    skew: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Linear constraints at the starts (index 0) and ends (index 1) of all intervals.
+    """Linear constraints at the starts (index 0) and ends (1) of all intervals.
 
     Args:
-        a, b: Coefficients of u and x, (2, n, rows).
-        low, high: Bounds, (2, n, rows).
+        a: Coefficients of u, (2, n, rows).
+        b: Coefficients of x, likewise.
+        low: Lower bounds, likewise.
+        high: Upper bounds, likewise.
     """
 
     a: FloatArray
@@ -50,37 +81,79 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """Round constraints: c at the starts and ends of all intervals (2, n), and one radius (n,)."""
+    """A round constraint.
+
+    Args:
+        c: At the starts and ends of all intervals [1/m], (2, n).
+        r: Radius [m/s²], (n,).
+    """
 
     c: FloatArray
     r: FloatArray
 
 
-class Constraint(Protocol):
-    """One limit along a path.
+class Constraint:
+    """One limit along a path; this base limits nothing.
 
     Attributes:
         name: What people call it, such as "acceleration".
         joints: Whether there is one per joint, which explanations then name.
     """
 
-    name: str
-    joints: bool
+    name = ""
+    joints = False
 
-    def ceiling(self, grid: Grid) -> FloatArray | None:
-        """Largest x at the starts and ends of all intervals, (2, n), or None."""
-
-    def rows(self, grid: Grid, bounds: Bounds) -> Rows | None:
-        """Linear constraints, or None."""
-
-    def disc(self, grid: Grid) -> Disc | None:
-        """A round constraint, or None."""
-
-    def usage(self, grid: Grid, x: FloatArray, u: FloatArray) -> FloatArray:
-        """Share of the limit in use: largest of both ends, (n, 1) or (n, joints).
+    def ceiling(
+        self, grid: Grid, path: JointDerivatives, bounds: Bounds | None
+    ) -> FloatArray | None:
+        """Largest x at the starts and ends of all intervals, (2, n).
 
         Args:
             grid: The grid.
-            x: ds² at the grid points, (n + 1,).
-            u: dds on the intervals, (n,).
+            path: Derivatives on it.
+            bounds: For what happens between the ends; None in the first pass, where only the ends
+                count.
         """
+        return None
+
+    def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows | None:
+        """Linear constraints; arguments as in `ceiling`."""
+        return None
+
+    def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc | None:
+        """A round constraint; arguments as in `ceiling`."""
+        return None
+
+    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray | None:
+        """Largest |dds| it allows on every interval, given the largest x there, (n,)."""
+        return None
+
+    def usage(
+        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
+    ) -> FloatArray:
+        """Share of the limit in use on every interval, the larger of both ends.
+
+        Args:
+            grid: The grid.
+            path: Derivatives on it.
+            x: ds² at the grid points, (n + 1,).
+            u: dds at the starts of the intervals, (n,).
+            skew: Its slope over s, (n,).
+
+        Returns:
+            (n, 1), or (n, joints) where `joints` is true.
+        """
+        ends = np.stack([x[:-1], x[1:]])
+        u_ends = np.stack([u, u + skew * grid.width])
+        used = np.zeros((len(grid), 1))
+        ceiling = self.ceiling(grid, path, None)
+        if ceiling is not None:
+            used = np.maximum(used, np.sqrt(ends / ceiling).max(axis=0)[:, None])
+        rows = self.rows(grid, path, None)
+        if rows is not None:
+            value = rows.a * u_ends[..., None] + rows.b * ends[..., None]
+            used = np.maximum(used, np.maximum(value / rows.high, value / rows.low).max(axis=0))
+        disc = self.disc(grid, path, None)
+        if disc is not None:
+            used = np.maximum(used, (np.hypot(disc.c * ends, u_ends) / disc.r).max(axis=0)[:, None])
+        return np.asarray(used)

@@ -1,0 +1,33 @@
+"""Constraints of the optimal planner: one class each, all answering to `Constraint`."""
+
+from armcontour.timing.constraints.base import (
+    Bounds,
+    Constraint,
+    Disc,
+    JointDerivatives,
+    Rows,
+)
+from armcontour.timing.constraints.joint_acceleration import JointAcceleration
+from armcontour.timing.constraints.joint_velocity import JointVelocity
+from armcontour.timing.constraints.second_order import SecondOrder
+from armcontour.timing.constraints.tool import (
+    CentripetalAcceleration,
+    ToolAcceleration,
+    ToolMetric,
+    ToolSpeed,
+)
+
+__all__ = [
+    "Bounds",
+    "CentripetalAcceleration",
+    "Constraint",
+    "Disc",
+    "JointAcceleration",
+    "JointDerivatives",
+    "JointVelocity",
+    "Rows",
+    "SecondOrder",
+    "ToolAcceleration",
+    "ToolMetric",
+    "ToolSpeed",
+]

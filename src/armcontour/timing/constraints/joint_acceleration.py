@@ -1,0 +1,48 @@
+"""Joint acceleration limits, which may differ in the two directions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.timing.constraints._rows import acceleration_bulge, path_acceleration_bound
+from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
+from armcontour.timing.grid import Grid
+
+
+class JointAcceleration(Constraint):
+    """`low <= q' u + q'' x <= high` for every joint.
+
+    Args:
+        low: Lower bounds, negative [rad/s²], (dof,).
+        high: Upper bounds, positive [rad/s²], (dof,).
+    """
+
+    name = "acceleration"
+    joints = True
+
+    def __init__(self, low: FloatArray, high: FloatArray) -> None:
+        self.low, self.high = low, high
+
+    def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
+        """The bounds, drawn in by what the acceleration can bulge between the ends."""
+        low, high = self.low, self.high
+        if bounds is not None:
+            bulge = acceleration_bulge(
+                grid.width,
+                path.second,
+                path.third,
+                path.fourth,
+                bounds.x,
+                bounds.u,
+                bounds.skew,
+            )
+            low, high = low + bulge, high - bulge
+        shape = path.first.shape
+        return Rows(
+            path.first, path.second, np.broadcast_to(low, shape), np.broadcast_to(high, shape)
+        )
+
+    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
+        """Largest |dds| on every interval, given the largest x there."""
+        return np.asarray(path_acceleration_bound(path.first, path.second, self.low, self.high, x))

@@ -1,0 +1,48 @@
+"""Joint velocity limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.timing.constraints._rows import velocity_ceiling
+from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives
+from armcontour.timing.grid import Grid
+
+
+class JointVelocity(Constraint):
+    """`|q' ds| <= limit` for every joint.
+
+    Args:
+        limit: Largest joint velocities [rad/s], infinite where there is none, (dof,).
+    """
+
+    name = "velocity"
+    joints = True
+
+    def __init__(self, limit: FloatArray) -> None:
+        self.limit = limit
+
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> FloatArray:
+        """The largest x at both ends; with bounds, such that it holds between them too."""
+        none = np.zeros(len(grid))
+        return np.asarray(
+            velocity_ceiling(
+                grid.width,
+                path.first,
+                path.second,
+                path.third,
+                self.limit,
+                none if bounds is None else bounds.x,
+                none if bounds is None else bounds.u,
+                none if bounds is None else bounds.skew,
+                bounds is not None,
+            )
+        )
+
+    def usage(
+        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
+    ) -> FloatArray:
+        """Joint velocity over its limit, the larger of both ends, (n, dof)."""
+        speed = np.sqrt(np.stack([x[:-1], x[1:]]))[..., None]
+        return np.asarray((np.abs(path.first) * speed / self.limit).max(axis=0))

@@ -1,0 +1,128 @@
+"""Limits of the tool: assigned velocity, centripetal acceleration, acceleration.
+
+A traced path meets the tool path within its tolerance, but its derivatives less exactly, so what s
+means for the tool is measured: per piece of the joint path, how fast, how curved and how unevenly
+the tool moves when ds is 1, seen at several places, with the spread of those as a margin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm
+from armcontour.motion import JointPath
+from armcontour.timing.constraints.base import Bounds, Constraint, Disc, JointDerivatives
+from armcontour.timing.grid import Grid
+
+# Places per piece of the joint path at which the tool's motion is looked at.
+PLACES = 9
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMetric:
+    """What ds = 1 means for the tool, per piece of the joint path; upper bounds, (pieces,).
+
+    Args:
+        speed: Tool speed [-].
+        curvature: Acceleration at right angles to the motion [1/m].
+        stretch: Acceleration along the motion [1/m].
+    """
+
+    speed: FloatArray
+    curvature: FloatArray
+    stretch: FloatArray
+
+    @classmethod
+    def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
+        """Measured by forward kinematics."""
+        pieces = len(joint_path.breaks) - 1
+        share = np.linspace(0, 1, PLACES)[:, None]
+        s = joint_path.breaks[:-1] + share * np.diff(joint_path.breaks)
+        i = np.broadcast_to(np.arange(pieces), s.shape).ravel()
+        q, dq, ddq = (joint_path.on_interval(i, s.ravel(), order) for order in (0, 1, 2))
+        velocity = arm.tool_velocity(q, dq)
+        acceleration = arm.tool_acceleration(q, dq, ddq)
+        speed = np.linalg.norm(velocity, axis=1)
+        direction = velocity / speed[:, None]
+        along = np.sum(acceleration * direction, axis=1)
+        across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
+        return cls(*(_bound(x.reshape(s.shape)) for x in (speed, across, np.abs(along))))
+
+
+def _bound(values: FloatArray) -> FloatArray:
+    """Largest value per piece, and the spread again for what lies between the places."""
+    return np.asarray(2 * values.max(axis=0) - values.min(axis=0))
+
+
+class ToolSpeed(Constraint):
+    """`ds <= speed`, one for all or per piece of the joint path.
+
+    Args:
+        speed: Assigned velocity per piece of the joint path [m/s], (pieces,).
+        metric: What ds means for the tool.
+    """
+
+    name = "assigned velocity"
+
+    def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
+        self.assigned = speed
+        self._ceiling: FloatArray = (speed / metric.speed) ** 2
+
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> FloatArray:
+        """Whatever lies between the ends is no larger than at one of them."""
+        return np.broadcast_to(self._ceiling[grid.piece], (2, len(grid)))
+
+
+class CentripetalAcceleration(Constraint):
+    """`curvature ds² <= limit`, the paper's bound in corners.
+
+    Args:
+        limit: [m/s²].
+        metric: What ds means for the tool.
+    """
+
+    name = "centripetal acceleration"
+
+    def __init__(self, limit: float, metric: ToolMetric) -> None:
+        self.limit, self.metric = limit, metric
+
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> FloatArray:
+        """Whatever lies between the ends is no larger than at one of them."""
+        with np.errstate(divide="ignore"):
+            ceiling = self.limit / self.metric.curvature
+        return np.broadcast_to(ceiling[grid.piece], (2, len(grid)))
+
+
+class ToolAcceleration(Constraint):
+    """`(curvature ds²)² + dds² <= limit²`.
+
+    Args:
+        limit: Length of the acceleration vector [m/s²].
+        metric: What ds means for the tool.
+    """
+
+    name = "tool acceleration"
+
+    def __init__(self, limit: float, metric: ToolMetric) -> None:
+        self.limit, self.metric = limit, metric
+
+    def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc:
+        """Without skew the left side is convex along an interval: the ends are its largest.
+
+        With skew its second derivative is at least `-4 curvature² x |skew|`.
+        """
+        speed = self.metric.speed[grid.piece]
+        curvature = self.metric.curvature[grid.piece] / speed
+        radius = np.full(len(grid), self.limit) / speed
+        if bounds is not None:
+            radius = radius - self.metric.stretch[grid.piece] * bounds.x / speed
+            rise = grid.width**2 / 2 * curvature**2 * bounds.x * np.abs(bounds.skew)
+            radius = np.sqrt(np.maximum(radius, 0.0) ** 2 - np.minimum(rise, radius**2))
+        return Disc(np.broadcast_to(curvature, (2, len(grid))), radius)
+
+    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
+        """Its radius."""
+        return self.disc(grid, path, None).r

@@ -1,0 +1,232 @@
+"""Why a plan is not faster: what binds where, and how much is run at the assigned velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.arms import Arm, Limits
+from armcontour.errors import InvalidInput
+from armcontour.motion import PathLaw, Trajectory
+from armcontour.timing.constraints import Constraint, JointDerivatives, ToolSpeed
+from armcontour.timing.grid import Grid
+from armcontour.timing.optimal import constraints_of
+
+# A limit binds on an interval from this share of it on; below, the plan is between two limits.
+BINDS = 0.999
+# The speed has turned when it has left its extreme by this share.
+FLAT = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Binding:
+    """A stretch of the path on which one limit binds.
+
+    Args:
+        limit: Such as "acceleration" or "assigned velocity"; "nothing" where a plan passes from one
+            limit to another.
+        joint: Joint number from 1, or None for a limit of the tool.
+        t: Start and end [s].
+        s: Start and end [m].
+        share: Largest share of the limit in use on it.
+    """
+
+    limit: str
+    joint: int | None
+    t: tuple[float, float]
+    s: tuple[float, float]
+    share: float
+
+    @property
+    def name(self) -> str:
+        """What people call it, such as "joint 2 acceleration"."""
+        return self.limit if self.joint is None else f"joint {self.joint} {self.limit}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shortfall:
+    """A place where the assigned velocity is not reached, and why.
+
+    Args:
+        kind: "slowest" at a dip of the speed, "fastest" where it turns below the assigned velocity.
+        s: The place [m].
+        speed: Tool speed there [m/s].
+        assigned: The assigned velocity there [m/s].
+        reason: What binds there, such as "joint 2 acceleration".
+    """
+
+    kind: str
+    s: float
+    speed: float
+    assigned: float
+    reason: str
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        return f"{self.reason} at s = {self.s:.3f} m: {self.speed:.3g} of {self.assigned:.3g} m/s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """What makes a plan take its time.
+
+    Args:
+        bindings: Stretch by stretch, from start to end.
+        assigned_length: Share of the length run at the assigned velocity; None without one.
+        assigned_time: Share of the time; None without one.
+        shortfalls: Where the assigned velocity is not reached, and why.
+    """
+
+    bindings: tuple[Binding, ...]
+    assigned_length: float | None
+    assigned_time: float | None
+    shortfalls: tuple[Shortfall, ...]
+
+
+def explain(
+    trajectory: Trajectory,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    constraints: Sequence[Constraint] = (),
+) -> Explanation:
+    """Say which limit binds where on a plan of the method "optimal".
+
+    Args:
+        trajectory: The plan.
+        arm: The arm that it was made for.
+        limits: The limits that it was made for; by default the arm's own.
+        constraints: The further constraints that it was made for.
+
+    Raises:
+        InvalidInput: A plan of another method.
+    """
+    law = trajectory.laws[0]
+    if trajectory.method != "optimal" or not isinstance(law, PathLaw):
+        raise InvalidInput(
+            f"Only plans of the method optimal can be explained, not of {trajectory.method}."
+        )
+    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    active = [*constraints_of(law.joint_path, arm, bounds), *constraints]
+    middle = (law.s[:-1] + law.s[1:]) / 2
+    grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
+    shares, names = _shares(grid, active, law)
+    strongest = shares.argmax(axis=1)
+    share = shares[np.arange(len(grid)), strongest]
+    which = np.where(share >= BINDS, strongest, -1)
+    edges = np.flatnonzero(np.diff(which)) + 1
+    starts, ends = np.append(0, edges), np.append(edges, len(grid))
+    bindings = tuple(
+        Binding(
+            limit="nothing" if which[i] < 0 else names[which[i]][0],
+            joint=None if which[i] < 0 else names[which[i]][1],
+            t=(float(law.breaks[i]), float(law.breaks[k])),
+            s=(float(law.s[i]), float(law.s[k])),
+            share=float(share[i:k].max()),
+        )
+        for i, k in zip(starts, ends, strict=True)
+    )
+    speed = [x for x in active if isinstance(x, ToolSpeed)]
+    if not speed:
+        return Explanation(
+            bindings=bindings, assigned_length=None, assigned_time=None, shortfalls=()
+        )
+    path = JointDerivatives.on(grid)
+    at = speed[0].usage(grid, path, _squares(law), law.rates[:, 1], law.rates[:, 2])[:, 0]
+    reached = at >= BINDS
+    return Explanation(
+        bindings=bindings,
+        assigned_length=float(grid.width[reached].sum() / grid.width.sum()),
+        assigned_time=float(np.diff(law.breaks)[reached].sum() / law.breaks[-1]),
+        shortfalls=_shortfalls(law, speed[0].assigned[grid.piece], reached, which, names),
+    )
+
+
+def _squares(law: PathLaw) -> FloatArray:
+    """ds² at the law's breaks."""
+    last = len(law.breaks) - 2
+    end = law.path_position(np.array([last]), law.breaks[-1:], 1)
+    return np.append(law.rates[:, 0], end) ** 2
+
+
+def _shares(
+    grid: Grid, active: Sequence[Constraint], law: PathLaw
+) -> tuple[FloatArray, list[tuple[str, int | None]]]:
+    """Share of every limit on every interval, and what they are called."""
+    path = JointDerivatives.on(grid)
+    x = _squares(law)
+    found, names = [], []
+    for constraint in active:
+        used = constraint.usage(grid, path, x, law.rates[:, 1], law.rates[:, 2])
+        found.append(used)
+        names += [
+            (constraint.name, k + 1 if constraint.joints else None) for k in range(used.shape[1])
+        ]
+    return np.concatenate(found, axis=1), names
+
+
+def _shortfalls(
+    law: PathLaw,
+    assigned: FloatArray,
+    reached: BoolArray,
+    which: IntArray,
+    names: list[tuple[str, int | None]],
+) -> tuple[Shortfall, ...]:
+    """The turning points of the speed on every stretch below the assigned velocity, stops apart."""
+    speed = np.sqrt(_squares(law))
+    result = []
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], reached, [1]]).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        for i, k, kind in _turning_points(speed, int(first), int(last)):
+            if speed[i] == 0:
+                continue
+            # What binds on most of the place and of the intervals next to it.
+            near = which[max(i - 2, 0) : k + 2]
+            near = near[near >= 0]
+            reason = "the way between two limits"
+            if len(near):
+                limit, joint = names[int(np.bincount(near).argmax())]
+                reason = limit if joint is None else f"joint {joint} {limit}"
+            middle = (i + k) // 2
+            result.append(
+                Shortfall(
+                    kind=kind,
+                    s=float((law.s[i] + law.s[k]) / 2),
+                    speed=float(speed[middle]),
+                    assigned=float(assigned[min(middle, len(assigned) - 1)]),
+                    reason=reason,
+                )
+            )
+    return tuple(result)
+
+
+def _turning_points(speed: FloatArray, first: int, last: int) -> list[tuple[int, int, str]]:
+    """Where the speed turns by more than a hundredth: first and last point, and which way.
+
+    A turn is known once the speed has left its extreme by `FLAT`; all points within `FLAT` of the
+    extreme are its place.
+    """
+    found: list[tuple[int, int, str]] = []
+    rising: bool | None = None
+    extreme = first
+    for i in range(first + 1, last + 1):
+        if rising is None:
+            if abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
+                rising, extreme = bool(speed[i] > speed[extreme]), i
+            continue
+        if (speed[i] > speed[extreme]) == rising:
+            extreme = i
+        elif abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
+            flat = np.abs(speed[first : i + 1] - speed[extreme]) <= FLAT * speed[extreme]
+            left = right = extreme - first
+            while left > 0 and flat[left - 1]:
+                left -= 1
+            while right < i - first and flat[right + 1]:
+                right += 1
+            found.append((first + left, first + right, "fastest" if rising else "slowest"))
+            rising, extreme = not rising, i
+    return found

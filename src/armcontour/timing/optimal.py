@@ -1,0 +1,331 @@
+"""The optimal planner: the fastest timing of a path that keeps every limit, at every instant.
+
+Backward and forward reachability in (s, ds²) after TOPP-RA. On each interval the path acceleration
+is linear in s with a slope given beforehand, so that the binding constraint binds all along it;
+every constraint is kept at both ends, drawn in by a bound of what can happen between them. See
+docs/concepts/optimal.md for the proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.errors import InvalidInput, NotRealizable
+from armcontour.motion import JointPath, PathLaw, Trajectory, interval_times
+from armcontour.timing._reach import reach, skews
+from armcontour.timing.constraints import (
+    Bounds,
+    CentripetalAcceleration,
+    Constraint,
+    JointAcceleration,
+    JointDerivatives,
+    JointVelocity,
+    Rows,
+    ToolAcceleration,
+    ToolMetric,
+    ToolSpeed,
+)
+from armcontour.timing.constraints._rows import margin_lost
+from armcontour.timing.grid import Grid, given_grid, place_grid, split
+
+# Where the margin for what happens between the points costs more than this share of a limit, the
+# grid is made finer, at most this many times.
+LARGEST_MARGIN = 1e-2
+MOST_REFINEMENTS = 8
+# The margins are taken for speeds this much above those of the first pass, and checked afterwards.
+HEADROOM = 1.05
+
+
+def plan_optimal(
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    *,
+    intervals: int | None = None,
+    grid: FloatArray | None = None,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    constraints: Sequence[Constraint] = (),
+) -> Trajectory:
+    """Plan the fastest motion along a path.
+
+    Args:
+        joint_path: A traced path, or a joint path of its own (which takes no tool limits).
+        arm: The arm.
+        limits: All of them are kept; each path segment's own speed too.
+        intervals: Number of grid intervals, about; 4000 by default.
+        grid: Grid points [m] instead; the breaks of the joint path are added to them.
+        start_speed: ds at the start [m/s].
+        end_speed: ds at the end [m/s].
+        constraints: Further constraints.
+
+    Raises:
+        NotRealizable: A start or end speed that cannot be had, or a place where nothing is allowed.
+        InvalidInput: No limit of acceleration at all, or tool limits without a tool path.
+    """
+    placed = place_grid(joint_path, intervals) if grid is None else given_grid(joint_path, grid)
+    active = [*constraints_of(joint_path, arm, limits), *constraints]
+    law = _solve(placed, active, start_speed, end_speed)
+    return Trajectory(laws=(law,), method="optimal", path=joint_path.tool_path)
+
+
+def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
+    """The constraints that limits mean for a path.
+
+    Raises:
+        InvalidInput: Tool limits without a tool path.
+    """
+    active: list[Constraint] = []
+    if limits.joint_velocity is not None:
+        active.append(JointVelocity(or_unlimited(limits.joint_velocity, joint_path.dof)))
+    if limits.joint_acceleration is not None:
+        active.append(JointAcceleration(*limits.acceleration_bounds(joint_path.dof)))
+    path = joint_path.tool_path
+    tool = (limits.speed, limits.tool_acceleration, limits.centripetal_acceleration)
+    if path is None:
+        if any(x is not None for x in tool):
+            raise InvalidInput(
+                "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
+                "with limits.replace(speed=None, tool_acceleration=None, "
+                "centripetal_acceleration=None)."
+            )
+        return active
+    metric = ToolMetric.of(joint_path, arm)
+    middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
+    own = path.speeds[path.locate(middle)]
+    speed = np.fmin(own, np.inf if limits.speed is None else limits.speed)
+    if np.isfinite(speed).any():
+        active.append(ToolSpeed(speed, metric))
+    if limits.tool_acceleration is not None:
+        active.append(ToolAcceleration(limits.tool_acceleration, metric))
+    if limits.centripetal_acceleration is not None:
+        active.append(CentripetalAcceleration(limits.centripetal_acceleration, metric))
+    return active
+
+
+class _Problem:
+    """Everything the kernel needs, from all constraints.
+
+    Args:
+        grid: The grid.
+        path: Derivatives of the joint path on it.
+        active: The constraints.
+        bounds: For what happens between the points; None leaves that out.
+    """
+
+    def __init__(
+        self,
+        grid: Grid,
+        path: JointDerivatives,
+        active: Sequence[Constraint],
+        bounds: Bounds | None = None,
+    ) -> None:
+        n = len(grid)
+        self.grid = grid
+        self.c, self.radius, self.shifts = np.zeros((2, n)), np.full(n, np.inf), np.zeros(n)
+        ceilings: list[FloatArray] = []
+        rows: list[Rows] = []
+        for constraint in active:
+            ceiling = constraint.ceiling(grid, path, bounds)
+            found = constraint.rows(grid, path, bounds)
+            disc = constraint.disc(grid, path, bounds)
+            ceilings += [] if ceiling is None else [ceiling]
+            rows += [] if found is None else [found]
+            if disc is not None:
+                self.c, self.radius = np.ascontiguousarray(disc.c), disc.r
+        self.ceiling = _lowest(ceilings, n)
+        self.rows = rows[0] if len(rows) == 1 else _beside(rows, n)
+        if bounds is not None:
+            self.shifts = bounds.skew * grid.width**2
+            # Where u falls, x lies above its chord by up to |skew| width² / 4.
+            self.ceiling = self.ceiling - np.maximum(-self.shifts, 0.0) / 4
+
+    def solve(self, start_speed: float, end_speed: float) -> FloatArray:
+        """The largest x at every grid point.
+
+        Raises:
+            NotRealizable: A start or end speed that cannot be had, or no way on.
+        """
+        grid, rows = self.grid, self.rows
+        ceiling = self._at_points()
+        start, end = start_speed**2, end_speed**2
+        for name, value, place in (("start", start, 0), ("end", end, -1)):
+            if value > ceiling[place] * (1 + 1e-12):
+                _refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
+        x, most, stuck = reach(
+            grid.width,
+            rows.a,
+            rows.b,
+            rows.low,
+            rows.high,
+            ceiling,
+            self.c,
+            self.radius,
+            self.shifts,
+            start,
+            end,
+        )
+        if stuck == 0 and start > most[0]:
+            _refuse_speed("start", start, float(most[0]), float(grid.s[0]))
+        if stuck >= 0:
+            _refuse_stuck(grid, stuck)
+        if x[-1] < end * (1 - 1e-9):
+            _refuse_speed("end", end, float(x[-1]), float(grid.s[-1]))
+        return np.asarray(x)
+
+    def skews(self, x: FloatArray) -> FloatArray:
+        """Slopes of dds over s that keep what binds in the plan x binding all along an interval."""
+        rows = self.rows
+        return np.asarray(
+            skews(
+                self.grid.width,
+                rows.a,
+                rows.b,
+                rows.low,
+                rows.high,
+                self._at_points(),
+                self.c,
+                self.radius,
+                x,
+            )
+        )
+
+    def _at_points(self) -> FloatArray:
+        """Ceiling of x at the grid points: the lower of both sides, and 0 where the tool stops."""
+        at = np.empty(len(self.grid) + 1)
+        at[0], at[-1] = self.ceiling[0, 0], self.ceiling[1, -1]
+        np.minimum(self.ceiling[1, :-1], self.ceiling[0, 1:], out=at[1:-1])
+        stops = self.grid.joint_path.stops
+        if len(stops):
+            at[np.searchsorted(self.grid.s, stops)] = 0.0
+        return at
+
+
+def _solve(
+    grid: Grid, active: Sequence[Constraint], start_speed: float, end_speed: float
+) -> PathLaw:
+    """The law on the grid, which is made finer where that is needed.
+
+    A first pass without margins and without skew tells how large x and u get, and how u has to run
+    on every interval; the second keeps the limits between the points, for all x and u up to those.
+
+    Raises:
+        InvalidInput: Nothing limits the acceleration.
+        NotRealizable: A start or end speed that cannot be had, or no way on.
+    """
+    headroom = HEADROOM
+    for _ in range(MOST_REFINEMENTS):
+        path = JointDerivatives.on(grid)
+        plain = _Problem(grid, path, active)
+        fastest = plain.solve(start_speed, end_speed)
+        skew = plain.skews(fastest)
+        largest = (
+            headroom * np.maximum(fastest[:-1], fastest[1:]) + np.abs(skew) * grid.width**2 / 4
+        )
+        u = _largest_u(grid, path, active, largest) + np.abs(skew) * grid.width
+        problem = _Problem(grid, path, active, Bounds(largest, u, skew))
+        lost = margin_lost(
+            plain.rows.low,
+            plain.rows.high,
+            problem.rows.low,
+            problem.rows.high,
+            plain.ceiling,
+            problem.ceiling,
+            problem.rows.a,
+            skew * grid.width / 2,
+        )
+        if (lost > LARGEST_MARGIN).any():
+            grid = split(grid, np.ceil(np.sqrt(lost / LARGEST_MARGIN)))
+            continue
+        x = problem.solve(start_speed, end_speed)
+        if (np.maximum(x[:-1], x[1:]) <= largest).all():
+            return _law(grid, x, skew)
+        headroom *= 2
+    s = float(grid.s[int(np.argmax(lost))])
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
+        "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        s=s,
+    )
+
+
+def _largest_u(
+    grid: Grid, path: JointDerivatives, active: Sequence[Constraint], x: FloatArray
+) -> FloatArray:
+    """Largest |dds| on every interval, given the largest x.
+
+    Raises:
+        InvalidInput: Nothing limits it.
+    """
+    found = [constraint.largest_u(grid, path, x) for constraint in active]
+    bounds = [y for y in found if y is not None]
+    if not bounds or not np.isfinite(np.min(bounds, axis=0)).all():
+        raise InvalidInput(
+            "Nothing limits the acceleration along the path: give joint_acceleration or "
+            "tool_acceleration."
+        )
+    return np.asarray(np.min(bounds, axis=0))
+
+
+def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:
+    if not ceilings:
+        return np.full((2, n), np.inf)
+    return ceilings[0] if len(ceilings) == 1 else np.min(ceilings, axis=0)
+
+
+def _beside(rows: list[Rows], n: int) -> Rows:
+    """Rows of several constraints as one set."""
+    if not rows:
+        none = np.zeros((2, n, 0))
+        return Rows(none, none, none, none)
+    return Rows(
+        *(np.concatenate([getattr(x, name) for x in rows], axis=2) for name in Rows.__slots__)
+    )
+
+
+def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
+    """The continuous law: a path acceleration linear in s on every interval.
+
+    Raises:
+        NotRealizable: Two neighbouring points at rest.
+    """
+    speed = np.sqrt(x)
+    if not (speed[:-1] + speed[1:]).all():
+        _refuse_stuck(grid, int(np.flatnonzero(speed[:-1] + speed[1:] == 0)[0]))
+    rates = np.empty((len(grid), 3))
+    rates[:, 0] = speed[:-1]
+    rates[:, 1] = np.diff(x) / (2 * grid.width) - skew * grid.width / 2
+    rates[:, 2] = skew
+    times = interval_times(grid.width, speed[:-1], speed[1:], skew)
+    return PathLaw(
+        joint_path=grid.joint_path,
+        breaks=np.concatenate([[0.0], np.cumsum(times)]),
+        s=grid.s,
+        rates=rates,
+    )
+
+
+def _refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
+    raise NotRealizable(
+        f"The {name} speed of {np.sqrt(x):.6g} m/s cannot be had: at {s:.6g} m along the path the "
+        f"limits allow {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
+        s=s,
+        limit=f"{name} speed",
+        needed=float(np.sqrt(x)),
+        allowed=float(np.sqrt(max(allowed, 0.0))),
+    )
+
+
+def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
+    s = float(grid.s[i])
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the limits leave no way on: a constraint there allows no "
+        "motion at all; check the limits, or move the path away from the singularity.",
+        s=s,
+    )
