@@ -45,10 +45,15 @@ def test_published_figures_ratios_and_time_stamps_stand_beside_ours(page: str) -
 
 def test_all_sections_are_there_in_order(page: str) -> None:
     keys = (
-        "overview published paths joint-space speed accelerations contour-error time-stamps".split()
+        "overview published paths joint-space speed bindings accelerations contour-error "
+        "time-stamps".split()
     )
     places = [page.index(f'<section id="{key}">') for key in keys]
     assert places == sorted(places)
+
+
+def test_what_binds_is_said_with_its_place(page: str) -> None:
+    assert "centripetal acceleration at s = 0.075 m: 0.0324 of 0.15 m/s" in page
 
 
 def test_works_offline_and_escapes_text(page: str) -> None:
@@ -61,6 +66,7 @@ def test_a_job_without_corners_or_published_figures_has_a_report(study: Study) -
     only = dataclasses.replace(study.job, runs=study.job.runs[:1], published=None)
     page = render_report(run(only))
     assert '<section id="published">' not in page
+    assert '<section id="bindings">' not in page
     assert "Corners enlarged" not in page
 
 

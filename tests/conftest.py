@@ -1,0 +1,99 @@
+"""What all tests share: the paper's job, a check of refusals, and Hypothesis without chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+
+import armcontour as ac
+
+settings.register_profile(
+    "suite",
+    derandomize=True,
+    deadline=None,
+    database=None,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("suite")
+
+# Paper, Sec. IV-A.
+POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))  # m
+ASSIGNED_VELOCITY = 0.15  # m/s
+CORNER_ERROR = 5e-3  # m
+CENTRIPETAL_ACCELERATION = 0.09  # m/s²
+
+
+@pytest.fixture(scope="session")
+def arm() -> ac.PlanarTwoLink:
+    return ac.load_arm("pmk3s")
+
+
+@pytest.fixture(scope="session")
+def objective() -> ac.Path:
+    return ac.Path.polyline(POINTS)
+
+
+@pytest.fixture(scope="session")
+def rounded(objective: ac.Path) -> ac.RoundedPath:
+    return ac.round_corners(
+        objective, tolerance=CORNER_ERROR, acceleration=CENTRIPETAL_ACCELERATION
+    )
+
+
+@pytest.fixture(scope="session")
+def limits(arm: ac.PlanarTwoLink) -> ac.Limits:
+    return arm.limits.replace(
+        speed=ASSIGNED_VELOCITY, centripetal_acceleration=CENTRIPETAL_ACCELERATION
+    )
+
+
+@pytest.fixture(scope="session")
+def servo() -> ac.ServoModel:
+    return ac.ServoModel(kp=25.0, kv=150.0)
+
+
+@pytest.fixture(scope="session")
+def traced(rounded: ac.RoundedPath, arm: ac.PlanarTwoLink) -> ac.JointPath:
+    return ac.trace(rounded, arm)
+
+
+@pytest.fixture(scope="session")
+def mac(traced: ac.JointPath, arm: ac.PlanarTwoLink, limits: ac.Limits) -> ac.Trajectory:
+    """The paper's job, planned by the paper's method with 600 knots a line."""
+    return ac.plan(traced, arm, limits, method="mac", knots=600)
+
+
+@pytest.fixture(scope="session")
+def conventional(objective: ac.Path, arm: ac.PlanarTwoLink, limits: ac.Limits) -> ac.Trajectory:
+    """The paper's job by the conventional method, at 0.04 m/s."""
+    return ac.plan(objective, arm, limits.replace(speed=0.04), method="conventional")
+
+
+@pytest.fixture(scope="session")
+def refuses() -> Callable[..., None]:
+    """Check that a call is refused: the very class, key words of the message, and its data."""
+
+    def check(
+        call: Callable[[], Any], kind: type[ac.ArmContourError], *words: str, **data: Any
+    ) -> None:
+        with pytest.raises(kind) as caught:
+            call()
+        error, message = caught.value, str(caught.value)
+        assert type(error) is kind
+        missing = [word for word in words if word not in message]
+        assert not missing, f"{missing} not in {message!r}"
+        assert message.endswith(".") and "\n" not in message  # one sentence for a person
+        for name, expected in data.items():
+            found = getattr(error, name)
+            if isinstance(expected, (str, type(None))):
+                assert found == expected, name
+            else:
+                assert np.shape(found) == np.shape(expected), name
+                np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12, err_msg=name)
+
+    return check

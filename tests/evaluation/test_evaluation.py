@@ -1,0 +1,197 @@
+"""Evaluation on executions made by hand, whose worth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import LapLaw
+
+
+def by_hand(arm, t, tool, demand=None, planned=None):
+    """An execution whose tool is at `tool` at times `t`; velocities by differences."""
+    t, tool = np.asarray(t, float), np.asarray(tool, float)
+    q = arm.inverse(tool)
+    dq = np.gradient(q, t, axis=0)
+    demand = np.zeros_like(q) if demand is None else np.asarray(demand, float)
+    where = q if planned is None else arm.inverse(np.asarray(planned, float))
+    law = LapLaw(breaks=t, q=where, dq=np.diff(where, axis=0) / np.diff(t)[:, None],
+                 ddq=np.zeros((len(t) - 1, 2)))  # fmt: skip
+    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    return ac.Execution(
+        arm=arm,
+        taught=ac.TaughtData(period=0.01, q=q[-1:], trajectory=trajectory, method="hand"),
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=np.clip(demand, -0.72, 0.72),
+        demand=demand,
+        peak_demand=np.abs(demand).max(axis=0),
+        saturated_time=np.array([0.5, 0.0]),
+    )
+
+
+LINE = ac.Path.polyline([(0.3, 0.2), (0.4, 0.2)])
+T = np.linspace(0, 2, 201)
+ALONG = np.stack([0.3 + 0.1 * T / 2, np.full_like(T, 0.2)], axis=1)
+
+
+def test_on_the_path_the_contour_error_is_zero(arm):
+    found = ac.evaluate(by_hand(arm, T, ALONG), LINE, objective=LINE)
+    assert found.contour_error.max < 1e-15 and found.objective_error.max < 1e-15
+    assert found.tracking_error.max < 1e-15
+    np.testing.assert_allclose(found.contour_error.s, 0.1 * T / 2, atol=1e-12)
+
+
+def test_zero_only_on_the_path(arm):
+    off = ALONG + np.outer(np.isclose(T, 1.3), (0, 1e-6))
+    found = ac.evaluate(by_hand(arm, T, off), LINE).contour_error
+    assert found.max == pytest.approx(1e-6, rel=1e-6)
+    assert found.t_max == pytest.approx(1.3) and found.s_max == pytest.approx(0.065)
+    assert found.rms > 0
+
+
+def test_delay_along_the_path_is_tracking_but_not_contour_error(arm):
+    late = np.clip(ALONG[:, :1] - 0.01, 0.3, None)
+    tool = np.concatenate([late, ALONG[:, 1:]], axis=1)
+    found = ac.evaluate(by_hand(arm, T, tool, planned=ALONG), LINE)
+    assert found.contour_error.max < 1e-15
+    assert found.tracking_error.max == pytest.approx(0.01, rel=1e-9)
+    expected = np.sqrt(np.trapezoid(np.minimum(0.1 * T / 2, 0.01) ** 2, T) / 2)
+    assert found.tracking_error.rms == pytest.approx(expected, rel=1e-6)
+
+
+def test_errors_are_weighted_by_time(arm):
+    # The tool stands 1 mm off for most of the time, with few samples; and on it with many.
+    t = np.concatenate([np.linspace(0, 0.1, 101), [10.0]])
+    tool = np.tile((0.3, 0.2), (102, 1))
+    tool[-2:] += (0, 1e-3)
+    found = ac.evaluate(by_hand(arm, t, tool), LINE, until=10.0).contour_error
+    assert found.rms == pytest.approx(1e-3 * np.sqrt(9.9005 / 10), rel=1e-4)
+
+
+@pytest.mark.parametrize("until", [0.5, 2.0, 8.0])
+def test_until(arm, until):
+    off = ALONG + np.outer(np.minimum(T, 1.0), (0, 1e-3))
+    found = ac.evaluate(by_hand(arm, T, off), LINE, until=until)
+    assert found.until == until and found.contour_error.t[-1] == until
+    if until < 1:
+        expected = 1e-3 * until / np.sqrt(3)
+        assert found.contour_error.max == pytest.approx(1e-3 * until, rel=1e-6)
+    else:
+        expected = 1e-3 * np.sqrt((1 / 3 + until - 1) / until)
+        assert found.contour_error.max == pytest.approx(1e-3, rel=1e-6)
+    assert found.contour_error.rms == pytest.approx(expected, rel=1e-3)
+
+
+def test_settled_is_when_the_tool_stays_slow(arm):
+    # It runs at 50 mm/s, creeps at 0.5 mm/s, runs again until 1.2 s, and creeps.
+    speed = np.where((T < 0.4) | ((T > 0.8) & (T <= 1.2)), 0.05, 5e-4)
+    x = 0.3 + np.concatenate([[0], np.cumsum(speed[1:] * np.diff(T))])
+    found = ac.evaluate(by_hand(arm, T, np.stack([x, np.full_like(x, 0.2)], axis=1)), LINE)
+    assert found.settled == pytest.approx(1.2, abs=0.011)
+    assert found.speed == pytest.approx(0.05, rel=1e-3)
+    assert found.duration == 2.0 and found.until == 2.0
+
+
+def test_without_motion_it_is_settled_from_the_start(arm):
+    found = ac.evaluate(by_hand(arm, T, np.tile((0.3, 0.2), (len(T), 1))), LINE)
+    assert found.settled == 0.0 and found.speed < 1e-12
+
+
+def test_by_default_errors_are_covered_until_the_tool_rests(arm):
+    done = by_hand(arm, T, ALONG)
+    short = ac.Trajectory(
+        laws=(LapLaw(breaks=np.array([0.0, 0.5]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1]),),
+        method="hand",
+    )
+    late = ac.Execution(
+        arm=arm,
+        taught=ac.TaughtData(period=0.1, q=done.q[:1], trajectory=short, method="hand"),
+        t=T, q=done.q, dq=done.dq, ddq=done.ddq, demand=done.demand,
+        peak_demand=done.peak_demand, saturated_time=done.saturated_time,
+    )  # fmt: skip
+    found = ac.evaluate(late, LINE)
+    assert found.duration == 0.5 and found.until == found.settled == 2.0
+
+
+def test_ratios_to_the_limits(arm):
+    demand = np.zeros((len(T), 2))
+    demand[50] = (1.44, -0.36)
+    done = by_hand(arm, T, ALONG, demand)
+    limits = ac.Limits(joint_acceleration=[0.72, 0.36], speed=0.1)
+    found = ac.evaluate(done, LINE, limits=limits)
+    np.testing.assert_allclose(found.demand, (1.44, 0.36))
+    np.testing.assert_allclose(found.demand_ratio, (2.0, 1.0))
+    assert found.speed_ratio == pytest.approx(0.5, rel=1e-3)
+    np.testing.assert_allclose(found.saturated, (0.25, 0.0))  # of 2 s
+    free = ac.evaluate(done, LINE, limits=ac.Limits())
+    np.testing.assert_array_equal(free.demand_ratio, 0)
+    assert np.isnan(free.speed_ratio)
+    by_arm = ac.evaluate(done, LINE)
+    np.testing.assert_allclose(by_arm.demand_ratio, (2.0, 0.5))
+
+
+def test_moving_arm_and_path_together_changes_nothing(arm):
+    rng = np.random.default_rng(0)
+    path = ac.Path.polyline([(0.30, 0.2), (0.36, 0.22), (0.33, 0.3)])
+    tool = path(np.linspace(0, path.length, len(T))) + 1e-3 * rng.normal(size=(len(T), 2))
+    one = ac.evaluate(by_hand(arm, T, tool), path, objective=path)
+    # A turn about the base, which joint 1 makes; then a shift along x, which the base makes.
+    angle, shift = 0.7, np.array([0.4, 0.0])
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def move(x):
+        return (x - (arm.base, 0)) @ rotation.T + (arm.base, 0) + shift
+
+    other = ac.PlanarTwoLink(
+        name="moved", base=arm.base + 0.4, links=(arm.link1, arm.link2), limits=arm.limits
+    )
+    moved = ac.Path.polyline(move(path.vertices))
+    two = ac.evaluate(by_hand(other, T, move(tool)), moved, objective=moved)
+    np.testing.assert_allclose(two.contour_error.values, one.contour_error.values, atol=1e-12)
+    assert two.contour_error.rms == pytest.approx(one.contour_error.rms, rel=1e-9)
+    assert two.speed == pytest.approx(one.speed, rel=1e-9)
+    assert two.settled == one.settled
+    assert two.corners[0].rounding == pytest.approx(one.corners[0].rounding, rel=1e-9)
+    assert two.corners[0].overshoot == pytest.approx(one.corners[0].overshoot, rel=1e-9)
+
+
+def test_without_an_objective_there_are_no_corners(arm):
+    found = ac.evaluate(by_hand(arm, T, ALONG), LINE)
+    assert found.objective_error is None and found.corners == ()
+
+
+def test_the_objective_has_its_own_error(arm, objective, rounded):
+    t = np.linspace(0, 2, 5001)
+    tool = rounded(np.linspace(0, rounded.length, 5001))
+    found = ac.evaluate(by_hand(arm, t, tool), rounded, objective=objective)
+    assert found.contour_error.max < 1e-14
+    # The arc's middle is the corner error times the cosine of half the turn off the lines: a
+    # ridge, of which the samples miss up to half their spacing of 70 um.
+    half = rounded.corners.turn / 2
+    deepest = (5e-3 * np.cos(half)).max()
+    assert found.objective_error.max == pytest.approx(deepest, abs=3.5e-5)
+
+
+@pytest.mark.parametrize(
+    ("path", "options", "words"),
+    [
+        (LINE, {"until": 0.0}, ("until", "above zero", "0 s")),
+        (LINE, {"until": np.nan}, ("until", "finite")),
+        (
+            LINE,
+            {"limits": ac.Limits(joint_acceleration=[1, 2, 3])},
+            ("joint_acceleration has 3 values",),
+        ),
+        (
+            ac.Path.polyline([(0, 0, 0), (1, 0, 0)]),
+            {},
+            ("have 2 coordinates", "the path has 3"),
+        ),
+    ],
+)
+def test_refused(arm, path, options, words, refuses):
+    done = by_hand(arm, T, ALONG)
+    refuses(lambda: ac.evaluate(done, path, **options), ac.InvalidInput, *words)

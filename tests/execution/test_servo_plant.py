@@ -1,0 +1,155 @@
+"""The servo plant: rest, settling, saturation figures, independence of the resolution, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import LapLaw
+
+
+def taught_data(q, period=0.02):
+    law = LapLaw(
+        breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
+    )
+    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    return ac.TaughtData(period=period, q=np.asarray(q, float), trajectory=trajectory, method="x")
+
+
+def plant(arm, kp=25.0, kv=150.0, limit=None, interpolation="linear"):
+    servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
+    return ac.ServoPlant(arm, servo, ac.Limits(joint_acceleration=limit))
+
+
+RANDOM = 0.1 * np.random.default_rng(0).normal(size=(30, 2))
+
+
+def test_it_starts_at_rest_and_ends_at_rest(arm):
+    done = ac.execute(taught_data(RANDOM), plant(arm, limit=0.72))
+    np.testing.assert_array_equal(done.q[0], RANDOM[0])
+    np.testing.assert_array_equal(done.dq[0], 0)
+    np.testing.assert_allclose(done.q[-1], RANDOM[-1], atol=1e-8)
+    np.testing.assert_allclose(done.dq[-1], 0, atol=1e-8)
+    np.testing.assert_allclose(np.diff(done.t), done.t[1], rtol=1e-9)
+
+
+def test_a_single_set_point_keeps_still(arm):
+    done = ac.execute(taught_data([(0.3, 0.4)]), plant(arm, limit=0.72))
+    np.testing.assert_array_equal(done.q, [(0.3, 0.4)] * len(done.q))
+    np.testing.assert_array_equal(done.peak_demand, 0)
+    np.testing.assert_array_equal(done.saturated_time, 0)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+@pytest.mark.parametrize("limit", [None, 0.72, [3.0, 0.5]])
+def test_the_resolution_changes_nothing(arm, interpolation, limit):
+    simulated = plant(arm, limit=limit, interpolation=interpolation)
+    coarse = ac.execute(taught_data(RANDOM), simulated, resolution=0.02)
+    fine = ac.execute(taught_data(RANDOM), simulated, resolution=0.001)
+    n = len(coarse.t) - 1
+    np.testing.assert_allclose(fine.t[: 20 * n + 1 : 20], coarse.t, atol=1e-9)
+    np.testing.assert_allclose(fine.q[: 20 * n + 1 : 20], coarse.q, atol=1e-10)
+    np.testing.assert_allclose(fine.dq[: 20 * n + 1 : 20], coarse.dq, atol=1e-8)
+    np.testing.assert_allclose(fine.peak_demand, coarse.peak_demand, rtol=1e-9)
+    np.testing.assert_allclose(fine.saturated_time, coarse.saturated_time, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("resolution", [0.02, 0.03, 0.0061, 1e-3])
+def test_the_resolution_is_kept_and_meets_the_set_points(arm, resolution):
+    done = ac.execute(taught_data(RANDOM), plant(arm), resolution=resolution)
+    assert done.t[1] <= resolution * (1 + 1e-12)
+    assert np.abs(np.mod(0.02 / done.t[1] + 0.5, 1) - 0.5) < 1e-9
+
+
+def test_one_big_step_in_closed_form(arm):
+    # Held far away, the servo saturates from rest: q = A t² / 2 until the velocity loop gives in.
+    target = 1.0
+    done = ac.execute(
+        taught_data([(0.0, 0.0), (target, 0.0), (target, 0.0)], period=0.5),
+        plant(arm, limit=0.72, interpolation="step"),
+        resolution=0.01,
+    )
+    at = (done.t >= 0.5) & (done.t <= 1.5)
+    t = done.t[at] - 0.5
+    np.testing.assert_allclose(done.q[at, 0], 0.72 * t**2 / 2, atol=1e-12)
+    np.testing.assert_allclose(done.q[at, 1], 0, atol=1e-15)
+    assert done.peak_demand[0] >= 150 * 25 * target * (1 - 1e-12)
+    assert done.saturated[at, 0][1:].all() and not done.saturated[:, 1].any()
+
+
+def test_saturated_time_and_peak_demand_agree_with_a_fine_grid(arm):
+    done = ac.execute(taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5)
+    counted = (np.abs(done.demand) > [2.0, 5.0]).sum(axis=0) * done.t[1]
+    np.testing.assert_allclose(done.saturated_time, counted, rtol=2e-3)
+    np.testing.assert_allclose(done.peak_demand, np.abs(done.demand).max(axis=0), rtol=1e-4)
+    assert (done.saturated_time > 0.1).all()
+
+
+def test_accelerations_are_the_demand_within_the_limit(arm):
+    done = ac.execute(taught_data(RANDOM), plant(arm, limit=[0.72, 3.0]), resolution=1e-3)
+    np.testing.assert_array_equal(done.ddq, np.clip(done.demand, [-0.72, -3.0], [0.72, 3.0]))
+    assert (np.abs(done.demand).max(axis=0) > [0.72, 3.0]).all()
+    # And they are what moves the joints: dq is their integral. Edges of saturation are kinks.
+    moved = np.cumsum((done.ddq[1:] + done.ddq[:-1]) / 2 * done.t[1], axis=0)
+    np.testing.assert_allclose(done.dq[1:], moved, atol=2e-2)
+
+
+def test_without_a_limit_nothing_saturates(arm):
+    done = ac.execute(taught_data(1e3 * RANDOM), plant(arm))
+    np.testing.assert_array_equal(done.saturated_time, 0)
+    np.testing.assert_array_equal(done.ddq, done.demand)
+
+
+def test_an_unsaturated_servo_is_linear(arm):
+    a, b = np.random.default_rng(1).normal(size=(2, 20, 2))
+    one, two, both = (
+        ac.execute(taught_data(x), plant(arm, kp=[25.0, 60.0], kv=[150.0, 40.0]), resolution=0.01)
+        for x in (a, b, 2 * a - 3 * b)
+    )
+    n = min(len(one.t), len(two.t), len(both.t))
+    np.testing.assert_allclose(both.q[:n], 2 * one.q[:n] - 3 * two.q[:n], atol=1e-10)
+
+
+def test_a_linear_and_a_step_hold_differ_by_the_ramp(arm):
+    held, ramped = (
+        ac.execute(taught_data([(0, 0), (1, 1)], 1.0), plant(arm, interpolation=x), resolution=0.01)
+        for x in ("step", "linear")
+    )
+    np.testing.assert_allclose(held.q[:101], 0, atol=1e-15)
+    t = ramped.t[50:101]
+    np.testing.assert_allclose(ramped.q[50:101, 0], t - 1 / 25.0, atol=1e-4)  # the lag v / K_p
+
+
+def test_the_arms_limits_are_the_default(arm, servo):
+    np.testing.assert_array_equal(ac.ServoPlant(arm, servo).acceleration, [0.72, 0.72])
+    free = ac.ServoPlant(arm, servo, ac.Limits())
+    np.testing.assert_array_equal(free.acceleration, [np.inf, np.inf])
+
+
+def test_a_servo_that_does_not_settle_is_an_error(arm, refuses):
+    refuses(
+        lambda: ac.execute(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02),
+        ac.ExecutionError,
+        "Joint 2 is not at rest",
+        "do not let it settle",
+        joint=2,
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda arm, t: ac.execute(t, "plant"), ("A plant is needed", "not str")),
+        (lambda arm, t: ac.execute(t, plant(arm), resolution=0.0), ("resolution", "above zero")),
+        (lambda arm, t: ac.execute(t, plant(arm), resolution=np.nan), ("resolution", "finite")),
+        (
+            lambda arm, t: ac.execute(taught_data(np.zeros((4, 3))), plant(arm)),
+            ("for 3 joints", "PMK-3s has 2"),
+        ),
+        (lambda arm, t: plant(arm, kp=[1.0, 2.0, 3.0]), ("kp has 3 values", "2 joints")),
+        (lambda arm, t: plant(arm, limit=[1.0]), ("joint_acceleration has 1 values",)),
+    ],
+)
+def test_refused(arm, call, words, refuses):
+    refuses(lambda: call(arm, taught_data(RANDOM)), ac.InvalidInput, *words)

@@ -1,0 +1,225 @@
+"""Corner rounding: closed forms of one corner, the shrink rule, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.geometry import corner_error
+
+TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
+
+
+def corner(turn, leg=10.0):
+    """One corner at the origin between two legs of 10 m."""
+    return ac.Path.polyline([(-leg, 0), (0, 0), (leg * np.cos(turn), leg * np.sin(turn))])
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_case_two_is_the_largest_radius_15(turn):
+    error = 0.01
+    rounded = ac.round_corners(corner(turn), tolerance=error, acceleration=0.09)
+    cosine = np.cos(turn / 2)
+    radius = error * cosine / (1 - cosine)  # (15) as printed
+    assert rounded.corners.radius[0] == pytest.approx(radius, rel=1e-9)
+    assert rounded.corners.speed[0] == pytest.approx(np.sqrt(0.09 * radius), rel=1e-9)  # (16)
+    assert rounded.corners.tangent[0] == pytest.approx(radius * np.tan(turn / 2), rel=1e-9)
+    assert not rounded.corners.shrunk[0]
+    # (11), measured on the drawn path: the gap between corner and arc.
+    middle = rounded((rounded.corners.start[0] + rounded.corners.end[0]) / 2)
+    assert np.linalg.norm(middle) == pytest.approx(error, rel=1e-9)
+    assert rounded.project([(0.0, 0.0)]).distance[0] == pytest.approx(error, rel=1e-9)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_case_one_is_the_smallest_radius_13_and_error_14(turn):
+    v, a = 0.03, 0.09
+    rounded = ac.round_corners(corner(turn), speed=v, acceleration=a)
+    cosine = np.cos(turn / 2)
+    assert rounded.corners.radius[0] == pytest.approx(v**2 / a, rel=1e-12)  # (13)
+    error = v**2 * (1 - cosine) / (a * cosine)  # (14) as printed
+    assert rounded.corners.error[0] == pytest.approx(error, rel=1e-9)
+    assert rounded.corners.speed[0] == pytest.approx(v, rel=1e-12)
+
+
+def test_with_both_cases_the_tolerance_caps_case_one():
+    path = corner(np.pi / 2)
+    free = ac.round_corners(path, speed=0.3, acceleration=0.09).corners
+    capped = ac.round_corners(path, speed=0.3, acceleration=0.09, tolerance=0.01).corners
+    assert free.error[0] > 0.01
+    assert capped.error[0] == pytest.approx(0.01)
+    assert capped.speed[0] < 0.3
+    loose = ac.round_corners(path, speed=0.3, acceleration=0.09, tolerance=100.0).corners
+    np.testing.assert_array_equal(loose.radius, free.radius)
+
+
+def test_corner_error_of_a_tiny_turn_keeps_its_digits():
+    # (10): r (1 - cos h) / cos h is r h² / 2 for small h; printed, it cancels to nothing.
+    found = corner_error(np.array([2.0]), np.array([1e-9]))
+    assert found[0] == pytest.approx(1e-18, rel=1e-12)
+
+
+def test_the_turn_is_taken_the_short_way_round():
+    # Headings 170° and -170°: alpha2 - alpha1 is -340°, the turn is 20°.
+    heading = np.radians([170, -170])
+    steps = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    path = ac.Path.polyline(np.concatenate([[(0, 0)], np.cumsum(steps, axis=0)]))
+    found = ac.round_corners(path, tolerance=1e-3).corners
+    assert np.degrees(found.turn[0]) == pytest.approx(20.0)
+    assert found.radius[0] > 0
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_the_arc_turns_to_the_inside(sense):
+    path = ac.Path.polyline([(-1, 0), (0, 0), (0, sense)])
+    rounded = ac.round_corners(path, tolerance=0.1)
+    r = rounded.corners.radius[0]
+    center = np.array([-r, sense * r])
+    s = np.linspace(rounded.corners.start[0], rounded.corners.end[0], 33)
+    np.testing.assert_allclose(np.linalg.norm(rounded(s) - center, axis=1), r, rtol=1e-12)
+    # (17) as mended, with b from the start of the arc at heading 0.
+    b = (s - s[0]) / r
+    expected = np.stack([-r + r * np.sin(b), sense * r * (1 - np.cos(b))], axis=1)
+    np.testing.assert_allclose(rounded(s), expected, atol=1e-14)
+
+
+def test_the_papers_path_in_space_rounds_the_same():
+    flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
+    plane = ac.round_corners(ac.Path.polyline(flat), tolerance=5e-3)
+    space = ac.round_corners(ac.Path.polyline(flat @ basis.T), tolerance=5e-3)
+    np.testing.assert_allclose(space.corners.radius, plane.corners.radius, rtol=1e-12)
+    s = np.linspace(0, plane.length, 101)
+    np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
+
+
+def test_one_value_per_joint():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0, 2)])
+    found = ac.round_corners(path, tolerance=[0.01, 0.0, 0.02]).corners
+    np.testing.assert_allclose(found.error, [0.01, 0, 0.02], atol=1e-15)
+    np.testing.assert_array_equal(found.stopped, [False, True, False])
+    np.testing.assert_array_equal(found.joint, [1, 2, 3])
+    np.testing.assert_array_equal(found.point, [(1, 0), (1, 1), (0, 1)])
+
+
+def test_the_segments_own_tolerance_caps():
+    def line(a, b, tolerance=None):
+        return ac.Line(start=a, end=b, demand=ac.Demand(tolerance=tolerance, speed=0.1, tag="x"))
+
+    path = ac.Path.from_segments(
+        [line((0, 0), (1, 0)), line((1, 0), (1, 1), 2e-3), line((1, 1), (0, 1), 1e-3)]
+    )
+    rounded = ac.round_corners(path, tolerance=1.5e-3)
+    np.testing.assert_allclose(rounded.corners.error, [1.5e-3, 1e-3])
+    assert rounded.tags == ("x",) * 5
+    np.testing.assert_allclose(rounded.speeds, 0.1)
+
+
+def test_an_arc_takes_the_lower_of_its_lines_speeds():
+    path = ac.Path.from_segments(
+        [
+            ac.Line(start=(0, 0), end=(1, 0), demand=ac.Demand(speed=0.2)),
+            ac.Line(start=(1, 0), end=(1, 1), demand=ac.Demand(speed=0.1)),
+            ac.Line(start=(1, 1), end=(0, 1)),
+        ]
+    )
+    rounded = ac.round_corners(path, tolerance=0.01)
+    np.testing.assert_array_equal(rounded.speeds, [0.2, 0.1, 0.1, 0.1, np.nan])
+
+
+def test_zero_tolerance_leaves_the_path_and_its_stops():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
+    rounded = ac.round_corners(path, tolerance=0.0)
+    assert len(rounded) == 3 and rounded.corners.stopped.all()
+    np.testing.assert_array_equal(rounded.stops, path.stops)
+    np.testing.assert_array_equal(rounded.starts, path.starts)
+
+
+def test_a_straight_path_is_untouched():
+    path = ac.Path.polyline([(0, 0), (1, 0), (3, 0)])
+    rounded = ac.round_corners(path, tolerance=0.1)
+    assert len(rounded.corners) == 0 and rounded.length == path.length
+    np.testing.assert_array_equal(rounded.breaks, path.breaks)
+    assert rounded.objective is path
+
+
+def test_turning_back_is_a_full_stop():
+    path = ac.Path.polyline([(0, 0), (1, 0), (0.5, 0)])
+    found = ac.round_corners(path, tolerance=0.1).corners
+    assert found.turn[0] == pytest.approx(np.pi) and found.stopped[0]
+
+
+def test_a_corner_beside_an_arc_is_a_full_stop():
+    path = ac.Path.from_segments(
+        [
+            ac.Line(start=(0, 0), end=(1, 0)),
+            ac.Arc(start=(1, 0), center=(2, 0), angle=-np.pi),
+            ac.Line(start=(3, 0), end=(4, 0)),
+        ]
+    )
+    rounded = ac.round_corners(path, tolerance=0.1)
+    assert rounded.corners.stopped.tolist() == [True, True]
+    np.testing.assert_allclose(rounded.stops, path.stops)
+
+
+def test_arcs_that_meet_share_their_line():
+    # A square zigzag of side 1 with room for tangents of 0.5 only.
+    path = ac.Path.polyline([(-9, 0), (0, 0), (0, 1), (9, 1)])
+    found = ac.round_corners(path, tolerance=10.0).corners
+    assert found.shrunk.all()
+    np.testing.assert_allclose(found.tangent, 0.5)
+    np.testing.assert_allclose(found.radius, 0.5)  # r tan(45°)
+
+
+def test_a_small_neighbour_leaves_its_room_to_a_large_one():
+    path = ac.Path.polyline([(-9, 0), (0, 0), (0, 1), (9, 1)])
+    small = 0.1 * (np.sqrt(2) - 1)  # an arc with r = 0.1 at a right angle
+    found = ac.round_corners(path, tolerance=[small, 10.0]).corners
+    np.testing.assert_allclose(found.tangent, [0.1, 0.9])
+    assert found.shrunk.tolist() == [False, True]
+
+
+def test_the_first_and_last_line_can_be_used_up():
+    path = ac.Path.polyline([(-0.3, 0), (0, 0), (0, 9)])
+    rounded = ac.round_corners(path, tolerance=10.0)
+    np.testing.assert_allclose(rounded.corners.tangent, 0.3)
+    assert len(rounded) == 2  # nothing is left of the first line
+    np.testing.assert_allclose(rounded(0.0), (-0.3, 0))
+    np.testing.assert_allclose(rounded(0.0, 1), (1, 0), atol=1e-12)
+
+
+def test_input_is_left_alone():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
+    before = path.starts.copy(), path.lengths.copy()
+    ac.round_corners(path, tolerance=0.1)
+    np.testing.assert_array_equal(path.starts, before[0])
+    np.testing.assert_array_equal(path.lengths, before[1])
+
+
+def test_corners_are_read_only(rounded):
+    assert len(rounded.corners) == 2
+    with pytest.raises(ValueError, match="read-only"):
+        rounded.corners.radius[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, ("tolerance (case II)", "speed and an acceleration (case I)")),
+        ({"speed": 0.1}, ("case I",)),
+        ({"acceleration": 0.1}, ("case II",)),
+        ({"tolerance": -1e-3}, ("tolerance", "negative", "-0.001 m")),
+        ({"tolerance": np.nan}, ("tolerance", "finite")),
+        ({"tolerance": [1e-3] * 3}, ("tolerance has 3 values", "2 joints")),
+        ({"tolerance": [[1e-3, 1e-3]]}, ("tolerance has 2 values",)),
+        ({"tolerance": "wide"}, ("tolerance", "numbers in m")),
+        ({"speed": -0.1, "acceleration": 0.1}, ("corner speed", "negative", "-0.1 m/s")),
+        ({"speed": 0.1, "acceleration": 0.0}, ("corner acceleration", "above zero")),
+        ({"tolerance": 1e-3, "acceleration": -0.5}, ("corner acceleration", "-0.5 m/s²")),
+        ({"speed": [0.1], "acceleration": 0.1}, ("corner speed has 1 values", "2 joints")),
+    ],
+)
+def test_round_corners_refuses(options, words, refuses):
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
+    refuses(lambda: ac.round_corners(path, **options), ac.InvalidInput, *words)

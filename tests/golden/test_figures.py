@@ -1,0 +1,148 @@
+"""The published and converged figures of figures.yaml, measured one by one."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import armcontour as ac
+
+FIGURES = yaml.safe_load((Path(__file__).parent / "figures.yaml").read_text(encoding="utf-8"))
+FIELDS = {
+    "id",
+    "quantity",
+    "source",
+    "section",
+    "table_or_figure",
+    "value",
+    "unit",
+    "why_this_tolerance",
+    "erratum",
+}
+OPTIONAL = {"tolerance", "relation", "reproduced"}
+MM = 1e3  # mm per m
+
+
+class Bench:
+    """Measures quantities by name; every part of the chain is run once."""
+
+    def __init__(self, arm, objective, rounded, limits, mac, conventional):
+        self.arm, self.objective, self.rounded = arm, objective, rounded
+        self.limits, self.mac, self.conventional_plan = limits, mac, conventional
+        self.executed = cache(self._executed)
+
+    def measure(self, quantity):
+        name, _, rest = quantity.partition(".")
+        if hasattr(self, name):
+            return getattr(self, name)(*rest.split(".")) if rest else getattr(self, name)()
+        if name.startswith("corner"):
+            return self.corner(int(name[6:]) - 1, rest)
+        if name.startswith("poles"):
+            pole = -float(name[5:])
+            return self.figure("even", "pole_placement", 4e-3, (pole, pole, pole), rest)
+        begin, end = (int(x) for x in name[1:].split("P"))
+        return self.mac.switching_points[end] - self.mac.switching_points[begin]
+
+    def T(self):  # noqa: N802  # the paper's name of it
+        return self.mac.duration
+
+    def T_with_stops(self):  # noqa: N802  # likewise
+        return ac.plan(self.objective, self.arm, self.limits, method="mac", knots=600).duration
+
+    def corner(self, i, what):
+        corners = self.rounded.corners
+        stretch = [x for x in self.mac.stretches if x.kind == "corner"][i]
+        return {
+            "turn": np.degrees(corners.turn[i]),
+            "radius": corners.radius[i] * MM,
+            "speed": stretch.speed * MM,
+            "time": stretch.t[1] - stretch.t[0],
+            "demand1": stretch.demand[0],
+            "demand2": stretch.demand[1],
+        }[what]
+
+    def middle(self, what):
+        (stretch,) = (x for x in self.mac.stretches if x.kind == "AVC")
+        return stretch.demand[int(what[-1]) - 1]
+
+    def conventional(self, what):
+        if what == "T":
+            return self.conventional_plan.duration
+        until = self.conventional_plan.duration if what == "rms_of_the_motion" else 12.06
+        done = self.executed("conventional", "even", "none", 2e-4, None)
+        found = ac.evaluate(done, self.objective, until=until)
+        return {
+            "settled": found.settled,
+            "rms": found.contour_error.rms * MM,
+            "rms_of_the_motion": found.contour_error.rms * MM,
+            "max": found.contour_error.max * MM,
+        }[what]
+
+    def share_of_time(self):
+        return 100 * self.T() / self.conventional("settled")
+
+    def proposed(self, gains, what):
+        return self.figure(gains, "pole_placement", 2e-4, None, what)
+
+    def none(self, gains, what):
+        return self.figure(gains, "none", 2e-4, None, what)
+
+    def figure(self, gains, compensation, period, poles, what):
+        done = self.executed("mac", gains, compensation, period, poles)
+        found = ac.evaluate(done, self.rounded, limits=self.limits)
+        if what == "tracking_share":
+            return 100 * found.tracking_error.rms * MM / self.none(gains, "tracking")
+        return {
+            "rms": found.contour_error.rms * MM,
+            "max": found.contour_error.max * MM,
+            "tracking": found.tracking_error.rms * MM,
+            "demand_ratio": found.demand_ratio.max(),
+            "speed_ratio": found.speed_ratio,
+        }[what]
+
+    def _executed(self, timing, gains, compensation, period, poles):
+        servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)
+        plan = self.mac if timing == "mac" else self.conventional_plan
+        options = {} if poles is None else {"poles": poles}
+        taught = ac.compensate(plan, servo, method=compensation, period=period, **options)
+        return ac.execute(taught, ac.ServoPlant(self.arm, servo))
+
+
+@pytest.fixture(scope="module")
+def bench(arm, objective, rounded, limits, mac, conventional):
+    return Bench(arm, objective, rounded, limits, mac, conventional)
+
+
+def parameters():
+    for figure in FIGURES:
+        marks = ()
+        if not figure.get("reproduced", True):
+            marks = pytest.mark.xfail(reason=figure["erratum"], strict=True, raises=AssertionError)
+        yield pytest.param(figure, id=figure["id"], marks=marks)
+
+
+@pytest.mark.parametrize("figure", list(parameters()))
+def test_figure(bench, figure):
+    found = bench.measure(figure["quantity"])
+    if figure.get("relation", "equal") == "at_most":
+        assert found <= figure["value"], figure["why_this_tolerance"]
+    else:
+        assert abs(found - figure["value"]) <= figure["tolerance"], (
+            f"{found:.6g} {figure['unit']}, not {figure['value']}"
+        )
+
+
+def test_every_figure_says_where_it_is_from_and_how_near_it_must_be():
+    assert len({x["id"] for x in FIGURES}) == len(FIGURES)
+    for figure in FIGURES:
+        assert FIELDS <= set(figure) <= FIELDS | OPTIONAL, figure["id"]
+        assert figure["source"] in ("paper", "method"), figure["id"]
+        assert figure["why_this_tolerance"], figure["id"]
+        at_most = figure.get("relation", "equal") == "at_most"
+        assert at_most != ("tolerance" in figure), figure["id"]
+        if not figure.get("reproduced", True):
+            assert figure["erratum"] and figure["source"] == "paper", figure["id"]

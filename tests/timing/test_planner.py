@@ -1,0 +1,83 @@
+"""The door to the planners: what it takes and refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+
+# Those of the paper; the optimal planner has its own tests.
+METHODS = ("mac", "conventional")
+
+
+def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
+    direct = ac.plan(rounded, arm, limits, method="mac", knots=50)
+    by_hand = ac.plan(traced, arm, limits, method="mac", knots=50)
+    assert direct.duration == by_hand.duration
+    assert direct.path is rounded and direct.method == "mac"
+
+
+def test_the_branch_reaches_the_arm(arm, rounded, limits):
+    planned = ac.plan(rounded, arm, limits.replace(speed=0.05), method="mac", branch="negative")
+    t = np.linspace(0, planned.duration, 101)
+    assert (planned(t)[:, 1] < 0).all()
+    off = rounded.project(arm.forward(planned(t))).distance
+    assert off.max() < 1e-6
+
+
+def test_the_arms_limits_are_the_default(arm, rounded, refuses):
+    # They hold no assigned velocity, which the method needs.
+    for method in METHODS:
+        refuses(
+            lambda m=method: ac.plan(rounded, arm, method=m),
+            ac.InvalidInput,
+            f"The method {method} needs an assigned velocity",
+            "limits.replace(speed=...)",
+        )
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "fast"}, ("method must be one of", "mac, conventional", "'fast'")),
+        ({"method": "mac", "knot": 3}, ("mac takes the options knots, period", "not knot")),
+        ({"method": "conventional", "knots": 3}, ("conventional takes no options", "not knots")),
+        ({"method": "mac", "knots": 7}, ("at least 8 knots a line", "not 7")),
+        ({"method": "mac", "period": 0.0}, ("command interval", "above zero")),
+        ({"method": "mac", "period": np.nan}, ("command interval", "finite")),
+        ({"method": "mac", "branch": "up"}, ("branches positive, negative",)),
+    ],
+)
+def test_refused_options(arm, rounded, limits, options, words, refuses):
+    refuses(lambda: ac.plan(rounded, arm, limits, **options), ac.InvalidInput, *words)
+
+
+def test_mac_needs_joint_limits(arm, rounded, limits, refuses):
+    refuses(
+        lambda: ac.plan(rounded, arm, limits.replace(joint_acceleration=None), method="mac"),
+        ac.InvalidInput,
+        "mac needs joint acceleration limits",
+        "rad/s²",
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_joint_path_without_a_tool_path_is_refused(arm, limits, method, refuses):
+    spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
+    refuses(
+        lambda: ac.plan(spline, arm, limits, method=method),
+        ac.InvalidInput,
+        f"The method {method} plans along a tool path",
+        "traced one",
+    )
+
+
+def test_limits_for_another_arm_are_refused(arm, rounded, limits, refuses):
+    refuses(
+        lambda: ac.plan(
+            rounded, arm, limits.replace(joint_acceleration=[1.0, 1.0, 1.0]), method="mac"
+        ),
+        ac.InvalidInput,
+        "joint_acceleration has 3 values",
+    )
