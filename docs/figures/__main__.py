@@ -18,6 +18,7 @@ NAMES = (
     "fig09_profiles",
     "fig10_results",
     "fig11_errors",
+    "optimal",
     "overview",
 )
 
@@ -29,8 +30,11 @@ def main(names: list[str]) -> int:
         print(f"There is no figure {unknown[0]}: the figures are {', '.join(NAMES)}.")
         return 2
     for name in names or NAMES:
-        figure = importlib.import_module(f"docs.figures.{name}").draw()
-        print(style.save(figure, name).relative_to(style.FOLDER))
+        module = importlib.import_module(f"docs.figures.{name}")
+        figure = module.draw()
+        # A module may give its picture another name than its own.
+        file = getattr(module, "FILE", name)
+        print(style.save(figure, file).relative_to(style.FOLDER))
         if name == "overview":
             print(style.save_png(figure, name).relative_to(style.FOLDER))
         plt.close(figure)

@@ -1,0 +1,115 @@
+"""The optimal plan of the paper's job in the phase plane, and what binds where."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from docs.figures import job, style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import armcontour as ac
+from armcontour.motion import JointPath, PathLaw
+from armcontour.timing._reach import reach
+from armcontour.timing.constraints import JointDerivatives
+from armcontour.timing.explanation import Explanation, explain
+from armcontour.timing.grid import place_grid
+from armcontour.timing.optimal import constraints_of
+
+FILE = "fig_optimal"
+
+COLOURS = {
+    "joint 1 acceleration": style.BLUE,
+    "joint 2 acceleration": style.VERMILLION,
+    "assigned velocity": style.GREEN,
+    "centripetal acceleration": style.ORANGE,
+}
+
+
+def draw() -> Figure:
+    """Speed over arc length, and below it the joint accelerations, in the colours of limits."""
+    joint_path = ac.trace(job.ROUNDED, job.ARM)
+    plan = ac.plan(joint_path, job.ARM, job.LIMITS, method="optimal")
+    law = plan.laws[0]
+    assert isinstance(law, PathLaw)
+    why = explain(plan, job.ARM, job.LIMITS)
+    figure, rows = plt.subplots(3, 1, figsize=(8.6, 7.2), sharex=True, height_ratios=(3, 1.4, 1.4))
+
+    s, ceiling, most = _ceiling_and_backward_pass(joint_path)
+    rows[0].plot(*_steps(s, ceiling), color=style.BLACK, lw=0.9, ls="--", label="ceiling")
+    rows[0].plot(
+        1e3 * s, 1e3 * np.sqrt(most), color=style.GREY, lw=1.2, ls=":", label="backward pass"
+    )
+    _coloured(rows[0], why, law.s, 1e3 * np.append(law.rates[:, 0], 0.0))
+    rows[0].set(ylabel="path speed $ds/dt$ [mm/s]", ylim=(0, 172))
+    rows[0].set_title("(a) Speed along the path: the plan, in the colour of the limit that binds")
+
+    intervals = np.arange(len(law.breaks) - 1)
+    ddq = law.on_interval(intervals, (law.breaks[:-1] + law.breaks[1:]) / 2, 2)
+    middle = (law.s[:-1] + law.s[1:]) / 2
+    limit = job.LIMITS.for_joints(2).joint_acceleration
+    for j, axes in enumerate(rows[1:]):
+        axes.plot(1e3 * middle, ddq[:, j], color=style.GREY, lw=0.6)
+        _coloured(axes, why, middle, ddq[:, j])
+        for sign in (-1, 1):
+            axes.axhline(sign * limit[j], color=style.BLACK, lw=0.9, ls="--")
+        axes.set(ylabel="rad/s²", ylim=(-0.9, 0.9))
+        axes.set_title(f"({'bc'[j]}) Joint {j + 1} acceleration")
+    rows[2].set(xlabel="arc length $s$ [mm]", xlim=(0, 1e3 * joint_path.length))
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
+    """Grid points [m]; ceiling of ds on every interval [mm/s]; largest x that leads to rest."""
+    grid = place_grid(joint_path)
+    path = JointDerivatives.on(grid)
+    n = len(grid)
+    ceiling = np.full((2, n), np.inf)
+    rows = None
+    for constraint in constraints_of(joint_path, job.ARM, job.LIMITS):
+        found = constraint.ceiling(grid, path, None)
+        if found is not None:
+            ceiling = np.minimum(ceiling, found)
+        rows = constraint.rows(grid, path, None) or rows
+    assert rows is not None
+    points = np.concatenate(
+        [ceiling[:1, 0], np.minimum(ceiling[1, :-1], ceiling[0, 1:]), ceiling[1, -1:]]
+    )
+    none = np.zeros((2, n))
+    _, most, _ = reach(
+        grid.width,
+        rows.a,
+        rows.b,
+        np.ascontiguousarray(rows.low),
+        np.ascontiguousarray(rows.high),
+        points,
+        none,
+        np.full(n, np.inf),
+        np.zeros(n),
+        0.0,
+        0.0,
+    )
+    return grid.s, 1e3 * np.sqrt(ceiling.min(axis=0)), most
+
+
+def _steps(s: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A curve that is constant on every interval."""
+    return 1e3 * np.repeat(s, 2)[1:-1], np.repeat(value, 2)
+
+
+def _coloured(axes: Axes, why: Explanation, s: np.ndarray, value: np.ndarray) -> None:
+    """A curve, stretch by stretch in the colour of what binds; jumps between stretches are left."""
+    shown = set()
+    for part in why.bindings:
+        if part.name not in COLOURS:
+            continue
+        on = (s >= part.s[0]) & (s <= part.s[1])
+        axes.plot(
+            1e3 * s[on],
+            value[on],
+            color=COLOURS[part.name],
+            lw=2.2,
+            label=None if part.name in shown else part.name,
+        )
+        shown.add(part.name)
