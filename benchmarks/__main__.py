@@ -1,19 +1,21 @@
-"""Measure everything and print one table."""
+"""Measure everything and print one table, and one of what the planners answered."""
 
 from __future__ import annotations
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import projection, start_up
+from benchmarks import optimal, projection, start_up
 
 
 def main() -> None:
     """Run all benchmarks."""
+    console = Console(width=140)
+    plans, judged, notes = optimal.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
-    for measured in [*start_up.measure(), *projection.measure()]:
+    for measured in [*start_up.measure(), *projection.measure(), *plans]:
         table.add_row(
             measured.what,
             f"{measured.ours * 1e3:.3g}",
@@ -22,7 +24,17 @@ def main() -> None:
             f"{measured.ours / measured.peer_time:.3g}",
             measured.bar,
         )
-    Console(width=140).print(table)
+    console.print(table)
+    answers = Table(title="optimal plans", title_justify="left")
+    for name in ("points", "planner", "duration [s]", "largest violation"):
+        answers.add_column(name)
+    for answer in judged:
+        answers.add_row(
+            str(answer.points), answer.who, f"{answer.duration:.6f}", f"{answer.violation:.1e}"
+        )
+    console.print(answers)
+    for note in notes:
+        console.print(note)
 
 
 main()

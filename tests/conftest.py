@@ -97,3 +97,62 @@ def refuses() -> Callable[..., None]:
                 np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12, err_msg=name)
 
     return check
+
+
+@pytest.fixture(scope="session")
+def worst_ratios() -> Callable[..., dict[str, float]]:
+    """Judge a plan by its law alone: every limit's largest ratio, at ends and random places.
+
+    Values come from the law's joint positions, velocities and accelerations and from forward
+    kinematics; nothing is shared with the planner's constraints.
+    """
+
+    def judge(
+        planned: ac.Trajectory,
+        limits: ac.Limits,
+        arm: ac.Arm | None = None,
+        *,
+        places: int = 50,
+        seed: int = 0,
+    ) -> dict[str, float]:
+        found: dict[str, float] = {}
+        rng = np.random.default_rng(seed)
+        for law in planned.laws:
+            n = len(law.breaks) - 1
+            share = np.column_stack([np.zeros(n), rng.random((n, places)), np.ones(n)])
+            t = (law.breaks[:-1, None] + share * np.diff(law.breaks)[:, None]).ravel()
+            i = np.repeat(np.arange(n), places + 2)
+            # The last column is the break itself, not what rounding makes of it.
+            t[places + 1 :: places + 2] = law.breaks[1:]
+            q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
+            used: dict[str, Any] = {}
+            if limits.joint_velocity is not None:
+                used["joint_velocity"] = np.abs(dq) / limits.joint_velocity
+            if limits.joint_acceleration is not None:
+                low, high = limits.acceleration_bounds(dq.shape[1])
+                used["joint_acceleration"] = np.maximum(ddq / low, ddq / high)
+            if arm is not None and planned.path is not None:
+                velocity, acceleration = (
+                    arm.tool_velocity(q, dq),
+                    arm.tool_acceleration(q, dq, ddq),
+                )
+                speed = np.linalg.norm(velocity, axis=1)
+                middle = (law.s[:-1] + law.s[1:]) / 2
+                own = planned.path.speeds[planned.path.locate(middle)][i]
+                assigned = np.fmin(own, np.inf if limits.speed is None else limits.speed)
+                used["speed"] = speed / assigned
+                if limits.tool_acceleration is not None:
+                    used["tool_acceleration"] = (
+                        np.linalg.norm(acceleration, axis=1) / limits.tool_acceleration
+                    )
+                if limits.centripetal_acceleration is not None:
+                    moving = speed > 1e-6
+                    direction = velocity[moving] / speed[moving, None]
+                    along = np.sum(acceleration[moving] * direction, axis=1, keepdims=True)
+                    across = np.linalg.norm(acceleration[moving] - along * direction, axis=1)
+                    used["centripetal_acceleration"] = across / limits.centripetal_acceleration
+            for name, ratio in used.items():
+                found[name] = max(found.get(name, 0.0), float(ratio.max()))
+        return found
+
+    return judge

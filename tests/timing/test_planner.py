@@ -81,3 +81,12 @@ def test_limits_for_another_arm_are_refused(arm, rounded, limits, refuses):
         ac.InvalidInput,
         "joint_acceleration has 3 values",
     )
+
+
+def test_a_joint_path_takes_no_branch(arm, rounded, limits, refuses):
+    joint_path = ac.trace(rounded, arm)
+    refuses(
+        lambda: ac.plan(joint_path, arm, limits, branch="negative"),
+        ac.InvalidInput,
+        "on its branch already",
+    )

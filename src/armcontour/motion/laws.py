@@ -128,13 +128,14 @@ def interval_times(
     """
     simple = 2 * width / (begin + end)
     z = slope * simple**2 / 4
-    size = np.sqrt(np.abs(z))
     series = 1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9)))
-    if size.max() < 1e-2:
+    small = np.abs(z) < 1e-4
+    if small.all():
         return np.asarray(simple * series)
+    size = np.sqrt(np.abs(z))
     with np.errstate(divide="ignore", invalid="ignore"):
-        exact = np.where(z > 0, np.arctanh(np.minimum(size, 1 - 1e-16)), np.arctan(size)) / size
-    return np.asarray(simple * np.where(size < 1e-2, series, exact))
+        exact = np.where(z > 0, np.arctanh(size), np.arctan(size)) / size
+    return np.asarray(simple * np.where(small, series, exact))
 
 
 def _linear_motion(slope: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

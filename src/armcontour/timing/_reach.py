@@ -55,7 +55,8 @@ def _of_x(
             q = inertia if end == 0 else inertia + b[end, i, k]
             known = q * y - (inertia * shift if end == 0 else -inertia * shift)
             if p == 0.0:
-                if known > high[end, i, k] or known < low[end, i, k]:
+                slack = EDGE * abs(known)
+                if known > high[end, i, k] + slack or known < low[end, i, k] - slack:
                     return -np.inf, -1.0, 0.0, 0.0
                 continue
             inverse = 1.0 / p
@@ -71,10 +72,8 @@ def _of_x(
                 lower_slope = -q * inverse
     if r < np.inf:
         radius = r / half
-        left = radius * radius - (c1 / half * y) * (c1 / half * y)
-        if left < 0.0:
-            return -np.inf, -1.0, 0.0, 0.0
-        reach = math.sqrt(left)
+        # `_largest_y` has seen to it that both roots exist, but for rounding.
+        reach = math.sqrt(max(radius * radius - (c1 / half * y) * (c1 / half * y), 0.0))
         steep = (c1 / half) * (c1 / half) * y / max(reach, 1e-300)
         if y + shift + reach < upper:
             upper = y + shift + reach
@@ -84,10 +83,7 @@ def _of_x(
             lower_slope = 1.0 + steep
         k2 = (c0 / half) * (c0 / half)
         moved = y - shift
-        left = radius * radius * (1.0 + k2) - k2 * moved * moved
-        if left < 0.0:
-            return -np.inf, -1.0, 0.0, 0.0
-        reach = math.sqrt(left)
+        reach = math.sqrt(max(radius * radius * (1.0 + k2) - k2 * moved * moved, 0.0))
         steep = k2 * moved / max(reach, 1e-300)
         if (moved + reach) / (1.0 + k2) < upper:
             upper = (moved + reach) / (1.0 + k2)
@@ -96,6 +92,37 @@ def _of_x(
             lower = (moved - reach) / (1.0 + k2)
             lower_slope = (1.0 + steep) / (1.0 + k2)
     return upper, upper_slope, lower, lower_slope
+
+
+@njit(cache=True, error_model="numpy")
+def _largest_y(
+    half: float,
+    a: FloatArray,
+    b: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    i: int,
+    c0: float,
+    c1: float,
+    r: float,
+    shift: float,
+) -> float:
+    """Largest y for which discs, and rows that do not depend on x, leave any x at all."""
+    y = np.inf
+    if r < np.inf:
+        if c1 > 0.0:
+            y = min(y, r / c1)
+        if c0 > 0.0:
+            y = min(y, shift + r / half * math.hypot(1.0, half / c0))
+    for end in range(2):
+        for k in range(a.shape[2]):
+            inertia = a[end, i, k] * half
+            p = b[end, i, k] - inertia if end == 0 else -inertia
+            q = inertia if end == 0 else inertia + b[end, i, k]
+            if p == 0.0 and q != 0.0:
+                known = inertia * shift if end == 0 else -inertia * shift
+                y = min(y, ((high[end, i, k] if q > 0.0 else low[end, i, k]) + known) / q)
+    return max(y, 0.0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -187,7 +214,12 @@ def reach(
         cap = ceiling[i]
         y = most[i + 1]
         c0, c1, r, shift = c[0, i], c[1, i], radius[i], shifts[i]
+        if r < np.inf:
+            y = min(y, _largest_y(half, a, b, low, high, i, c0, c1, r, shift))
         up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+        if up == -np.inf:
+            y = min(y, _largest_y(half, a, b, low, high, i, c0, c1, r, shift))
+            up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
         # Too fast an end of the interval may leave no x at all. The room for x is concave in y, so
         # Newton's steps come down to its edge without passing over it.
         for _ in range(MOST_CUTS):
@@ -238,8 +270,11 @@ def reach(
         half = 0.5 / width[i]
         up, down = _of_y(x[i], half, a, b, low, high, i, c[0, i], c[1, i], radius[i], shifts[i])
         y = min(up, most[i + 1])
-        # Both ends of the interval of y are rounded.
-        if y < down - 1e-9 * (abs(down) + most[i + 1] + x[i]):
+        # Both ends of the interval of y are rounded; next to the edge of a disc under a root.
+        slack = 1e-12 * (abs(down) + most[i + 1] + x[i])
+        if radius[i] < np.inf:
+            slack += 1e-7 * radius[i] / half
+        if y < down - slack:
             return x, most, i
         x[i + 1] = max(y, 0.0)
     return x, most, -1

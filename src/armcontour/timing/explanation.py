@@ -15,8 +15,11 @@ from armcontour.timing.constraints import Constraint, JointDerivatives, ToolSpee
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
 
-# A limit binds on an interval from this share of it on; below, the plan is between two limits.
-BINDS = 0.999
+# A limit binds on an interval from this share of it on, which is what margins may take at most;
+# below, the plan is between two limits.
+BINDS = 0.99
+# The assigned velocity counts as reached from this share of it on.
+REACHED = 0.999
 # The speed has turned when it has left its extreme by this share.
 FLAT = 0.01
 
@@ -137,7 +140,7 @@ def explain(
         )
     path = JointDerivatives.on(grid)
     at = speed[0].usage(grid, path, _squares(law), law.rates[:, 1], law.rates[:, 2])[:, 0]
-    reached = at >= BINDS
+    reached = at >= REACHED
     return Explanation(
         bindings=bindings,
         assigned_length=float(grid.width[reached].sum() / grid.width.sum()),

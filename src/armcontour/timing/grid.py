@@ -84,13 +84,17 @@ def given_grid(joint_path: JointPath, points: FloatArray) -> Grid:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
-    s = np.unique(np.concatenate([points, breaks]))
+    s = np.sort(np.concatenate([points, breaks]))
     # A point that is a break but for rounding is that break.
     close = np.flatnonzero(np.diff(s) < 1e-12 * (breaks[-1] - breaks[0]))
     if len(close):
         second_is_break = np.isin(s[close + 1], breaks)
         s = np.delete(s, np.where(second_is_break, close, close + 1))
-    return Grid(joint_path, s, joint_path.locate(s[:-1]))
+    piece = joint_path.locate(s[:-1])
+    grid = Grid(joint_path, s, piece)
+    # From rest to rest within one interval there is no motion, so every piece gets at least two.
+    count = np.bincount(piece)
+    return split(grid, np.where(count[piece] == 1, 2.0, 1.0)) if (count == 1).any() else grid
 
 
 def split(grid: Grid, parts: FloatArray) -> Grid:

@@ -145,7 +145,7 @@ def _junctions(
             raise NotRealizable(
                 f"At {s:.4g} m along the path the tool is at rest next to an arc: the method mac "
                 "runs arcs at one speed and has no rule for that; begin and end arcs on lines, or "
-                "plan by another method.",
+                "plan by the method optimal.",
                 s=s,
                 point=path(s).tolist(),
             )
@@ -212,7 +212,8 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
                     f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
                     f"along the path, joint {j + 1} would need {needed:.4g} {unit}, but its limit "
                     f"is {allowed[j]:.4g} {unit}: the method mac does not look at it there; a "
-                    "lower assigned velocity or centripetal acceleration helps.",
+                    "lower assigned velocity or centripetal acceleration, or the method optimal, "
+                    "helps.",
                     s=part.s[0],
                     t=now,
                     joint=j + 1,

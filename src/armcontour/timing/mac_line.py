@@ -253,7 +253,7 @@ class Line:
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
             f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g}: it "
             "cannot turn round in time, because the method does not look ahead; a lower assigned "
-            "velocity or another method helps.",
+            "velocity or the method optimal helps.",
             point=point,
             s=s,
             joint=run.joint + 1,

@@ -38,8 +38,12 @@ from armcontour.timing.grid import Grid, given_grid, place_grid, split
 # grid is made finer, at most this many times.
 LARGEST_MARGIN = 1e-2
 MOST_REFINEMENTS = 8
+# A refinement that would make the grid this many times as large at once is no cure.
+MOST_GROWTH = 200
 # The margins are taken for speeds this much above those of the first pass, and checked afterwards.
 HEADROOM = 1.05
+# An interval takes no skew that would let ds² dip between its ends by more than about this share.
+LARGEST_DIP = 0.25
 
 
 def plan_optimal(
@@ -138,6 +142,11 @@ class _Problem:
             ceilings += [] if ceiling is None else [ceiling]
             rows += [] if found is None else [found]
             if disc is not None:
+                if np.isfinite(self.radius).any():
+                    raise InvalidInput(
+                        "Only one round constraint can be planned with at a time: lift the limit "
+                        f"of tool acceleration, or leave out the constraint {constraint.name}."
+                    )
                 self.c, self.radius = np.ascontiguousarray(disc.c), disc.r
         self.ceiling = _lowest(ceilings, n)
         self.rows = rows[0] if len(rows) == 1 else _beside(rows, n)
@@ -145,6 +154,7 @@ class _Problem:
             self.shifts = bounds.skew * grid.width**2
             # Where u falls, x lies above its chord by up to |skew| width² / 4.
             self.ceiling = self.ceiling - np.maximum(-self.shifts, 0.0) / 4
+        self.at_points = self._at_points()
 
     def solve(self, start_speed: float, end_speed: float) -> FloatArray:
         """The largest x at every grid point.
@@ -152,8 +162,7 @@ class _Problem:
         Raises:
             NotRealizable: A start or end speed that cannot be had, or no way on.
         """
-        grid, rows = self.grid, self.rows
-        ceiling = self._at_points()
+        grid, rows, ceiling = self.grid, self.rows, self.at_points
         start, end = start_speed**2, end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
             if value > ceiling[place] * (1 + 1e-12):
@@ -189,7 +198,7 @@ class _Problem:
                 rows.b,
                 rows.low,
                 rows.high,
-                self._at_points(),
+                self.at_points,
                 self.c,
                 self.radius,
                 x,
@@ -220,11 +229,12 @@ def _solve(
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
     headroom = HEADROOM
+    steady = np.zeros(len(grid), dtype=bool)  # intervals that take no skew
     for _ in range(MOST_REFINEMENTS):
         path = JointDerivatives.on(grid)
         plain = _Problem(grid, path, active)
         fastest = plain.solve(start_speed, end_speed)
-        skew = plain.skews(fastest)
+        skew = np.where(steady, 0.0, plain.skews(fastest))
         largest = (
             headroom * np.maximum(fastest[:-1], fastest[1:]) + np.abs(skew) * grid.width**2 / 4
         )
@@ -240,13 +250,24 @@ def _solve(
             problem.rows.a,
             skew * grid.width / 2,
         )
+        lost = np.maximum(lost, _disc_lost(plain, problem, skew))
         if (lost > LARGEST_MARGIN).any():
-            grid = split(grid, np.ceil(np.sqrt(lost / LARGEST_MARGIN)))
+            parts = np.maximum(1.0, np.ceil(np.sqrt(lost / LARGEST_MARGIN)))
+            if parts.sum() > MOST_GROWTH * len(grid):
+                break
+            grid = split(grid, parts)
+            steady = np.zeros(len(grid), dtype=bool)
             continue
         x = problem.solve(start_speed, end_speed)
-        if (np.maximum(x[:-1], x[1:]) <= largest).all():
+        # With a growing u, x must not fall to 0 between two points.
+        speed = np.sqrt(x)
+        dips = skew * grid.width**2 > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
+        if dips.any():
+            steady |= dips
+        elif (np.maximum(x[:-1], x[1:]) <= largest - np.abs(skew) * grid.width**2 / 4).all():
             return _law(grid, x, skew)
-        headroom *= 2
+        else:
+            headroom *= 2
     s = float(grid.s[int(np.argmax(lost))])
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
@@ -271,6 +292,15 @@ def _largest_u(
             "tool_acceleration."
         )
     return np.asarray(np.min(bounds, axis=0))
+
+
+def _disc_lost(plain: _Problem, problem: _Problem, skew: FloatArray) -> FloatArray:
+    """Largest share of a disc's radius that margins take, as `margin_lost` has it for rows."""
+    lost = np.zeros(len(plain.grid))
+    round_ = np.isfinite(plain.radius)
+    lost[round_] = 1 - problem.radius[round_] / plain.radius[round_]
+    lost[np.abs(skew) * plain.grid.width / 2 > problem.radius] = 1.0
+    return lost
 
 
 def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:

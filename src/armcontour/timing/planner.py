@@ -50,6 +50,8 @@ def plan(
     """
     _checks.choice("method", method, METHODS)
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    if isinstance(path, JointPath) and branch is not None:
+        raise InvalidInput("A joint path is on its branch already: give branch to trace instead.")
     joint_path = path if isinstance(path, JointPath) else trace(path, arm, branch=branch)
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -12,8 +13,15 @@ from armcontour._checks import FloatArray, IntArray
 
 @njit(cache=True, error_model="numpy")
 def derivatives(
-    coefficients: FloatArray, breaks: FloatArray, piece: IntArray, s: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    coefficients: FloatArray,
+    breaks: FloatArray,
+    piece: IntArray,
+    s: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    fourth: FloatArray,
+) -> None:
     """dq_ds and d2q_ds2 at both ends of every interval, and bounds of the next two inside.
 
     Args:
@@ -21,16 +29,13 @@ def derivatives(
         breaks: Of the joint path, (pieces + 1,).
         piece: Piece of each interval, (n,).
         s: Interval ends, (n + 1,).
-
-    Returns:
-        First and second derivative, (2, n, dof); bounds of |d3q_ds3| and |d4q_ds4|, (n, dof).
+        first: Takes dq_ds, (2, n, dof).
+        second: Takes d2q_ds2, (2, n, dof).
+        third: Takes the bounds of |d3q_ds3|, (n, dof).
+        fourth: Takes the bounds of |d4q_ds4|, (n, dof).
     """
     n = len(piece)
     dof = coefficients.shape[2]
-    first = np.empty((2, n, dof))
-    second = np.empty((2, n, dof))
-    third = np.empty((n, dof))
-    fourth = np.empty((n, dof))
     for i in range(n):
         k = piece[i]
         scale = 1.0 / (breaks[k + 1] - breaks[k])
@@ -55,7 +60,6 @@ def derivatives(
             f5 = abs(120 * a5)
             third[i, j] = (f3 + half * (f4 + half * 0.5 * f5)) * scale**3
             fourth[i, j] = (f4 + half * f5) * scale**4
-    return first, second, third, fourth
 
 
 @njit(cache=True, error_model="numpy")
@@ -67,14 +71,14 @@ def acceleration_bulge(
     x: FloatArray,
     u: FloatArray,
     skew: FloatArray,
-) -> FloatArray:
-    """How far a joint acceleration can rise above its chord on each interval, (n, dof).
+    bulge: FloatArray,
+) -> None:
+    """Write how far joint accelerations can rise above their chords into `bulge`, (n, dof).
 
     With u linear in s, its second derivative is `5 q''' u + q'''' x + 4 q'' skew`; a function rises
     above its chord by at most width² / 8 times the largest amount of that.
     """
     n, dof = third.shape
-    bulge = np.empty((n, dof))
     for i in range(n):
         share = width[i] * width[i] / 8.0
         for j in range(dof):
@@ -82,7 +86,6 @@ def acceleration_bulge(
             bulge[i, j] = share * (
                 5.0 * third[i, j] * u[i] + fourth[i, j] * x[i] + 4.0 * bend * abs(skew[i])
             )
-    return bulge
 
 
 @njit(cache=True, error_model="numpy")
@@ -101,6 +104,14 @@ def path_acceleration_bound(
                 least = room / size
         bound[i] = least
     return bound
+
+
+@njit(cache=True, error_model="numpy")
+def _over_square(room: float, slope: float) -> Any:
+    """`room / slope²`, zero without room, infinite without slope."""
+    if room <= 0.0:
+        return 0.0
+    return room / (slope * slope) if slope != 0.0 else math.inf
 
 
 @njit(cache=True, error_model="numpy")
@@ -135,15 +146,16 @@ def velocity_ceiling(
                 bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + d * third[i, j]
                 rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
                 bulge = d * d / 8 * (rate + 2 * abs(skew[i]) * slope * slope)
-            for end in range(2):
-                square = first[end, i, j] * first[end, i, j]
-                best = 0.0
-                if v2 > bulge:
-                    best = (v2 - bulge) / square if square > 0.0 else np.inf
-                if narrow:
-                    # Or simply: slow enough for the steepest place of the interval.
-                    best = max(best, v2 / (slope * slope) if slope > 0.0 else np.inf)
-                ceiling[end, i] = min(ceiling[end, i], best)
+            # Both ends by the first rule, or both slow enough for the steepest place of the
+            # interval: one end by the one and the other by the other would prove nothing.
+            at_start = _over_square(v2 - bulge, first[0, i, j])
+            at_end = _over_square(v2 - bulge, first[1, i, j])
+            if narrow:
+                tight = _over_square(v2, slope)
+                if at_start + at_end < 2 * tight:
+                    at_start = at_end = tight
+            ceiling[0, i] = min(ceiling[0, i], at_start)
+            ceiling[1, i] = min(ceiling[1, i], at_end)
     return ceiling
 
 

@@ -33,18 +33,28 @@ class JointDerivatives:
         second: d2q_ds2, likewise.
         third: Bound of |d3q_ds3| on each interval, (n, dof).
         fourth: Bound of |d4q_ds4|, likewise.
+        spare: Memory for `room`, taken together with the rest: at 5000 points, to take and give
+            back several blocks of half a megabyte costs more than all the arithmetic.
     """
 
     first: FloatArray
     second: FloatArray
     third: FloatArray
     fourth: FloatArray
+    spare: list[FloatArray]
 
     @classmethod
     def on(cls, grid: Grid) -> JointDerivatives:
         """Those of the grid's joint path."""
         path: JointPath = grid.joint_path
-        return cls(*derivatives(path.coefficients, path.breaks, grid.piece, grid.s))
+        block = np.empty((9, len(grid), path.dof))
+        parts = block[0:2], block[2:4], block[4], block[5]
+        derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
+        return cls(*parts, [block[6:9]])
+
+    def room(self) -> FloatArray:
+        """Three arrays (n, dof) to write to."""
+        return self.spare.pop() if self.spare else np.empty((3, *self.third.shape))
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,8 @@ class JointAcceleration(Constraint):
         """The bounds, drawn in by what the acceleration can bulge between the ends."""
         low, high = self.low, self.high
         if bounds is not None:
-            bulge = acceleration_bulge(
+            bulge, low, high = path.room()
+            acceleration_bulge(
                 grid.width,
                 path.second,
                 path.third,
@@ -36,8 +37,10 @@ class JointAcceleration(Constraint):
                 bounds.x,
                 bounds.u,
                 bounds.skew,
+                bulge,
             )
-            low, high = low + bulge, high - bulge
+            np.add(self.low, bulge, out=low)
+            np.subtract(self.high, bulge, out=high)
         shape = path.first.shape
         return Rows(
             path.first, path.second, np.broadcast_to(low, shape), np.broadcast_to(high, shape)

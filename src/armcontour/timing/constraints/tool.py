@@ -118,9 +118,9 @@ class ToolAcceleration(Constraint):
         curvature = self.metric.curvature[grid.piece] / speed
         radius = np.full(len(grid), self.limit) / speed
         if bounds is not None:
-            radius = radius - self.metric.stretch[grid.piece] * bounds.x / speed
+            radius = np.maximum(radius - self.metric.stretch[grid.piece] * bounds.x / speed, 0.0)
             rise = grid.width**2 / 2 * curvature**2 * bounds.x * np.abs(bounds.skew)
-            radius = np.sqrt(np.maximum(radius, 0.0) ** 2 - np.minimum(rise, radius**2))
+            radius = np.sqrt(np.maximum(radius**2 - rise, 0.0))
         return Disc(np.broadcast_to(curvature, (2, len(grid))), radius)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:

@@ -1,0 +1,65 @@
+// TOPP-RA's C++ library on one problem, timed inside: spline, constraints, solution, law.
+//
+// Reads: joints, waypoints, grid points, runs; spline parameters; waypoints row by row; velocity and
+// acceleration limits; grid. Writes: the median time of a run [s]; the duration [s]; ds² on the grid.
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <vector>
+
+#include <toppra/algorithm/toppra.hpp>
+#include <toppra/constraint/linear_joint_acceleration.hpp>
+#include <toppra/constraint/linear_joint_velocity.hpp>
+#include <toppra/geometric_path/piecewise_poly_path.hpp>
+#include <toppra/parametrizer/const_accel.hpp>
+#include <toppra/solver/seidel.hpp>
+
+namespace {
+
+toppra::Vector read(std::size_t n) {
+  toppra::Vector values(n);
+  for (std::size_t i = 0; i < n; ++i) std::cin >> values[i];
+  return values;
+}
+
+}  // namespace
+
+int main() {
+  std::size_t joints, waypoints, points, runs;
+  std::cin >> joints >> waypoints >> points >> runs;
+  const toppra::Vector at = read(waypoints);
+  toppra::Vectors positions;
+  for (std::size_t i = 0; i < waypoints; ++i) positions.push_back(read(joints));
+  const toppra::Vector velocity = read(joints), acceleration = read(joints), grid = read(points);
+  std::vector<double> times;
+  double duration = 0;
+  toppra::Vector squares;
+  for (std::size_t run = 0; run < runs + 1; ++run) {
+    const auto start = std::chrono::steady_clock::now();
+    const toppra::BoundaryCondFull natural{toppra::BoundaryCond("natural"),
+                                           toppra::BoundaryCond("natural")};
+    auto path = std::make_shared<toppra::PiecewisePolyPath>(
+        toppra::PiecewisePolyPath::CubicSpline(positions, at, natural));
+    toppra::LinearConstraintPtrs constraints{
+        std::make_shared<toppra::constraint::LinearJointVelocity>(-velocity, velocity),
+        std::make_shared<toppra::constraint::LinearJointAcceleration>(-acceleration, acceleration)};
+    for (auto& constraint : constraints) constraint->discretizationType(toppra::Interpolation);
+    toppra::algorithm::TOPPRA problem(constraints, path);
+    problem.solver(std::make_shared<toppra::solver::Seidel>());
+    problem.setGridpoints(grid);
+    if (problem.computePathParametrization(0, 0) != toppra::ReturnCode::OK) return 1;
+    squares = problem.getParameterizationData().parametrization;
+    toppra::parametrizer::ConstAccel law(path, grid, squares);
+    if (!law.validate()) return 2;
+    duration = law.pathInterval()[1];
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    if (run > 0) times.push_back(taken.count());  // the first one warms up
+  }
+  std::nth_element(times.begin(), times.begin() + times.size() / 2, times.end());
+  std::printf("%.9g %.12g\n", times[times.size() / 2], duration);
+  for (std::size_t i = 0; i < points; ++i) std::printf("%.17g\n", squares[i]);
+  return 0;
+}

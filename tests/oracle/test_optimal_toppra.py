@@ -1,0 +1,108 @@
+"""The optimal planner against toppra, on random splines with limits of joint motion.
+
+toppra's solution on a finer grid, for some problems 10 times finer, is the reference. Its path is
+scaled to the parameter range [0, 1], because its tolerances are absolute.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+
+pytest.importorskip("toppra", reason="toppra has wheels for linux-x86_64 only")
+
+from toppra import SplineInterpolator, setup_logging  # noqa: E402
+from toppra.algorithm import TOPPRA  # noqa: E402
+from toppra.constraint import (  # noqa: E402
+    DiscretizationType,
+    JointAccelerationConstraint,
+    JointVelocityConstraint,
+)
+
+setup_logging("CRITICAL")
+
+PROBLEMS, BATCHES = 200, 8
+FINE, TEN_TIMES_FINER = 10_000, 40_000  # toppra's intervals; ours are 4000
+# Issue 3.
+ALLOWED = 1e-3
+# The interpolation scheme plans inside the limits, so that it comes down on the optimum from above,
+# and toppra's absolute tolerances grow in weight with the grid: seed 180 is 6e-4 slow at 40,000
+# points.
+OWN_ERROR = 1e-3
+
+
+def problem(seed):
+    """Waypoints in 2 to 7 joints, and limits."""
+    rng = np.random.default_rng(seed)
+    dof = int(rng.integers(2, 8))
+    points = rng.uniform(-2, 2, (int(rng.integers(3, 9)), dof))
+    return points, rng.uniform(0.5, 3, dof), rng.uniform(0.5, 5, dof)
+
+
+def ours(points, velocity, acceleration, **options):
+    limits = ac.Limits(joint_velocity=velocity, joint_acceleration=acceleration)
+    arm = SimpleNamespace(dof=points.shape[1], limits=limits)
+    return ac.plan(ac.JointPath.spline(points), arm, **options), limits
+
+
+def peer(points, velocity, acceleration, grid, scheme):
+    """Duration by toppra on a grid of path parameters from 0 to 1."""
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
+    path = SplineInterpolator(at, points, bc_type="natural")
+    constraints = [
+        JointVelocityConstraint(np.column_stack([-velocity, velocity])),
+        JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]), scheme),
+    ]
+    instance = TOPPRA(
+        constraints,
+        path,
+        gridpoints=grid,
+        solver_wrapper="seidel",
+        parametrizer="ParametrizeConstAccel",
+    )
+    return instance.compute_trajectory(0, 0).duration
+
+
+def compare(seed, intervals):
+    """Our duration over toppra's, and what was planned."""
+    points, velocity, acceleration = problem(seed)
+    grid = np.linspace(0, 1, intervals + 1)
+    reference = peer(points, velocity, acceleration, grid, DiscretizationType.Interpolation)
+    planned, limits = ours(points, velocity, acceleration)
+    return planned.duration / reference, planned, limits
+
+
+@pytest.mark.parametrize("batch", range(BATCHES))
+def test_as_fast_as_a_fine_reference(batch, worst_ratios):
+    for seed in range(batch, PROBLEMS, BATCHES):
+        ratio, planned, limits = compare(seed, FINE)
+        assert 1 - OWN_ERROR < ratio < 1 + ALLOWED, seed
+        # A plan that keeps every limit everywhere is never shorter than the true optimum.
+        found = worst_ratios(planned, limits, places=10)
+        assert max(found.values()) <= 1 + 1e-9, seed
+        assert set(found) == {"joint_velocity", "joint_acceleration"}
+
+
+@pytest.mark.parametrize("seed", range(0, PROBLEMS, 20))
+def test_as_fast_as_a_reference_ten_times_finer(seed):
+    ratio, *_ = compare(seed, TEN_TIMES_FINER)
+    assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
+
+
+def test_against_the_collocated_optimum_of_the_same_grid():
+    """Issue 3: the guarantee costs at most 0.01 % over it, here with toppra's on the same grid.
+
+    toppra's collocation looks at the start of every interval only, and so is faster than the true
+    optimum here and slower there, by a share that falls with the grid.
+    """
+    for seed in range(0, 40, 4):
+        points, velocity, acceleration = problem(seed)
+        planned, _ = ours(points, velocity, acceleration)
+        s = planned.laws[0].s
+        bare = peer(points, velocity, acceleration, s / s[-1], DiscretizationType.Collocation)
+        assert planned.duration < bare * (1 + 1e-4), seed

@@ -1,0 +1,91 @@
+"""Hard cases of the guarantee between grid points, each once a real violation or a near miss."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.timing.constraints import Constraint, Disc, JointVelocity
+from armcontour.timing.grid import given_grid
+from armcontour.timing.optimal import plan_optimal
+
+
+class TwoJoints:
+    """As much of an arm as planning a joint path needs."""
+
+    dof = 2
+
+
+def bent_path(low: float, high: float, lead: float, width: float) -> ac.JointPath:
+    """Joint 1 goes at slope `low`, up to `high` and down again with a kink, and on at `low`."""
+    lengths = [lead, width, width, lead]
+    slopes = [(low, low), (low, high), (high, low), (low, low)]
+    breaks = np.concatenate([[0.0], np.cumsum(lengths)])
+    coefficients = np.zeros((4, 6, 2))
+    q = 0.0
+    for k, (length, (first, last)) in enumerate(zip(lengths, slopes, strict=True)):
+        coefficients[k, 0, 0] = q
+        coefficients[k, 1, 0] = first * length
+        coefficients[k, 2, 0] = (last - first) * length / 2
+        q += (first + last) / 2 * length
+    coefficients[:, 0, 1] = 0.1 * breaks[:-1]
+    coefficients[:, 1, 1] = 0.1 * np.diff(breaks)
+    return ac.JointPath(breaks=breaks, coefficients=coefficients)
+
+
+def largest(trajectory: ac.Trajectory, order: int) -> np.ndarray:
+    """Largest amounts at 50 random places of every interval and at its ends."""
+    (law,) = trajectory.laws
+    share = np.random.default_rng(0).random((len(law.breaks) - 1, 50))
+    share = np.concatenate([share, np.zeros((len(share), 1)), np.ones((len(share), 1))], axis=1)
+    t = law.breaks[:-1, None] + np.diff(law.breaks)[:, None] * share
+    i = np.repeat(np.arange(len(share)), share.shape[1])
+    return np.abs(law.on_interval(i, t.ravel(), order)).max(axis=0)
+
+
+@pytest.mark.parametrize("intervals", [20, 40, 400, 4000])
+@pytest.mark.parametrize(("lead", "width", "acceleration"), [(3, 0.2, 0.5), (30, 0.2, 0.05)])
+def test_a_velocity_limit_holds_beside_a_kink(lead, width, acceleration, intervals):
+    limits = ac.Limits(joint_velocity=[1.0, 1.0], joint_acceleration=[acceleration, 50.0])
+    path = bent_path(1.0, 2.0, lead, width)
+    planned = plan_optimal(path, TwoJoints(), limits, intervals=intervals)
+    assert largest(planned, 1)[0] <= 1 + 1e-9
+    assert largest(planned, 2)[0] <= acceleration * (1 + 1e-9)
+
+
+def test_between_two_rests_there_is_room_to_move():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
+    limits = ac.Limits(joint_acceleration=[1.0, 1.0])
+    planned = plan_optimal(path, TwoJoints(), limits, grid=np.array([0.0, path.length]))
+    assert planned.duration == pytest.approx(2.0)
+    assert len(given_grid(path, np.array([0.0]))) == 2
+
+
+class Round(Constraint):
+    """|dds| and curvature within a disc."""
+
+    name = "mine"
+
+    def disc(self, grid, path, bounds):
+        return Disc(np.zeros((2, len(grid))), np.full(len(grid), 0.5))
+
+    def largest_u(self, grid, path, x):
+        return np.full(len(grid), 0.5)
+
+
+def test_one_disc_limits_and_a_second_is_refused():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
+    limits = ac.Limits(joint_velocity=[10.0, 10.0])
+    planned = plan_optimal(path, TwoJoints(), limits, constraints=[Round()])
+    assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
+    with pytest.raises(ac.InvalidInput, match="one round constraint.*mine"):
+        plan_optimal(path, TwoJoints(), limits, constraints=[Round(), Round()])
+
+
+def test_a_constraint_that_limits_nothing_says_so():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
+    with pytest.raises(ac.InvalidInput, match="Nothing limits the acceleration"):
+        plan_optimal(
+            path, TwoJoints(), ac.Limits(), constraints=[JointVelocity(np.array([1.0, 1.0]))]
+        )
