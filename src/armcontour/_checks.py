@@ -100,6 +100,20 @@ def not_negative(name: str, value: Any, unit: str = "") -> float:
     return checked
 
 
+def whole(name: str, value: Any, low: int, high: int) -> int:
+    """`value` as an int from `low` to `high`.
+
+    Raises:
+        InvalidInput: Not a whole number, or outside that range.
+    """
+    checked = number(name, value)
+    if checked != int(checked) or not low <= checked <= high:
+        raise InvalidInput(
+            f"{name} must be a whole number from {low} to {high}, but is {checked:g}."
+        )
+    return int(checked)
+
+
 def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
     """One number for all joints, or one per joint, as a new (dof,) array.
 

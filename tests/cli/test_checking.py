@@ -93,7 +93,11 @@ def test_a_violation_ends_with_1_and_says_where(folder: FilePath) -> None:
     data = json.loads(done.stdout)
     assert data["kept"] is False
     (use,) = data["limits"]
-    assert (use["name"], use["joint"], use["violated"]) == ("joint_acceleration", 1, True)
+    assert (use["name"], use["joint"], use["verdict"]) == (
+        "joint_acceleration",
+        1,
+        "violated",
+    )
     assert use["ratio"] == pytest.approx(0.72 / 0.7, abs=3e-3)
 
 

@@ -67,6 +67,14 @@ def test_a_run_takes_from_the_job_what_it_does_not_say() -> None:
     assert (found.period, found.until) == (1e-3, 3.0)
 
 
+def test_the_acceleration_of_case_one_limits_the_corner_speed_too() -> None:
+    text = with_change("corners", {"speed": "0.03 m/s", "acceleration": "0.05 m/s^2"})
+    assert parse_job(text).runs[0].limits.centripetal_acceleration == 0.09
+    without = text.replace("centripetal_acceleration: 0.09", "{}")
+    job = parse_job(without.replace("  {}\n", ""))
+    assert job.runs[0].limits.centripetal_acceleration == 0.05
+
+
 def test_lines_and_arcs() -> None:
     path = {
         "start": [0.28, 0.20],
@@ -94,6 +102,7 @@ def test_lines_and_arcs() -> None:
         ("limits.joint_acceleration", [1, 2, 3], "joint_acceleration has 3 values.*2 joints"),
         ("path.points", [[0.3, 0.2]], "at least two different points"),
         ("path.points", [[0.3, 0.2], [0.3, 0.2]], "all the same"),
+        ("path.points", [], "points of path are empty"),
         ("path.points", [[0.3, float("nan")], [0.3, 0.2]], "path.points.0.1: must be finite"),
         ("path.points", [[0.3, 0.2], [0.3, 0.2, 0.1]], "all have 2 or all have 3"),
         ("path.start", [0, 0], "either points, or start and segments"),
@@ -124,6 +133,15 @@ def test_a_bad_job_is_refused_in_one_sentence(place: str, value: object, words: 
         ("- 1", "must hold a mapping"),
         ("", "must hold a mapping"),
         ("name: a\nname: b", "'name' stands twice"),
+        ("[" * 20000, "nested too deeply"),
+        (
+            "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
+            + "".join(
+                f"{y}: &{y} [{', '.join(['*' + x] * 10)}]\n"
+                for x, y in zip("abcdefgh", "bcdefghi", strict=True)
+            ),
+            "fewer aliases",
+        ),
         ("a: 2024-99-99", "not valid YAML|unknown key|missing"),
     ],
 )

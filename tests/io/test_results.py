@@ -66,6 +66,15 @@ def test_a_summary_cannot_name_files_outside(tmp_path: FilePath) -> None:
     assert (tmp_path / "precious.txt").exists()
 
 
+def test_a_folder_in_the_way_is_seen_before_anything_is_moved(tmp_path: FilePath) -> None:
+    write(tmp_path, ["one.csv"])
+    (tmp_path / "two.csv").mkdir()
+    (tmp_path / "one.csv").write_text("as it was")
+    with pytest.raises(InvalidInput, match="in the way"):
+        write(tmp_path, ["one.csv", "two.csv"], force=True)
+    assert (tmp_path / "one.csv").read_text() == "as it was"
+
+
 def test_refuses_a_file_in_place_of_the_folder(tmp_path: FilePath) -> None:
     (tmp_path / "out").write_text("a file")
     with pytest.raises(InvalidInput, match="is a file, not a folder"):

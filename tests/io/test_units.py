@@ -21,6 +21,10 @@ from armcontour.io.units import parse
         ("41.25 deg/s^2", "rad/s^2", math.radians(41.25)),
         ("4 ms", "s", 4e-3),
         ("1e-3 m", "m", 1e-3),
+        ("30 °", "rad", math.radians(30)),
+        ("0.09 m/s²", "m/s^2", 0.09),
+        ("5 µm", "m", 5e-6),
+        ("0.72 rad/s**2", "rad/s^2", 0.72),
     ],
 )
 def test_reads_numbers_and_text(value: float | str, unit: str, expected: float) -> None:
@@ -37,6 +41,10 @@ def test_reads_numbers_and_text(value: float | str, unit: str, expected: float) 
         ("five", "not a quantity"),
         ("", "not a quantity|must be a quantity"),
         ("nan m", "finite|not a quantity"),
+        ("2**99999999999 m", "not a quantity"),
+        ("(1 + 1) m", "not a quantity"),
+        ("5 m**99", "not a quantity"),
+        (10**400, "hundreds of digits"),
         (float("nan"), "finite"),
         (float("inf"), "finite"),
         (True, "must be a number"),

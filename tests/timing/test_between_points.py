@@ -89,3 +89,36 @@ def test_a_constraint_that_limits_nothing_says_so():
         plan_optimal(
             path, TwoJoints(), ac.Limits(), constraints=[JointVelocity(np.array([1.0, 1.0]))]
         )
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"intervals": 1}, "intervals must be a whole number from 2"),
+        ({"intervals": 0}, "intervals must be a whole number"),
+        ({"intervals": 2.5}, "intervals must be a whole number"),
+        ({"intervals": np.nan}, "intervals must be finite"),
+        ({"grid": []}, "Grid points must be one row"),
+        ({"grid": [0.0, 9.0]}, "Grid points must be one row"),
+        ({"start_speed": -0.05}, "start_speed must not be negative"),
+        ({"end_speed": np.inf}, "end_speed must be finite"),
+    ],
+)
+def test_refused_options(options, words):
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
+    limits = ac.Limits(joint_acceleration=[1.0, 1.0])
+    with pytest.raises(ac.InvalidInput, match=words):
+        plan_optimal(path, TwoJoints(), limits, **options)
+
+
+@pytest.mark.parametrize("chords", [500, 5000])
+def test_a_circle_of_many_chords_takes_as_long_as_a_circle(chords):
+    arm = ac.load_arm("pmk3s")
+    turn = np.linspace(0, 2 * np.pi, chords + 1)
+    points = np.column_stack([0.36 + 0.06 * np.cos(turn), 0.2 + 0.06 * np.sin(turn)])
+    rounded = ac.round_corners(ac.Path.polyline(points), tolerance=1e-5)
+    assert rounded.lengths.min() > 1e-12
+    limits = arm.limits.replace(speed=0.15)
+    circle = ac.Path.from_segments([ac.Arc(start=(0.42, 0.2), center=(0.36, 0.2), angle=2 * np.pi)])
+    expected = ac.plan(circle, arm, limits).duration
+    assert ac.plan(rounded, arm, limits).duration == pytest.approx(expected, rel=2e-3)

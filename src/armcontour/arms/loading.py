@@ -55,6 +55,8 @@ def _arm(file: str, text: str) -> Arm:
 
     try:
         data = yaml.safe_load(text)
+    except RecursionError:
+        raise InvalidInput(f"{file} is not YAML: it is nested too deeply.") from None
     except yaml.YAMLError as error:
         raise InvalidInput(f"{file} is not YAML: {' '.join(str(error).split())}.") from None
     known = {"name", "kind", "source", "base", "links", "limits"}

@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armcontour.evaluation import Check
+    from armcontour.evaluation import Check, LimitUse
     from armcontour.geometry import Path
 
 # Columns of text where the output goes to a file or another program.
@@ -106,7 +106,7 @@ def _plain(found: Check) -> dict[str, Any]:
     return {
         "kept": not found.violated,
         "worst": None if found.worst is None else found.worst.name,
-        "limits": [{**asdict(x), "violated": x.certain > 1 + found.tolerance} for x in found.uses],
+        "limits": [{**asdict(x), "verdict": _verdict(x, found.tolerance)} for x in found.uses],
         "not_judged": list(found.not_judged),
         "path_deviation": None if found.path_deviation is None else asdict(found.path_deviation),
         "start": found.start,
@@ -117,6 +117,13 @@ def _plain(found: Check) -> dict[str, Any]:
         "rounding": dict(found.rounding),
         "reconstruction": found.reconstruction,
     }
+
+
+def _verdict(use: LimitUse, tolerance: float) -> str:
+    """In a word: above a limit by less than the printed digits tell is neither."""
+    if use.certain > 1 + tolerance:
+        return "violated"
+    return "kept" if use.ratio <= 1 + tolerance else "cannot tell"
 
 
 def _print(found: Check) -> None:
@@ -137,7 +144,7 @@ def _print(found: Check) -> None:
             f"{x.limit:.6g} {unit}",
             f"{x.t:.6g}",
             "" if x.joint is None else str(x.joint),
-            "violated" if x.certain > 1 + found.tolerance else "kept",
+            _verdict(x, found.tolerance),
         )
     console = Console()
     if not console.is_terminal:

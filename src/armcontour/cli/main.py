@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path as FilePath
 from typing import Annotated
@@ -108,6 +109,8 @@ def schema() -> None:
 
 def main() -> None:
     """Run the command line; an error ends with its sentence and its exit code."""
+    # So that a terminated run, like an interrupted one, leaves nothing half-written.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         app()
     except ArmContourError as error:

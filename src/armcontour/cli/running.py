@@ -79,9 +79,10 @@ def run_job(
 
 def _print_results(study: Study, report: FilePath) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=study.job.title, title_justify="left")
+    table = Table(title=escape(study.job.title), title_justify="left")
     for name in (
         "run",
         "motion [s]",

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
 from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
 
 # A set-point this close to a break of the trajectory, in periods, is taken at the break.
 SNAP = 1e-9
+# More set-points than this do not fit in memory with all that is computed from them.
+MOST_SET_POINTS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +31,18 @@ class SetPointTimes:
 
 
 def set_point_times(trajectory: Trajectory, period: float) -> SetPointTimes:
-    """Multiples of the period up to the end of the motion."""
+    """Multiples of the period up to the end of the motion.
+
+    Raises:
+        InvalidInput: There would be too many of them.
+    """
     duration = trajectory.duration
+    if duration / period > MOST_SET_POINTS:
+        raise InvalidInput(
+            f"{duration:g} s of motion at a command interval of {period:g} s would be "
+            f"{duration / period:.3g} set-points, more than {MOST_SET_POINTS:g}: take a longer "
+            "interval or a higher speed."
+        )
     count = int(np.ceil(duration / period * (1 - 1e-15) - SNAP))
     grid = np.arange(max(count, 1)) * period
     breaks = trajectory.breaks

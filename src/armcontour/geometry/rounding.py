@@ -18,6 +18,9 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE, Path
 
+# What two arcs leave of the line between them is nothing below this [m]: rounding of coordinates.
+SLIVER = 1e-12
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Corners:
@@ -198,7 +201,7 @@ def _assemble(
     curvatures, lengths = np.repeat(path.curvatures, 2), np.zeros(slots)
     line = np.arange(0, slots, 2)
     starts[line] += cut_start[:, None] * path.tangents
-    lengths[line] = np.where(rest > 1e-12 * path.lengths, rest, 0.0)
+    lengths[line] = np.where(rest > SLIVER, rest, 0.0)
 
     rounded = radius > 0
     which = corner[rounded]

@@ -27,7 +27,7 @@ from armcontour.servo import ServoModel
 from armcontour.study import Job, Published, Rounding, Run
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
-RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 PublishedName = Literal["contour_error_rms", "contour_error_max", "duration", "settled"]
 PUBLISHED_UNITS = {
     "contour_error_rms": "m",
@@ -259,6 +259,9 @@ def _servo(model: ServoModelModel, arm: Arm) -> ServoModel:
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     corners = job.corners if model.corners is None else model.corners
     limits = arm.limits.replace(**_given(job.limits)).replace(**_given(model.limits))
+    if not isinstance(corners, str) and limits.centripetal_acceleration is None:
+        # Case I names the same quantity for the corners' radius: it holds for their speed too.
+        limits = limits.replace(centripetal_acceleration=corners.acceleration)
     options: dict[str, Any] = _given(model.timing)
     method = options.pop("method")
     period = job.command_interval if model.command_interval is None else model.command_interval
@@ -285,6 +288,8 @@ def _given(model: BaseModel) -> dict[str, Any]:
 
 def _path(model: PathModel) -> Path:
     if model.points is not None and model.start is None and model.segments is None:
+        if not model.points:
+            raise InvalidInput("the points of path are empty: a path needs at least two.")
         if len({len(x) for x in model.points}) > 1:
             raise InvalidInput("the points of path must all have 2 or all have 3 coordinates.")
         return Path.polyline(np.array(model.points).reshape(len(model.points), -1))

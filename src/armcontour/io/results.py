@@ -51,8 +51,11 @@ class ResultFolder:
     def write(self, name: str, text: str) -> None:
         """Write one file, by its name relative to the folder."""
         file = self._temporary / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InvalidInput(f"Cannot write {self.folder / name}: {error.strerror}.") from None
         self.files.append(name)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -68,6 +71,11 @@ class ResultFolder:
 
     def _put_in_place(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
+        for name in self.files:
+            if (self.folder / name).is_dir():
+                raise InvalidInput(
+                    f"Cannot write {self.folder / name}: a folder of that name is in the way."
+                )
         stale = set(_files_of(self.folder / SUMMARY)) - set(self.files)
         # The summary names the others, so it comes last.
         for name in sorted(self.files, key=lambda x: x == SUMMARY):

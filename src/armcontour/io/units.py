@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import cache
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
+
+# A number, then a unit: products, quotients and one-digit powers of names.
+QUANTITY = re.compile(
+    r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*(1\s*/\s*)?[^\W\d_]\w*"
+    r"(\s*(\*\*|\^)\s*-?\d|[²³]|\s*[*/·]\s*[^\W\d_]\w*)*\s*|"
+    r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*°\s*"
+)
 
 
 @cache
@@ -29,9 +37,13 @@ def parse(value: Any, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a number in {unit} or text with a unit, not {value!r}")
     if isinstance(value, int | float):
-        if not math.isfinite(value):
+        try:
+            number = float(value)
+        except OverflowError:
+            raise ValueError("must be finite, but has hundreds of digits") from None
+        if not math.isfinite(number):
             raise ValueError(f"must be finite, but is {value}")
-        return float(value)
+        return number
     try:
         float(value)
     except ValueError:
@@ -41,6 +53,9 @@ def parse(value: Any, unit: str) -> float:
             f"{value!r} has no unit: write one, such as '{value} {unit}', "
             f"or a plain number in {unit}"
         )
+    # The library would compute whatever arithmetic stands there.
+    if not QUANTITY.fullmatch(value):
+        raise ValueError(f"{value[:40]!r} is not a quantity in {unit}: write a number and a unit")
     import pint
 
     try:

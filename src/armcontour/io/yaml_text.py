@@ -9,6 +9,9 @@ import yaml
 
 from armcontour.errors import InvalidInput
 
+# A million corner points is a large job.
+MOST_VALUES = 10_000_000
+
 
 class _Loader(yaml.SafeLoader):
     """Safe loading with the number format of YAML 1.2."""
@@ -40,11 +43,34 @@ def load(text: str, source: str) -> Any:
         InvalidInput: Not YAML, or a key that stands twice; says where.
     """
     try:
-        return yaml.load(text, Loader=_Loader)
+        data = yaml.load(text, Loader=_Loader)
+        _refuse_flood(data, source)
+        return data
+    except RecursionError:
+        raise InvalidInput(f"{source} is not valid YAML: it is nested too deeply.") from None
     except yaml.YAMLError as error:
         raise InvalidInput(f"{source} is not valid YAML: {_where(error)}.") from None
     except (ValueError, TypeError) as error:
         raise InvalidInput(f"{source} is not valid YAML: {error}.") from None
+
+
+def _refuse_flood(data: Any, source: str) -> None:
+    """Refuse a document whose aliases stand for more than anybody would write."""
+    sizes: dict[int, int] = {}
+
+    def size(value: Any) -> int:
+        if not isinstance(value, dict | list):
+            return 1
+        if id(value) not in sizes:
+            sizes[id(value)] = MOST_VALUES + 1  # what holds itself is endless
+            inner = value.values() if isinstance(value, dict) else value
+            sizes[id(value)] = 1 + sum(size(x) for x in inner)
+        return sizes[id(value)]
+
+    if size(data) > MOST_VALUES:
+        raise InvalidInput(
+            f"{source} stands for more than {MOST_VALUES} values: use fewer aliases."
+        )
 
 
 def _where(error: yaml.YAMLError) -> str:

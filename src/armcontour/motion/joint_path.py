@@ -12,6 +12,8 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
+# Joint positions out of inverse kinematics are rounded by about this, in turns of a radian.
+ROUNDING = 2e-15
 NO_STOPS = _checks.locked([])
 
 
@@ -164,4 +166,10 @@ def quintic(
     a3 = 10 * value - 4 * slope + bend / 2
     a4 = -15 * value + 7 * slope - bend
     a5 = 6 * value - 3 * slope + bend / 2
+    # On a very short interval `value` is the rounding of positions, which the derivatives of the
+    # quintic would blow up; the quartic through the given derivatives then ends at it all the same.
+    cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
+    rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0]))
+    short = np.abs(value - cubic - quartic) <= rounding
+    a3, a4, a5 = (np.where(short, x, y) for x, y in ((cubic, a3), (quartic, a4), (0.0, a5)))
     return np.stack([a0, a1, a2, a3, a4, a5], axis=1)

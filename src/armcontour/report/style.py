@@ -16,6 +16,8 @@ LIMIT_COLOUR = "#000000"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
 # More points than this in one curve are not seen, but loaded.
 MOST_POINTS = 3000
+# With more switching points than this their labels would hide each other.
+MOST_LABELS = 40
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
@@ -77,14 +79,39 @@ def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
     )
 
 
-def switching_labels(figure: Any, times: FloatArray, **place: Any) -> None:
-    """Mark the switching points P0, P1, ... along the time axis."""
+def switching_labels(figure: Any, times: FloatArray) -> None:
+    """Mark the switching points P0, P1, ... along the first time axis, unless too many."""
+    if len(times) > MOST_LABELS:
+        return
+    line = {"color": "#BBBBBB", "width": 1, "dash": "dot"}
+    shapes, labels = [], []
     for k, t in enumerate(times):
-        figure.add_vline(
-            x=float(t),
-            line={"color": "#BBBBBB", "width": 1, "dash": "dot"},
-            annotation_text=f"P{k}",
-            annotation_position="top",
-            annotation_font_size=10,
-            **place,
+        at = {"xref": "x", "yref": "y domain"}
+        shapes.append(
+            {"type": "line", "x0": float(t), "x1": float(t), "y0": 0, "y1": 1, "line": line, **at}
         )
+        label = {"text": f"P{k}", "showarrow": False, "font": {"size": 10}, "yanchor": "bottom"}
+        labels.append({"x": float(t), "y": 1, **label, **at})
+    # All at once: adding them one by one takes plotly quadratic time.
+    figure.layout.shapes += tuple(shapes)
+    figure.layout.annotations += tuple(labels)
+
+
+def shaded(figure: Any, spans: Iterable[tuple[float, float]], row: int) -> None:
+    """Shade spans of time in one row of subplots."""
+    axis = "" if row == 1 else str(row)
+    figure.layout.shapes += tuple(
+        {
+            "type": "rect",
+            "x0": start,
+            "x1": end,
+            "y0": 0,
+            "y1": 1,
+            "xref": f"x{axis}",
+            "yref": f"y{axis} domain",
+            "fillcolor": SATURATION_COLOUR,
+            "line": {"width": 0},
+            "layer": "below",
+        }
+        for start, end in spans
+    )

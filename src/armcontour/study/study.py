@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from armcontour.compensation import compensate
+from armcontour.errors import ArmContourError
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
 from armcontour.geometry import Path, round_corners
@@ -62,7 +63,14 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    results = {x.name: _run(job, x, progress or (lambda run, step: None)) for x in job.runs}
+    results = {}
+    for x in job.runs:
+        try:
+            results[x.name] = _run(job, x, progress or (lambda run, step: None))
+        except ArmContourError as error:
+            # The same error with the run's name before its sentence.
+            error.args = (f"Run {x.name}: {error}",)
+            raise
     return Study(job=job, runs=MappingProxyType(results))
 
 

@@ -37,6 +37,7 @@ def _of_x(
     b: FloatArray,
     low: FloatArray,
     high: FloatArray,
+    margin: FloatArray,
     i: int,
     c0: float,
     c1: float,
@@ -56,12 +57,14 @@ def _of_x(
             known = q * y - (inertia * shift if end == 0 else -inertia * shift)
             if p == 0.0:
                 slack = EDGE * abs(known)
-                if known > high[end, i, k] + slack or known < low[end, i, k] - slack:
+                if known > high[end, i, k] - margin[i, k] + slack:
+                    return -np.inf, -1.0, 0.0, 0.0
+                if known < low[end, i, k] + margin[i, k] - slack:
                     return -np.inf, -1.0, 0.0, 0.0
                 continue
             inverse = 1.0 / p
-            first = (low[end, i, k] - known) * inverse
-            second = (high[end, i, k] - known) * inverse
+            first = (low[end, i, k] + margin[i, k] - known) * inverse
+            second = (high[end, i, k] - margin[i, k] - known) * inverse
             if p < 0.0:
                 first, second = second, first
             if second < upper:
@@ -101,6 +104,7 @@ def _largest_y(
     b: FloatArray,
     low: FloatArray,
     high: FloatArray,
+    margin: FloatArray,
     i: int,
     c0: float,
     c1: float,
@@ -121,7 +125,10 @@ def _largest_y(
             q = inertia if end == 0 else inertia + b[end, i, k]
             if p == 0.0 and q != 0.0:
                 known = inertia * shift if end == 0 else -inertia * shift
-                y = min(y, ((high[end, i, k] if q > 0.0 else low[end, i, k]) + known) / q)
+                if q > 0.0:
+                    y = min(y, (high[end, i, k] - margin[i, k] + known) / q)
+                else:
+                    y = min(y, (low[end, i, k] + margin[i, k] + known) / q)
     return max(y, 0.0)
 
 
@@ -133,6 +140,7 @@ def _of_y(
     b: FloatArray,
     low: FloatArray,
     high: FloatArray,
+    margin: FloatArray,
     i: int,
     c0: float,
     c1: float,
@@ -152,7 +160,8 @@ def _of_y(
             known = p * x - (inertia * shift if end == 0 else -inertia * shift)
             inverse = 1.0 / q
             # Where q is tiny and x at the row's edge, rounding must not decide on y.
-            least, most = low[end, i, k], high[end, i, k]
+            least = low[end, i, k] + margin[i, k]
+            most = high[end, i, k] - margin[i, k]
             first = (least - ROUNDING * (abs(least) + abs(known)) - known) * inverse
             second = (most + ROUNDING * (abs(most) + abs(known)) - known) * inverse
             if q < 0.0:
@@ -179,6 +188,7 @@ def reach(
     b: FloatArray,
     low: FloatArray,
     high: FloatArray,
+    margin: FloatArray,
     ceiling: FloatArray,
     c: FloatArray,
     radius: FloatArray,
@@ -194,6 +204,7 @@ def reach(
         b: Coefficients of x, likewise.
         low: Lower bounds, likewise.
         high: Upper bounds, likewise.
+        margin: What both bounds are drawn in by, (n, rows).
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n).
         radius: Their radii, infinite for none, (n,).
@@ -215,11 +226,13 @@ def reach(
         y = most[i + 1]
         c0, c1, r, shift = c[0, i], c[1, i], radius[i], shifts[i]
         if r < np.inf:
-            y = min(y, _largest_y(half, a, b, low, high, i, c0, c1, r, shift))
-        up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+            y = min(y, _largest_y(half, a, b, low, high, margin, i, c0, c1, r, shift))
+        up, slope, down, down_slope = _of_x(y, half, a, b, low, high, margin, i, c0, c1, r, shift)
         if up == -np.inf:
-            y = min(y, _largest_y(half, a, b, low, high, i, c0, c1, r, shift))
-            up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+            y = min(y, _largest_y(half, a, b, low, high, margin, i, c0, c1, r, shift))
+            up, slope, down, down_slope = _of_x(
+                y, half, a, b, low, high, margin, i, c0, c1, r, shift
+            )
         # Too fast an end of the interval may leave no x at all. The room for x is concave in y, so
         # Newton's steps come down to its edge without passing over it.
         for _ in range(MOST_CUTS):
@@ -232,14 +245,16 @@ def reach(
             else:
                 # On a steep edge the step can be lost in rounding: then y has to move all the same.
                 y = min(max(y - gap / closing, 0.0), y * (1 - EDGE))
-            up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+            up, slope, down, down_slope = _of_x(
+                y, half, a, b, low, high, margin, i, c0, c1, r, shift
+            )
         else:
             return x, most, i
         # The largest x is there, or, if x rises as y falls, at the top of a concave function.
         if up < cap and slope < 0.0:
             y_left = 0.0
             x_left, slope_left, down_left, _ = _of_x(
-                y_left, half, a, b, low, high, i, c0, c1, r, shift
+                y_left, half, a, b, low, high, margin, i, c0, c1, r, shift
             )
             if not (x_left >= down_left and x_left >= 0.0):
                 return x, most, i
@@ -255,7 +270,9 @@ def reach(
                     break
                 if x_left + slope_left * (y - y_left) <= best * (1 + EDGE):
                     break
-                up, slope, down, down_slope = _of_x(y, half, a, b, low, high, i, c0, c1, r, shift)
+                up, slope, down, down_slope = _of_x(
+                    y, half, a, b, low, high, margin, i, c0, c1, r, shift
+                )
                 best = max(best, up)
                 if slope > 0.0:
                     y_left, x_left, slope_left = y, up, slope
@@ -268,7 +285,9 @@ def reach(
         return x, most, 0
     for i in range(n):
         half = 0.5 / width[i]
-        up, down = _of_y(x[i], half, a, b, low, high, i, c[0, i], c[1, i], radius[i], shifts[i])
+        up, down = _of_y(
+            x[i], half, a, b, low, high, margin, i, c[0, i], c[1, i], radius[i], shifts[i]
+        )
         y = min(up, most[i + 1])
         # Both ends of the interval of y are rounded; next to the edge of a disc under a root.
         slack = 1e-12 * (abs(down) + most[i + 1] + x[i])
@@ -323,7 +342,8 @@ def skews(
             bound0 = high[0, i, k] if v0 > 0.0 else low[0, i, k]
             bound1 = high[1, i, k] if v0 > 0.0 else low[1, i, k]
             used = max(v0 / bound0, v1 / bound1)
-            if used > most:
+            # On a tie the first one, so that rounding does not choose.
+            if used > most * (1 + 1e-9):
                 u0 = (bound0 - b[0, i, k] * first) / a[0, i, k]
                 u1 = (bound1 - b[1, i, k] * last) / a[1, i, k]
                 change = abs(a[0, i, k] * (u1 - u0))

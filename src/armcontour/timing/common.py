@@ -38,7 +38,7 @@ def needs_speed(limits: Limits, method: str) -> float:
     """
     if limits.speed is None:
         raise InvalidInput(
-            f"The method {method} needs an assigned velocity: limits.replace(speed=...) in m/s."
+            f"The method {method} needs an assigned velocity: give the limit speed [m/s]."
         )
     return limits.speed
 

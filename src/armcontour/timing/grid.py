@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
@@ -13,6 +14,8 @@ from armcontour.motion import JointPath
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
+# More than this does not fit in memory.
+MOST_INTERVALS = 10_000_000
 # Share of the intervals that is spread evenly over the length; the rest goes where the path turns.
 EVEN_SHARE = 0.5
 
@@ -50,10 +53,15 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     Args:
         joint_path: The path.
         intervals: How many intervals, about.
+
+    Raises:
+        InvalidInput: Not a whole number of at least 2.
     """
     breaks = joint_path.breaks
     pieces = len(breaks) - 1
-    count = intervals or max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
+    count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
+    if intervals is not None:
+        count = _checks.whole("intervals", intervals, FEWEST_PER_PIECE, MOST_INTERVALS)
     # Turning of the joint path per piece, from its ends and its middle.
     i = np.arange(pieces)
     places = np.stack([breaks[:-1], (breaks[:-1] + breaks[1:]) / 2, breaks[1:]])
@@ -80,7 +88,7 @@ def given_grid(joint_path: JointPath, points: FloatArray) -> Grid:
         InvalidInput: Points that do not lie on the path.
     """
     breaks = joint_path.breaks
-    if points.ndim != 1 or points.min() < breaks[0] or points.max() > breaks[-1]:
+    if points.ndim != 1 or not len(points) or points.min() < breaks[0] or points.max() > breaks[-1]:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
@@ -95,6 +103,18 @@ def given_grid(joint_path: JointPath, points: FloatArray) -> Grid:
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
     count = np.bincount(piece)
     return split(grid, np.where(count[piece] == 1, 2.0, 1.0)) if (count == 1).any() else grid
+
+
+def coarsened(grid: Grid, by: int) -> tuple[Grid, IntArray]:
+    """About every so manieth point of a grid, and of which new interval each old one is a part.
+
+    Pieces of the joint path keep their ends.
+    """
+    kept = np.zeros(len(grid), dtype=bool)
+    kept[::by] = True
+    kept[1:] |= grid.piece[1:] != grid.piece[:-1]
+    s = np.append(grid.s[:-1][kept], grid.s[-1])
+    return Grid(grid.joint_path, s, grid.piece[kept]), np.cumsum(kept) - 1
 
 
 def split(grid: Grid, parts: FloatArray) -> Grid:

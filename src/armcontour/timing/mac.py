@@ -29,6 +29,8 @@ from armcontour.timing.mac_line import Line, Part, parts_by_rule
 
 # With fewer laps a short line from rest to rest would have no lap to move in.
 FEWEST_LAPS = 8
+# More than this does not fit in memory.
+MOST_LAPS = 10_000_000
 # Next to a rest the speed multiplies from knot to knot, and one lap there would be a coarse step.
 LAPS_AT_REST = 10
 # The middle path and the corners may exceed a joint limit by rounding only.
@@ -77,8 +79,7 @@ def plan_mac(
     assigned = segment_speeds(path, needs_speed(limits, "mac"))
     if limits.joint_acceleration is None:
         raise InvalidInput(
-            "The method mac needs joint acceleration limits: "
-            "limits.replace(joint_acceleration=...) in rad/s²."
+            "The method mac needs joint acceleration limits: give joint_acceleration [rad/s²]."
         )
     interval = _checks.positive("command interval", period, "s")
     if not limits.same_both_ways():
@@ -86,15 +87,19 @@ def plan_mac(
             "The method mac knows one acceleration limit per joint for both directions: leave "
             "joint_deceleration out, or plan by the method optimal."
         )
-    if knots is not None and knots < FEWEST_LAPS:
-        raise InvalidInput(
-            f"The method mac needs at least {FEWEST_LAPS} knots a line, not {knots}."
-        )
+    if knots is not None:
+        knots = _checks.whole("knots a line", knots, FEWEST_LAPS, MOST_LAPS)
     on = np.flatnonzero(path.curvatures == 0).tolist()
     junctions = _junctions(path, on, assigned, limits)
     lines = []
     for number, i in enumerate(on):
-        count = knots or max(FEWEST_LAPS, int(np.ceil(path.lengths[i] / (assigned[i] * interval))))
+        wanted = path.lengths[i] / (assigned[i] * interval)
+        if knots is None and not wanted <= MOST_LAPS:
+            raise InvalidInput(
+                f"Line {number + 1} would have {wanted:.3g} knots at {assigned[i]:g} m/s and a "
+                f"command interval of {interval:g} s: give knots."
+            )
+        count = knots or max(FEWEST_LAPS, int(np.ceil(wanted)))
         rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         s = _knots(path.breaks[i], path.breaks[i + 1], count, rest)
         lines.append(

@@ -13,6 +13,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
@@ -32,7 +33,7 @@ from armcontour.timing.constraints import (
     ToolSpeed,
 )
 from armcontour.timing.constraints._rows import margin_lost
-from armcontour.timing.grid import Grid, given_grid, place_grid, split
+from armcontour.timing.grid import Grid, coarsened, given_grid, place_grid, split
 
 # Where the margin for what happens between the points costs more than this share of a limit, the
 # grid is made finer, at most this many times.
@@ -44,6 +45,9 @@ MOST_GROWTH = 200
 HEADROOM = 1.05
 # An interval takes no skew that would let ds² dip between its ends by more than about this share.
 LARGEST_DIP = 0.25
+# The first pass takes every so manieth point, unless that leaves fewer intervals than this.
+COARSER = 2
+FEWEST_COARSE = 200
 
 
 def plan_optimal(
@@ -73,7 +77,12 @@ def plan_optimal(
         NotRealizable: A start or end speed that cannot be had, or a place where nothing is allowed.
         InvalidInput: No limit of acceleration at all, or tool limits without a tool path.
     """
-    placed = place_grid(joint_path, intervals) if grid is None else given_grid(joint_path, grid)
+    for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
+        _checks.not_negative(name, speed, "m/s")
+    if grid is None:
+        placed = place_grid(joint_path, intervals)
+    else:
+        placed = given_grid(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     law = _solve(placed, active, start_speed, end_speed)
     return Trajectory(laws=(law,), method="optimal", path=joint_path.tool_path)
@@ -133,13 +142,17 @@ class _Problem:
         n = len(grid)
         self.grid = grid
         self.c, self.radius, self.shifts = np.zeros((2, n)), np.full(n, np.inf), np.zeros(n)
+        self.lost = np.zeros(n)  # share of any limit that margins have taken
         ceilings: list[FloatArray] = []
         rows: list[Rows] = []
         for constraint in active:
             ceiling = constraint.ceiling(grid, path, bounds)
             found = constraint.rows(grid, path, bounds)
             disc = constraint.disc(grid, path, bounds)
-            ceilings += [] if ceiling is None else [ceiling]
+            if ceiling is not None:
+                ceilings.append(ceiling.x)
+                if ceiling.lost is not None:
+                    self.lost = np.maximum(self.lost, ceiling.lost)
             rows += [] if found is None else [found]
             if disc is not None:
                 if np.isfinite(self.radius).any():
@@ -173,6 +186,7 @@ class _Problem:
             rows.b,
             rows.low,
             rows.high,
+            rows.margin,
             ceiling,
             self.c,
             self.radius,
@@ -205,6 +219,22 @@ class _Problem:
             )
         )
 
+    def margin_lost(self, half_turn: FloatArray) -> FloatArray:
+        """Largest share of any limit that margins take on each interval, (n,).
+
+        It is 1 where rest would not be safe for certain.
+
+        Args:
+            half_turn: Change of u over half of each interval, (n,).
+        """
+        rows = self.rows
+        lost = np.maximum(
+            self.lost, margin_lost(rows.low, rows.high, rows.margin, rows.a, half_turn)
+        )
+        if np.isfinite(self.radius).any():
+            lost = np.maximum(lost, np.abs(half_turn) > self.radius)
+        return np.asarray(lost)
+
     def _at_points(self) -> FloatArray:
         """Ceiling of x at the grid points: the lower of both sides, and 0 where the tool stops."""
         at = np.empty(len(self.grid) + 1)
@@ -231,26 +261,14 @@ def _solve(
     headroom = HEADROOM
     steady = np.zeros(len(grid), dtype=bool)  # intervals that take no skew
     for _ in range(MOST_REFINEMENTS):
+        fastest, skew = _first_pass(grid, active, start_speed, end_speed)
+        skew = np.where(steady, 0.0, skew)
+        half_turn, sag = skew * grid.width / 2, np.abs(skew) * grid.width**2 / 4
+        largest = headroom * fastest + sag
         path = JointDerivatives.on(grid)
-        plain = _Problem(grid, path, active)
-        fastest = plain.solve(start_speed, end_speed)
-        skew = np.where(steady, 0.0, plain.skews(fastest))
-        largest = (
-            headroom * np.maximum(fastest[:-1], fastest[1:]) + np.abs(skew) * grid.width**2 / 4
-        )
-        u = _largest_u(grid, path, active, largest) + np.abs(skew) * grid.width
+        u = _largest_u(grid, path, active, largest) + 2 * np.abs(half_turn)
         problem = _Problem(grid, path, active, Bounds(largest, u, skew))
-        lost = margin_lost(
-            plain.rows.low,
-            plain.rows.high,
-            problem.rows.low,
-            problem.rows.high,
-            plain.ceiling,
-            problem.ceiling,
-            problem.rows.a,
-            skew * grid.width / 2,
-        )
-        lost = np.maximum(lost, _disc_lost(plain, problem, skew))
+        lost = problem.margin_lost(half_turn)
         if (lost > LARGEST_MARGIN).any():
             parts = np.maximum(1.0, np.ceil(np.sqrt(lost / LARGEST_MARGIN)))
             if parts.sum() > MOST_GROWTH * len(grid):
@@ -261,10 +279,10 @@ def _solve(
         x = problem.solve(start_speed, end_speed)
         # With a growing u, x must not fall to 0 between two points.
         speed = np.sqrt(x)
-        dips = skew * grid.width**2 > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
+        dips = 4 * sag * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
         if dips.any():
             steady |= dips
-        elif (np.maximum(x[:-1], x[1:]) <= largest - np.abs(skew) * grid.width**2 / 4).all():
+        elif (np.maximum(x[:-1], x[1:]) <= largest - sag).all():
             return _law(grid, x, skew)
         else:
             headroom *= 2
@@ -294,13 +312,21 @@ def _largest_u(
     return np.asarray(np.min(bounds, axis=0))
 
 
-def _disc_lost(plain: _Problem, problem: _Problem, skew: FloatArray) -> FloatArray:
-    """Largest share of a disc's radius that margins take, as `margin_lost` has it for rows."""
-    lost = np.zeros(len(plain.grid))
-    round_ = np.isfinite(plain.radius)
-    lost[round_] = 1 - problem.radius[round_] / plain.radius[round_]
-    lost[np.abs(skew) * plain.grid.width / 2 > problem.radius] = 1.0
-    return lost
+def _first_pass(
+    grid: Grid, active: Sequence[Constraint], start_speed: float, end_speed: float
+) -> tuple[FloatArray, FloatArray]:
+    """Largest x on every interval, about, and how u has to run there: its slope over s.
+
+    A plan without margins and without skew tells. A coarser grid does for that: what is taken from
+    it is checked on the grid itself.
+
+    Raises:
+        NotRealizable: A start or end speed that cannot be had, or no way on.
+    """
+    coarse, of = coarsened(grid, COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1)
+    plain = _Problem(coarse, JointDerivatives.on(coarse), active)
+    x = plain.solve(start_speed, end_speed)
+    return np.maximum(x[:-1], x[1:])[of], plain.skews(x)[of]
 
 
 def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:
@@ -313,9 +339,9 @@ def _beside(rows: list[Rows], n: int) -> Rows:
     """Rows of several constraints as one set."""
     if not rows:
         none = np.zeros((2, n, 0))
-        return Rows(none, none, none, none)
+        return Rows(none, none, none, none, none[0])
     return Rows(
-        *(np.concatenate([getattr(x, name) for x in rows], axis=2) for name in Rows.__slots__)
+        *(np.concatenate([getattr(x, name) for x in rows], axis=-1) for name in Rows.__slots__)
     )
 
 

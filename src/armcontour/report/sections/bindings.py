@@ -13,6 +13,9 @@ from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 from armcontour.study import RunResult, Study
 from armcontour.timing import Explanation
 
+# A run's places below the assigned velocity are listed up to this number.
+MOST_NOTES = 8
+
 
 def bindings(study: Study) -> Section | None:
     """A coloured strip along the path for every optimal run; None if there is none."""
@@ -28,12 +31,17 @@ def bindings(study: Study) -> Section | None:
         ),
         figures=tuple(_strip(result, why) for result, why in explained),
         tables=tuple(_table(result, why) for result, why in explained),
-        notes=tuple(
-            f"{result.run.name}: {shortfall.sentence} ({shortfall.kind})."
-            for result, why in explained
-            for shortfall in why.shortfalls
-        ),
+        notes=tuple(note for result, why in explained for note in _notes(result, why)),
     )
+
+
+def _notes(result: RunResult, why: Explanation) -> list[str]:
+    """Where the assigned velocity is not reached: the slowest places first, and how many more."""
+    worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)
+    notes = [f"{result.run.name}: {x.sentence} ({x.kind})." for x in worst[:MOST_NOTES]]
+    if len(worst) > MOST_NOTES:
+        notes.append(f"{result.run.name}: and {len(worst) - MOST_NOTES} more places.")
+    return notes
 
 
 def _strip(result: RunResult, why: Explanation) -> Any:

@@ -9,10 +9,10 @@ import numpy as np
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.style import (
     LIMIT_COLOUR,
-    SATURATION_COLOUR,
     finish,
     line,
     run_colours,
+    shaded,
     switching_labels,
     thinned,
 )
@@ -139,15 +139,14 @@ def _accelerations(name: str, result: RunResult) -> Any:
             **row,
         )
         if limits is not None:
-            for start, end in _saturated(x.t, x.demand[:, j], limits[j]):
-                figure.add_vrect(x0=start, x1=end, fillcolor=SATURATION_COLOUR, line_width=0, **row)
+            shaded(figure, _saturated(x.t, x.demand[:, j], limits[j]), j + 1)
             for sign in (1, -1):
                 figure.add_hline(
                     y=sign * limits[j], line={"color": LIMIT_COLOUR, "width": 1}, **row
                 )
         figure.update_yaxes(title=f"{joint} [rad/s²]", **row)
     if len(result.trajectory.stretches) > 1:
-        switching_labels(figure, result.trajectory.switching_points, row=1, col=1)
+        switching_labels(figure, result.trajectory.switching_points)
     figure.update_xaxes(title="time [s]", row=len(names), col=1)
     return finish(figure, title=f"Run {name}", height=230 * len(names) + 120)
 

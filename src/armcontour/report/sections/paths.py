@@ -16,6 +16,8 @@ from armcontour.study import RunResult, Study
 DRAWN_PLACES = 800
 # An enlarged corner shows this many corner errors around it.
 ZOOM = 4.0
+# This many corners are enlarged, the first ones.
+MOST_CORNERS = 4
 
 
 def paths(study: Study) -> Section:
@@ -71,7 +73,7 @@ def _cartesian(study: Study) -> Any:
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    objective = study.job.path.vertices * 1e3
+    objective = drawn(study.job.path) * 1e3
     figure.add_trace(
         line(objective[:, 0], objective[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
@@ -117,20 +119,20 @@ def _corners(study: Study) -> list[Any]:
     if not rounded or not isinstance(rounded[0].path, RoundedPath):
         return []
     corners = rounded[0].path.corners
-    shown = np.flatnonzero(corners.radius > 0)[:6]
+    shown = np.flatnonzero(corners.radius > 0)[:MOST_CORNERS]
     if not len(shown):
         return []
     figure = make_subplots(
         rows=1,
         cols=len(shown),
         subplot_titles=[
-            f"corner {k + 1}: r = {corners.radius[k] * 1e3:.2f} mm, "
+            f"corner {k + 1}<br>r = {corners.radius[k] * 1e3:.2f} mm, "
             f"error {corners.error[k] * 1e3:.2f} mm"
             for k in shown
         ],
     )
     colours = run_colours(study.runs)
-    objective, path = study.job.path.vertices * 1e3, drawn(rounded[0].path) * 1e3
+    objective, path = drawn(study.job.path) * 1e3, drawn(rounded[0].path) * 1e3
     for column, k in enumerate(shown, start=1):
         center, half = corners.point[k] * 1e3, ZOOM * corners.error[k] * 1e3
         first = column == 1

@@ -2,6 +2,7 @@
 
 from armcontour.timing.constraints.base import (
     Bounds,
+    Ceiling,
     Constraint,
     Disc,
     JointDerivatives,
@@ -19,6 +20,7 @@ from armcontour.timing.constraints.tool import (
 
 __all__ = [
     "Bounds",
+    "Ceiling",
     "CentripetalAcceleration",
     "Constraint",
     "Disc",

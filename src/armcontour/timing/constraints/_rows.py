@@ -115,6 +115,21 @@ def _over_square(room: float, slope: float) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
+def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray:
+    """Largest x at both ends of each interval under joint velocity limits there, (2, n)."""
+    n, dof = first.shape[1], first.shape[2]
+    ceiling = np.empty((2, n))
+    for end in range(2):
+        for i in range(n):
+            # The largest share of its limit that any joint takes at ds = 1.
+            worst = 0.0
+            for j in range(dof):
+                worst = max(worst, abs(first[end, i, j]) / limit[j])
+            ceiling[end, i] = 1.0 / (worst * worst) if worst > 0.0 else math.inf
+    return ceiling
+
+
+@njit(cache=True, error_model="numpy")
 def velocity_ceiling(
     width: FloatArray,
     first: FloatArray,
@@ -124,53 +139,55 @@ def velocity_ceiling(
     x: FloatArray,
     u: FloatArray,
     skew: FloatArray,
-    narrow: bool,
-) -> FloatArray:
-    """Largest x at both ends of each interval under joint velocity limits, (2, n).
+) -> tuple[FloatArray, FloatArray]:
+    """Largest x at both ends of each interval for joint velocity limits to hold all along it.
 
     Between the ends `h = x q'²` can rise above its chord by width² / 8 times the largest
     `|h''| <= 8 |u q' q''| + 2 x (q''² + |q' q'''|) + 2 |skew| q'²`, bounded with the largest values
     on the interval.
+
+    Returns:
+        The ceiling, (2, n), and the share of it that margins have taken, (n,).
     """
     n, dof = first.shape[1], first.shape[2]
     ceiling = np.full((2, n), np.inf)
+    lost = np.zeros(n)
     for i in range(n):
-        d = width[i]
+        share = width[i] * width[i] / 8
+        plain_start = math.inf
+        plain_end = math.inf
         for j in range(dof):
             if limit[j] == np.inf:
                 continue
             v2 = limit[j] * limit[j]
-            bulge = 0.0
-            slope = max(abs(first[0, i, j]), abs(first[1, i, j])) + d * d / 8 * third[i, j]
-            if narrow:
-                bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + d * third[i, j]
-                rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
-                bulge = d * d / 8 * (rate + 2 * abs(skew[i]) * slope * slope)
+            start, end = abs(first[0, i, j]), abs(first[1, i, j])
+            slope = max(start, end) + share * third[i, j]
+            bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + width[i] * third[i, j]
+            rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
+            bulge = share * (rate + 2 * abs(skew[i]) * slope * slope)
             # Both ends by the first rule, or both slow enough for the steepest place of the
             # interval: one end by the one and the other by the other would prove nothing.
-            at_start = _over_square(v2 - bulge, first[0, i, j])
-            at_end = _over_square(v2 - bulge, first[1, i, j])
-            if narrow:
-                tight = _over_square(v2, slope)
-                if at_start + at_end < 2 * tight:
-                    at_start = at_end = tight
+            at_start = _over_square(v2 - bulge, start)
+            at_end = _over_square(v2 - bulge, end)
+            tight = _over_square(v2, slope)
+            if at_start + at_end < 2 * tight:
+                at_start = at_end = tight
             ceiling[0, i] = min(ceiling[0, i], at_start)
             ceiling[1, i] = min(ceiling[1, i], at_end)
-    return ceiling
+            plain_start = min(plain_start, _over_square(v2, start))
+            plain_end = min(plain_end, _over_square(v2, end))
+        if ceiling[0, i] < plain_start:
+            lost[i] = 1.0 - ceiling[0, i] / plain_start
+        if ceiling[1, i] < plain_end:
+            lost[i] = max(lost[i], 1.0 - ceiling[1, i] / plain_end)
+    return ceiling, lost
 
 
 @njit(cache=True, error_model="numpy")
 def margin_lost(
-    low: FloatArray,
-    high: FloatArray,
-    narrow_low: FloatArray,
-    narrow_high: FloatArray,
-    ceiling: FloatArray,
-    narrow_ceiling: FloatArray,
-    a: FloatArray,
-    change: FloatArray,
+    low: FloatArray, high: FloatArray, margin: FloatArray, a: FloatArray, change: FloatArray
 ) -> FloatArray:
-    """Largest share of any limit that margins take on each interval, (n,).
+    """Largest share of any bound that margins take on each interval, (n,).
 
     It is 1 where the change of u over half an interval alone would break a bound at rest, so that
     the stage of the interval would have no state that is safe for certain.
@@ -180,14 +197,12 @@ def margin_lost(
     for end in range(2):
         for i in range(n):
             worst = lost[i]
+            turn = abs(change[i])
             for k in range(low.shape[2]):
-                up, down = high[end, i, k], -low[end, i, k]
-                left = min(narrow_high[end, i, k], -narrow_low[end, i, k])
-                worst = max(worst, (up - narrow_high[end, i, k]) / up)
-                worst = max(worst, (down + narrow_low[end, i, k]) / down)
-                if abs(a[end, i, k] * change[i]) > left:
+                least = min(high[end, i, k], -low[end, i, k])
+                if margin[i, k] > worst * least:
+                    worst = margin[i, k] / least
+                if abs(a[end, i, k]) * turn > least - margin[i, k]:
                     worst = max(worst, 1.0)
-            if narrow_ceiling[end, i] < ceiling[end, i]:
-                worst = max(worst, 1.0 - narrow_ceiling[end, i] / ceiling[end, i])
             lost[i] = worst
     return lost

@@ -33,8 +33,8 @@ class JointDerivatives:
         second: d2q_ds2, likewise.
         third: Bound of |d3q_ds3| on each interval, (n, dof).
         fourth: Bound of |d4q_ds4|, likewise.
-        spare: Memory for `room`, taken together with the rest: at 5000 points, to take and give
-            back several blocks of half a megabyte costs more than all the arithmetic.
+        spare: Memory for `room`, taken in one block with the rest: at 5000 points, to take and give
+            back several of a quarter of a megabyte costs as much as all the arithmetic.
     """
 
     first: FloatArray
@@ -47,14 +47,14 @@ class JointDerivatives:
     def on(cls, grid: Grid) -> JointDerivatives:
         """Those of the grid's joint path."""
         path: JointPath = grid.joint_path
-        block = np.empty((9, len(grid), path.dof))
+        block = np.empty((7, len(grid), path.dof))
         parts = block[0:2], block[2:4], block[4], block[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
-        return cls(*parts, [block[6:9]])
+        return cls(*parts, [block[6]])
 
     def room(self) -> FloatArray:
-        """Three arrays (n, dof) to write to."""
-        return self.spare.pop() if self.spare else np.empty((3, *self.third.shape))
+        """An array (n, dof) to write to."""
+        return self.spare.pop() if self.spare else np.empty_like(self.third)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +73,19 @@ class Bounds:
 
 
 @dataclass(frozen=True, slots=True)
+class Ceiling:
+    """Largest x.
+
+    Args:
+        x: At the starts and ends of all intervals, (2, n).
+        lost: Largest share of it that margins have taken on each interval, (n,); None for none.
+    """
+
+    x: FloatArray
+    lost: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Rows:
     """Linear constraints at the starts (index 0) and ends (1) of all intervals.
 
@@ -81,12 +94,14 @@ class Rows:
         b: Coefficients of x, likewise.
         low: Lower bounds, likewise.
         high: Upper bounds, likewise.
+        margin: What both bounds are drawn in by on each interval, (n, rows).
     """
 
     a: FloatArray
     b: FloatArray
     low: FloatArray
     high: FloatArray
+    margin: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +128,8 @@ class Constraint:
     name = ""
     joints = False
 
-    def ceiling(
-        self, grid: Grid, path: JointDerivatives, bounds: Bounds | None
-    ) -> FloatArray | None:
-        """Largest x at the starts and ends of all intervals, (2, n).
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling | None:
+        """Largest x at the starts and ends of all intervals.
 
         Args:
             grid: The grid.
@@ -158,7 +171,7 @@ class Constraint:
         used = np.zeros((len(grid), 1))
         ceiling = self.ceiling(grid, path, None)
         if ceiling is not None:
-            used = np.maximum(used, np.sqrt(ends / ceiling).max(axis=0)[:, None])
+            used = np.maximum(used, np.sqrt(ends / ceiling.x).max(axis=0)[:, None])
         rows = self.rows(grid, path, None)
         if rows is not None:
             value = rows.a * u_ends[..., None] + rows.b * ends[..., None]

@@ -26,9 +26,10 @@ class JointAcceleration(Constraint):
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
         """The bounds, drawn in by what the acceleration can bulge between the ends."""
-        low, high = self.low, self.high
-        if bounds is not None:
-            bulge, low, high = path.room()
+        margin = path.room()
+        if bounds is None:
+            margin.fill(0.0)
+        else:
             acceleration_bulge(
                 grid.width,
                 path.second,
@@ -37,14 +38,11 @@ class JointAcceleration(Constraint):
                 bounds.x,
                 bounds.u,
                 bounds.skew,
-                bulge,
+                margin,
             )
-            np.add(self.low, bulge, out=low)
-            np.subtract(self.high, bulge, out=high)
         shape = path.first.shape
-        return Rows(
-            path.first, path.second, np.broadcast_to(low, shape), np.broadcast_to(high, shape)
-        )
+        low, high = np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
+        return Rows(path.first, path.second, low, high, margin)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.timing.constraints._rows import velocity_ceiling
-from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives
+from armcontour.timing.constraints._rows import velocity_ceiling, velocity_ceiling_at_ends
+from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives
 from armcontour.timing.grid import Grid
 
 
@@ -23,20 +23,20 @@ class JointVelocity(Constraint):
     def __init__(self, limit: FloatArray) -> None:
         self.limit = limit
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> FloatArray:
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The largest x at both ends; with bounds, such that it holds between them too."""
-        none = np.zeros(len(grid))
-        return np.asarray(
-            velocity_ceiling(
+        if bounds is None:
+            return Ceiling(velocity_ceiling_at_ends(path.first, self.limit))
+        return Ceiling(
+            *velocity_ceiling(
                 grid.width,
                 path.first,
                 path.second,
                 path.third,
                 self.limit,
-                none if bounds is None else bounds.x,
-                none if bounds is None else bounds.u,
-                none if bounds is None else bounds.skew,
-                bounds is not None,
+                bounds.x,
+                bounds.u,
+                bounds.skew,
             )
         )
 

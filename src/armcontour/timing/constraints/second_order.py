@@ -67,7 +67,7 @@ class SecondOrder(Constraint):
             bulge += mixed * bounds.u[:, None]
             skew = np.abs(bounds.skew * grid.width)[:, None]
             bulge += skew / 4 * (np.abs(a[1] - a[0]) + np.abs(b).max(axis=0) * grid.width[:, None])
-        return Rows(a, b, self.low - c + bulge, self.high - c - bulge)
+        return Rows(a, b, self.low - c, self.high - c, bulge)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""

@@ -14,7 +14,13 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
-from armcontour.timing.constraints.base import Bounds, Constraint, Disc, JointDerivatives
+from armcontour.timing.constraints.base import (
+    Bounds,
+    Ceiling,
+    Constraint,
+    Disc,
+    JointDerivatives,
+)
 from armcontour.timing.grid import Grid
 
 # Places per piece of the joint path at which the tool's motion is looked at.
@@ -71,9 +77,9 @@ class ToolSpeed(Constraint):
         self.assigned = speed
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> FloatArray:
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """Whatever lies between the ends is no larger than at one of them."""
-        return np.broadcast_to(self._ceiling[grid.piece], (2, len(grid)))
+        return Ceiling(np.broadcast_to(self._ceiling[grid.piece], (2, len(grid))))
 
 
 class CentripetalAcceleration(Constraint):
@@ -89,11 +95,11 @@ class CentripetalAcceleration(Constraint):
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> FloatArray:
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """Whatever lies between the ends is no larger than at one of them."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature
-        return np.broadcast_to(ceiling[grid.piece], (2, len(grid)))
+        return Ceiling(np.broadcast_to(ceiling[grid.piece], (2, len(grid))))
 
 
 class ToolAcceleration(Constraint):
