@@ -70,7 +70,7 @@ def _ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
     for constraint in constraints_of(joint_path, job.ARM, job.LIMITS):
         found = constraint.ceiling(grid, path, None)
         if found is not None:
-            ceiling = np.minimum(ceiling, found)
+            ceiling = np.minimum(ceiling, found.x)
         rows = constraint.rows(grid, path, None) or rows
     assert rows is not None
     points = np.concatenate(
@@ -83,6 +83,7 @@ def _ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
         rows.b,
         np.ascontiguousarray(rows.low),
         np.ascontiguousarray(rows.high),
+        rows.margin,
         points,
         none,
         np.full(n, np.inf),

@@ -77,7 +77,7 @@ class JointPath:
         Raises:
             InvalidInput: Fewer than two points, repeated points, or not increasing parameters.
         """
-        from scipy.interpolate import CubicSpline
+        from scipy.linalg import solve_banded
 
         knots = _checks.numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
@@ -90,11 +90,20 @@ class JointPath:
             raise InvalidInput(
                 "Spline parameters must be one per point and increase: leave repeated points out."
             )
-        cubic = CubicSpline(at, knots, bc_type="natural" if len(knots) > 2 else "not-a-knot")
-        width = np.diff(at)
+        width = np.diff(at)[:, None]
+        slope = np.diff(knots, axis=0) / width
+        # Second derivatives, zero at both ends; the inner ones solve a tridiagonal system.
+        bend = np.zeros_like(knots)
+        if len(knots) > 2:
+            bands = np.zeros((3, len(knots) - 2))
+            bands[0, 1:] = bands[2, :-1] = width[1:-1, 0]
+            bands[1] = 2 * (width[:-1, 0] + width[1:, 0])
+            bend[1:-1] = solve_banded((1, 1), bands, 6 * np.diff(slope, axis=0))
         coefficients = np.zeros((len(width), 6, knots.shape[1]))
-        for k in range(4):
-            coefficients[:, k] = cubic.c[3 - k] * width[:, None] ** k
+        coefficients[:, 0] = knots[:-1]
+        coefficients[:, 1] = (slope - width * (2 * bend[:-1] + bend[1:]) / 6) * width
+        coefficients[:, 2] = bend[:-1] / 2 * width**2
+        coefficients[:, 3] = np.diff(bend, axis=0) / 6 * width**2
         return cls(breaks=at, coefficients=coefficients)
 
     @property

@@ -273,10 +273,12 @@ def _solve(
             parts = np.maximum(1.0, np.ceil(np.sqrt(lost / LARGEST_MARGIN)))
             if parts.sum() > MOST_GROWTH * len(grid):
                 break
+            path.give_back()
             grid = split(grid, parts)
             steady = np.zeros(len(grid), dtype=bool)
             continue
         x = problem.solve(start_speed, end_speed)
+        path.give_back()
         # With a growing u, x must not fall to 0 between two points.
         speed = np.sqrt(x)
         dips = 4 * sag * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
@@ -324,9 +326,12 @@ def _first_pass(
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
     coarse, of = coarsened(grid, COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1)
-    plain = _Problem(coarse, JointDerivatives.on(coarse), active)
+    path = JointDerivatives.on(coarse)
+    plain = _Problem(coarse, path, active)
     x = plain.solve(start_speed, end_speed)
-    return np.maximum(x[:-1], x[1:])[of], plain.skews(x)[of]
+    skew = plain.skews(x)
+    path.give_back()
+    return np.maximum(x[:-1], x[1:])[of], skew[of]
 
 
 def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:

@@ -14,6 +14,7 @@ happens between the ends it is told how large x and u can get.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,28 +34,48 @@ class JointDerivatives:
         second: d2q_ds2, likewise.
         third: Bound of |d3q_ds3| on each interval, (n, dof).
         fourth: Bound of |d4q_ds4|, likewise.
-        spare: Memory for `room`, taken in one block with the rest: at 5000 points, to take and give
-            back several of a quarter of a megabyte costs as much as all the arithmetic.
+        block: The memory of all of this.
     """
 
     first: FloatArray
     second: FloatArray
     third: FloatArray
     fourth: FloatArray
-    spare: list[FloatArray]
+    block: FloatArray
 
     @classmethod
     def on(cls, grid: Grid) -> JointDerivatives:
         """Those of the grid's joint path."""
         path: JointPath = grid.joint_path
-        block = np.empty((7, len(grid), path.dof))
-        parts = block[0:2], block[2:4], block[4], block[5]
+        shape = (len(grid), path.dof)
+        block = _memory.take(6 * shape[0] * shape[1])
+        arrays = block[: 6 * shape[0] * shape[1]].reshape(6, *shape)
+        parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
-        return cls(*parts, [block[6]])
+        return cls(*parts, block)
 
-    def room(self) -> FloatArray:
-        """An array (n, dof) to write to."""
-        return self.spare.pop() if self.spare else np.empty_like(self.third)
+    def give_back(self) -> None:
+        """Say that nobody will look at these arrays any more: the next plan may write to them."""
+        _memory.block = self.block if self.block.size <= MOST_KEPT else None
+
+
+class _Memory(threading.local):
+    """The block of the last plan, per thread.
+
+    At 5000 points, to take fresh memory from the system costs as much as all the arithmetic.
+    """
+
+    block: FloatArray | None = None
+
+    def take(self, size: int) -> FloatArray:
+        """A block of at least `size` numbers, for its taker alone."""
+        block, self.block = self.block, None
+        return np.empty(size) if block is None or block.size < size else block
+
+
+_memory = _Memory()
+# A block of more numbers than this (16 MB) is not kept.
+MOST_KEPT = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,10 +26,8 @@ class JointAcceleration(Constraint):
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
         """The bounds, drawn in by what the acceleration can bulge between the ends."""
-        margin = path.room()
-        if bounds is None:
-            margin.fill(0.0)
-        else:
+        margin = np.zeros(path.third.shape)
+        if bounds is not None:
             acceleration_bulge(
                 grid.width,
                 path.second,
