@@ -21,7 +21,7 @@ from armcontour.timing.grid import given_grid
 clarabel = pytest.importorskip("clarabel")
 
 INTERVALS = 150
-ALLOWED = 1e-3  # Issue 3
+ALLOWED = 1e-3
 
 
 class Cones:

@@ -27,7 +27,6 @@ setup_logging("CRITICAL")
 
 PROBLEMS, BATCHES = 200, 8
 FINE, TEN_TIMES_FINER = 10_000, 40_000  # toppra's intervals; ours are 4000
-# Issue 3.
 ALLOWED = 1e-3
 # The interpolation scheme plans inside the limits, so that it comes down on the optimum from above,
 # and toppra's absolute tolerances grow in weight with the grid: seed 180 is 6e-4 slow at 40,000
@@ -95,7 +94,7 @@ def test_as_fast_as_a_reference_ten_times_finer(seed):
 
 
 def test_against_the_collocated_optimum_of_the_same_grid():
-    """Issue 3: the guarantee costs at most 0.01 % over it, here with toppra's on the same grid.
+    """The guarantee costs at most 0.01 % over it, here with toppra's on the same grid.
 
     toppra's collocation looks at the start of every interval only, and so is faster than the true
     optimum here and slower there, by a share that falls with the grid.

@@ -104,7 +104,7 @@ def turning_line(arm, rng):
 
 @pytest.mark.parametrize("batch", range(10))
 def test_lines_on_which_a_joint_turns_round(arm, batch, worst_ratios):
-    """Issue 3: 1,000 of them, planned, limits kept."""
+    """1,000 of them, planned, limits kept."""
     rng = np.random.default_rng(batch)
     for _ in range(100):
         path = turning_line(arm, rng)

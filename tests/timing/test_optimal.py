@@ -39,7 +39,7 @@ def planned(traced, arm, limits):
 
 
 def test_the_papers_job(planned, arm, limits, worst_ratios):
-    # Issue 3: the true optimum is 5.32606 s; shorter means a leak.
+    # The true optimum is 5.32606 s; shorter means a leak.
     assert 5.3260 <= planned.duration <= 5.3263
     assert planned.method == "optimal"
     ratios = worst_ratios(planned, limits, arm)
@@ -470,7 +470,7 @@ def random_spline(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_default_grid_costs_little(seed):
-    """Issue 3: at most 0.1 % over a grid 10 times finer; it is below 0.03 %."""
+    """At most 0.1 % over a grid 10 times finer; it is below 0.03 %."""
     path, any_arm, limits = random_spline(seed)
     planned = ac.plan(path, any_arm, limits)
     finer = ac.plan(path, any_arm, limits, intervals=40_000)
@@ -494,7 +494,7 @@ def collocated(path, any_arm, limits, intervals=None):
     return float(np.sum(2 * grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 
 
-# Issue 3: keeping the limits between the points may cost this much; so it does on the default grid.
+# Keeping the limits between the points may cost this much; so it does on the default grid.
 # A coarse grid pays more where a joint with next to no inertia sets the pace.
 GUARANTEE = {4000: 1e-4, 1000: 1e-3}
 

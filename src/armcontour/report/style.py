@@ -25,6 +25,12 @@ def run_colours(names: Iterable[str]) -> dict[str, str]:
     return {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(names)}
 
 
+def run_widths(names: Iterable[str]) -> dict[str, float]:
+    """A line width per run, thinner in order, so that none hides another under it."""
+    listed = list(names)
+    return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
+
+
 def thinned(t: FloatArray, *curves: FloatArray) -> list[FloatArray]:
     """Times and curves with at most about `MOST_POINTS` points, every peak kept.
 

@@ -12,6 +12,7 @@ from armcontour.report.style import (
     finish,
     line,
     run_colours,
+    run_widths,
     shaded,
     switching_labels,
     thinned,
@@ -27,11 +28,11 @@ def tool_speed(study: Study) -> Section:
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    colours = run_colours(study.runs)
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         x = result.execution
         t, speed = thinned(x.t, x.tool_speed * 1e3)
-        figure.add_trace(line(t, speed, name, colours[name]))
+        figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
     assigned: dict[float, float] = {}
     for result in study.runs.values():
         if result.run.limits.speed is not None:

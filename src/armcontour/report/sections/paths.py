@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath
 from armcontour.report.section import Section, marked_run
-from armcontour.report.style import PATH_COLOUR, finish, line, run_colours
+from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 from armcontour.study import RunResult, Study
 
 # Places along a path that draw it smoothly; arcs and joints between segments are always met.
@@ -38,11 +38,13 @@ def joint_space(study: Study) -> Section:
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    colours = run_colours(study.runs)
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         q, planned = result.execution.q, result.trajectory(_times(result))
         step = max(1, len(q) // 2000)
-        figure.add_trace(line(q[::step, 0], q[::step, 1], f"{name}: executed", colours[name]))
+        figure.add_trace(
+            line(q[::step, 0], q[::step, 1], f"{name}: executed", colours[name], width=widths[name])
+        )
         figure.add_trace(
             line(planned[:, 0], planned[:, 1], f"{name}: planned", colours[name], dash="dot")
         )
@@ -77,11 +79,13 @@ def _cartesian(study: Study) -> Any:
     figure.add_trace(
         line(objective[:, 0], objective[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
-    colours = run_colours(study.runs)
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         tool = result.execution.tool * 1e3
         step = max(1, len(tool) // 4000)
-        figure.add_trace(line(tool[::step, 0], tool[::step, 1], name, colours[name]))
+        figure.add_trace(
+            line(tool[::step, 0], tool[::step, 1], name, colours[name], width=widths[name])
+        )
     marked = marked_run(study)
     if marked is not None:
         _switching_points(figure, marked, None, colours[marked.run.name])
@@ -131,7 +135,7 @@ def _corners(study: Study) -> list[Any]:
             for k in shown
         ],
     )
-    colours = run_colours(study.runs)
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
     objective, path = drawn(study.job.path) * 1e3, drawn(rounded[0].path) * 1e3
     for column, k in enumerate(shown, start=1):
         center, half = corners.point[k] * 1e3, ZOOM * corners.error[k] * 1e3
@@ -175,7 +179,7 @@ def _corners(study: Study) -> list[Any]:
                     y=points[:, 1],
                     name=name,
                     mode="lines",
-                    line={"color": colours[name], "width": 2},
+                    line={"color": colours[name], "width": widths[name]},
                     showlegend=first,
                     legendgroup=name,
                 ),
@@ -193,7 +197,9 @@ def _corners(study: Study) -> list[Any]:
             row=1,
             col=column,
         )
-    return [finish(figure, title="Corners enlarged", height=520)]
+    finish(figure, title="Corners enlarged", height=540)
+    figure.update_layout(margin={"t": 100})
+    return [figure]
 
 
 def _kept(near: Any) -> Any:
