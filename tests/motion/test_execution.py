@@ -9,7 +9,7 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 
 
-def test_place_and_speed_of_the_tool(arm):
+def test_tool_speed_and_saturation(arm):
     law = LapLaw(
         breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
     )
@@ -27,3 +27,4 @@ def test_place_and_speed_of_the_tool(arm):
     )
     np.testing.assert_allclose(executed.tool, [(0.135, 0.465), (0.35, 0.25)], atol=1e-15)
     assert executed.tool_speed == pytest.approx([0.465, 0.215])
+    assert executed.saturated.tolist() == [[True, False], [True, False]]

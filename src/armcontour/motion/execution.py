@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm
 from armcontour.motion.taught import TaughtData
 
@@ -49,3 +49,8 @@ class Execution:
     def tool_speed(self) -> FloatArray:
         """Tool speed [m/s], (n,)."""
         return np.asarray(np.linalg.norm(self.arm.tool_velocity(self.q, self.dq), axis=1))
+
+    @property
+    def saturated(self) -> BoolArray:
+        """Where the servo asked for more than it got, (n, dof)."""
+        return np.asarray(np.abs(self.demand) > np.abs(self.ddq) * (1 + 1e-9))
