@@ -5,17 +5,18 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import optimal, projection, start_up
+from benchmarks import optimal, polyline, projection, start_up
 
 
 def main() -> None:
     """Run all benchmarks."""
     console = Console(width=140)
     plans, judged, notes = optimal.measure()
+    polylines, more = polyline.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
-    for measured in [*start_up.measure(), *projection.measure(), *plans]:
+    for measured in [*start_up.measure(), *projection.measure(), *plans, *polylines]:
         table.add_row(
             measured.what,
             f"{measured.ours * 1e3:.3g}",
@@ -33,7 +34,7 @@ def main() -> None:
             str(answer.points), answer.who, f"{answer.duration:.6f}", f"{answer.violation:.1e}"
         )
     console.print(answers)
-    for note in notes:
+    for note in [*notes, *more]:
         console.print(note)
 
 

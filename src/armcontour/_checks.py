@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -140,6 +140,19 @@ def choice(name: str, value: str, known: tuple[str, ...]) -> str:
     if value not in known:
         raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {value!r}.")
     return value
+
+
+def side(value: str) -> Literal["left", "right"]:
+    """Which value to take where there are two: "left" or "right".
+
+    Raises:
+        InvalidInput: Another word.
+    """
+    if value == "right":
+        return "right"
+    if value == "left":
+        return "left"
+    raise InvalidInput(f"side must be left or right, not {value!r}.")
 
 
 def in_unit(unit: str) -> str:

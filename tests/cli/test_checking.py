@@ -139,7 +139,7 @@ def test_what_run_writes_can_be_checked(tmp_path: FilePath) -> None:
     (tmp_path / "limits.yaml").write_text("speed: 0.151\njoint_acceleration: 0.73\n")
     done = check(
         tmp_path,
-        *("out/rounded/taught.csv", "--arm", "pmk3s", "--limits", "limits.yaml"),
+        *("out/rounded/planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml"),
         *("--path", "job.yaml"),
     )
     assert done.returncode == 0, done.stdout + done.stderr

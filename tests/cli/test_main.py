@@ -19,7 +19,7 @@ JOB = {
     "corners": {"tolerance": "2 mm"},
     "servo": {"kp": 25, "kv": 150},
     "runs": {
-        "planned": {"timing": {"method": "mac"}},
+        "planned": {"timing": {"method": "mac"}, "compensation": {"method": "none"}},
         "compensated": {
             "timing": {"method": "mac"},
             "compensation": {"method": "pole_placement"},

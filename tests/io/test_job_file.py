@@ -45,7 +45,11 @@ def test_a_good_job_is_read_in_si_units() -> None:
     assert job.arm.name == "PMK-3s"
     np.testing.assert_array_equal(job.path.vertices, [[0.3, 0.2], [0.4, 0.2], [0.4, 0.3]])
     (run,) = job.runs
-    assert (run.timing, run.compensation, run.period) == ("mac", "none", 4e-3)
+    assert (run.timing, run.compensation, run.period) == (
+        "mac",
+        "pole_placement",
+        4e-3,
+    )
     assert run.limits.speed == 0.10
     assert run.rounding is not None
     assert run.rounding.tolerance == 2e-3

@@ -43,12 +43,35 @@ def test_hermite_meets_any_data_at_both_ends():
     rng = np.random.default_rng(1)
     breaks = np.cumsum(rng.uniform(0.1, 1, 6))
     begin, end = rng.normal(size=(2, 3, 5, 2))
+    end[0, :-1] = begin[0, 1:]  # positions are continuous, derivatives need not be
     path = ac.JointPath.hermite(breaks, tuple(begin), tuple(end))
     for order in range(3):
         right = path(breaks[:-1], order, side="right")
         left = path(breaks[1:], order, side="left")
         np.testing.assert_allclose(right, begin[order], atol=1e-9)
         np.testing.assert_allclose(left, end[order], atol=1e-9)
+    np.testing.assert_array_equal(path.stops, breaks[1:-1])  # where the direction jumps
+
+
+def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
+    line = np.zeros((2, 6, 1))
+    line[:, 1] = 1.0
+    line[1, 0] = 1.0
+    assert len(ac.JointPath(breaks=[0.0, 1.0, 2.0], coefficients=line).stops) == 0
+    for stop in (0.5, 3.0, 2.0):
+        refuses(
+            lambda stop=stop: ac.JointPath(breaks=[0.0, 1.0, 2.0], coefficients=line, stops=[stop]),
+            ac.InvalidInput,
+            "no inner break",
+        )
+    line[1, 0] = 1.1
+    refuses(
+        lambda: ac.JointPath(breaks=[0.0, 1.0, 2.0], coefficients=line),
+        ac.InvalidInput,
+        "Joint 1 jumps by 0.1 rad",
+        joint=1,
+        s=1.0,
+    )
 
 
 @pytest.mark.parametrize("n", [3, 4, 20])

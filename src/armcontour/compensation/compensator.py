@@ -20,7 +20,7 @@ def compensate(
     trajectory: Trajectory,
     servo: ServoModel,
     *,
-    method: str = "inverse",
+    method: str = "pole_placement",
     period: float = 4e-3,
     **options: Any,
 ) -> TaughtData:
@@ -29,9 +29,10 @@ def compensate(
     Args:
         trajectory: What the joints shall do.
         servo: The model whose delay is compensated.
-        method: "none" gives the trajectory itself; "inverse" the exact inverse of the unsaturated
-            servo from the trajectory's derivatives (right-sided where they jump);
-            "pole_placement" the paper's compensator (26).
+        method: "pole_placement" is the paper's compensator (26); "inverse" the exact inverse of the
+            unsaturated servo from the trajectory's derivatives (right-sided where they jump), which
+            saturates it where accelerations jump at their limits; "none" gives the trajectory
+            itself.
         period: Command interval [s].
         options: For "pole_placement": `poles` [1/s].
 

@@ -149,6 +149,7 @@ def check(
     bounds = (arm.limits if limits is None else limits).for_joints(dof)
     tally = Tally(arm, bounds, path, deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
+    points = _checks.whole("points", points, 0, 10_000)
     if callable(samples):
         step = _checks.positive("velocity_step", velocity_step, "rad/s")
         count = judge_law(samples, tally, points=points, seed=seed, velocity_step=step)
@@ -175,7 +176,10 @@ def check(
     wanted = [x for x in Limits.__dataclass_fields__ if getattr(bounds, x) is not None]
     return Check(
         uses=uses,
-        not_judged=tuple(x for x in wanted if x not in {use.name for use in uses}),
+        not_judged=(
+            *(x for x in wanted if x not in {use.name for use in uses}),
+            *(("segments' own speeds",) if _has_own_speeds(path) else ()),
+        ),
         reconstruction=reconstruction,
         tolerance=tolerance,
         states=count,
@@ -185,6 +189,10 @@ def check(
         path_deviation=None if path is None else PathDeviation(**tally.farthest),
         rounding=rounding,
     )
+
+
+def _has_own_speeds(path: Path | None) -> bool:
+    return path is not None and bool(np.isfinite(path.speeds).any())
 
 
 def _reconstruction(log: Log) -> str:

@@ -17,6 +17,8 @@ class ErrorProfile:
     Args:
         t: Times [s], (n,).
         values: The distance at them [m], (n,).
+        signed: The same, positive to the left of the path and negative to its right, in the plane;
+            None in space and where sides mean nothing, (n,).
         s: Arc length of the nearest place of the path [m], (n,).
         rms: Root mean square over time [m].
         max: Largest value [m].
@@ -26,6 +28,7 @@ class ErrorProfile:
 
     t: FloatArray
     values: FloatArray
+    signed: FloatArray | None
     s: FloatArray
     rms: float
     max: float
@@ -35,12 +38,27 @@ class ErrorProfile:
     def __post_init__(self) -> None:
         for name in ("t", "values", "s"):
             object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+        if self.signed is not None:
+            object.__setattr__(self, "signed", _checks.locked(self.signed))
 
     @classmethod
     def over_time(
-        cls, t: FloatArray, values: FloatArray, s: FloatArray, until: float
+        cls,
+        t: FloatArray,
+        values: FloatArray,
+        s: FloatArray,
+        until: float,
+        side: FloatArray | None = None,
     ) -> ErrorProfile:
-        """The profile from 0 to `until`; behind the last time the last value holds."""
+        """The profile from 0 to `until`; behind the last time the last value holds.
+
+        Args:
+            t: Times [s], (n,).
+            values: The distance at them [m], (n,).
+            s: Arc length of the nearest place [m], (n,).
+            until: End of the profile [s].
+            side: 1 to the left of the path, -1 to its right, (n,); None where that means nothing.
+        """
         end = np.array([until])
         if t[-1] < until:
             t, values, s = (
@@ -56,6 +74,7 @@ class ErrorProfile:
         return cls(
             t=t,
             values=values,
+            signed=None if side is None else values * np.append(side, side[-1:])[: len(values)],
             s=s,
             rms=float(np.sqrt(np.trapezoid(values**2, t) / until)),
             max=float(values[worst]),

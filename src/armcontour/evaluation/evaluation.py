@@ -5,6 +5,7 @@ Shares only geometry and arms with what it judges.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.evaluation.checking import check
 from armcontour.evaluation.corners import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.geometry import Path
@@ -20,6 +22,11 @@ from armcontour.motion import Execution
 
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
+# A joint from this share of a limit on makes full use of it.
+NEAR = 0.99
+# Places per knot interval at which the plan is looked at, and how many in all at least.
+FINER = 20
+FEWEST_PLACES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,6 +43,13 @@ class Evaluation:
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
         speed_ratio: The same over the assigned velocity; NaN without one.
+        speed_overshoot: Largest excess of the tool speed over the assigned velocity of the place,
+            segments' own included [m/s]; 0 without one.
+        path_velocity: Mean tool speed over the planned time of the motion [m/s].
+        utilisation: Share of that time in which some joint was within 1 % of a limit of its
+            acceleration or velocity.
+        limit_ratios: Of the planned motion, the largest share of every limit, over times 20 times
+            as close as its knots.
         demand: Largest acceleration that each joint was asked for [rad/s²], (dof,).
         demand_ratio: The same over its limit; 0 for a joint without one, (dof,).
         saturated: Share of the time for which each joint was saturated, (dof,).
@@ -50,6 +64,10 @@ class Evaluation:
     corners: tuple[CornerDeviation, ...]
     speed: float
     speed_ratio: float
+    speed_overshoot: float
+    path_velocity: float
+    utilisation: float
+    limit_ratios: Mapping[str, float]
     demand: FloatArray
     demand_ratio: FloatArray
     saturated: FloatArray
@@ -94,6 +112,7 @@ def evaluate(
     )
 
     found = path.project(tool)
+    moved = t <= trajectory.duration
     planned = executed.arm.forward(trajectory(np.minimum(t, trajectory.duration)))
     off_objective = None if objective is None else objective.project(tool)
     allowed = or_unlimited(bounds.joint_acceleration, executed.arm.dof)
@@ -101,7 +120,9 @@ def evaluate(
         duration=trajectory.duration,
         settled=settled,
         until=end,
-        contour_error=ErrorProfile.over_time(t, found.distance, found.s, end),
+        contour_error=ErrorProfile.over_time(
+            t, found.distance, found.s, end, _side(path, tool, found.s)
+        ),
         tracking_error=ErrorProfile.over_time(
             t, np.linalg.norm(tool - planned, axis=1), found.s, end
         ),
@@ -113,7 +134,53 @@ def evaluate(
         corners=() if objective is None else corner_deviations(tool[t <= end], objective),
         speed=float(speed.max()),
         speed_ratio=float(speed.max()) / (np.nan if bounds.speed is None else bounds.speed),
+        speed_overshoot=_overshoot(path, found.s, speed, bounds),
+        path_velocity=float(np.trapezoid(speed[moved], t[moved]) / trajectory.duration),
+        utilisation=_utilisation(executed, bounds, trajectory.duration),
+        limit_ratios=_limit_ratios(executed, bounds),
         demand=executed.peak_demand,
         demand_ratio=executed.peak_demand / allowed,
         saturated=executed.saturated_time / max(end, float(t[-1])),
     )
+
+
+def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:
+    """1 where the tool is to the left of the path, -1 to its right; None in space."""
+    if path.dimension != 2:
+        return None
+    # At a corner the two sides' tangents decide together.
+    tangent = path(s, 1, side="left") + path(s, 1)
+    offset = tool - path(s)
+    return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)
+
+
+def _overshoot(path: Path, s: FloatArray, speed: FloatArray, limits: Limits) -> float:
+    """Largest excess of the tool speed over the assigned velocity at the nearest place."""
+    assigned = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    # Next to a joint between segments the faster one's velocity is not exceeded yet.
+    here = np.fmax(assigned[path.locate(s)], assigned[path.locate(s, side="left")])
+    return max(0.0, float(np.nanmax(speed - np.where(np.isnan(here), np.inf, here))))
+
+
+def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
+    """Share of the time of the motion in which some joint was within 1 % of a limit."""
+    dof = executed.arm.dof
+    low, high = limits.acceleration_bounds(dof)
+    moved = executed.t <= duration
+    ddq, dq = executed.ddq[moved], executed.dq[moved]
+    near = (ddq >= NEAR * high) | (ddq <= NEAR * low)
+    near |= np.abs(dq) >= NEAR * or_unlimited(limits.joint_velocity, dof)
+    return float(near.any(axis=1).mean())
+
+
+def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
+    """Largest share of every limit that the planned motion takes."""
+    trajectory = executed.taught.trajectory
+    points = max(FINER, FEWEST_PLACES // len(trajectory.breaks))
+    found = check(trajectory, executed.arm, limits, points=points)
+    ratios: dict[str, float] = {}
+    for use in found.uses:
+        if use.name not in Limits.__dataclass_fields__:
+            continue  # steps at breaks are no limits
+        ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
+    return ratios

@@ -77,6 +77,10 @@ class Path:
             if array.shape != (n,):
                 raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
             object.__setattr__(self, name, array)
+        if (self.speeds <= 0).any() or (self.tolerances < 0).any():
+            raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
+        if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
+            raise InvalidInput("The tangents of a path must be unit vectors.")
         if len(self.tags) not in (0, n):
             raise InvalidInput(f"tags of a path must be one per segment ({n}).")
         object.__setattr__(self, "tags", tuple(self.tags) or (None,) * n)
@@ -184,7 +188,7 @@ class Path:
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the segment that holds each arc length; `side` decides at joints."""
-        found = np.searchsorted(self.breaks, s, side="right" if side == "right" else "left") - 1
+        found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:

@@ -101,7 +101,7 @@ class TimingModel(_Model):
 class CompensationModel(_Model):
     """How the servo's delay is compensated."""
 
-    method: str = "none"
+    method: str = "pole_placement"
     poles: list[Gain] | list[list[Gain]] | None = Field(
         default=None, description="pole_placement: two regulator poles and the observer pole"
     )

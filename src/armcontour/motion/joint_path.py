@@ -14,6 +14,10 @@ from armcontour.geometry import Path
 
 # Joint positions out of inverse kinematics are rounded by about this, in turns of a radian.
 ROUNDING = 2e-15
+# Positions may jump by this at a break, which no robot resolves [rad].
+LARGEST_JUMP = 1e-6
+# The direction may turn by this at a break without a stop, relatively: the play of a traced path.
+LARGEST_KINK = 1e-6
 NO_STOPS = _checks.locked([])
 
 
@@ -26,11 +30,12 @@ class JointPath:
     Args:
         breaks: Interval ends [m], or whatever s means for a path without a tool path, (n + 1,).
         coefficients: (n, 6, dof) [rad].
-        stops: Arc lengths that no motion passes moving, because the direction jumps there.
+        stops: Breaks that no motion passes moving; those at which the direction jumps are added.
         tool_path: The tool path that was traced, if there is one.
 
     Raises:
-        InvalidInput: Arrays that do not fit, or breaks that do not increase.
+        InvalidInput: Arrays that do not fit, breaks that do not increase, a stop that is no inner
+            break, or a jump of the position.
     """
 
     breaks: FloatArray
@@ -46,6 +51,35 @@ class JointPath:
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
         if not np.isfinite(self.coefficients).all() or not (np.diff(self.breaks) > 0).all():
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
+        self._refuse_jumps()
+        object.__setattr__(self, "stops", _checks.locked(self._all_stops()))
+
+    def _refuse_jumps(self) -> None:
+        ends = self.coefficients[:-1].sum(axis=1)
+        jumps = np.abs(ends - self.coefficients[1:, 0])
+        if (jumps > LARGEST_JUMP).any():
+            i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+            s = float(self.breaks[i + 1])
+            raise InvalidInput(
+                f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}: a joint path must be "
+                "continuous.",
+                s=s,
+                joint=int(j) + 1,
+                needed=float(jumps[i, j]),
+                allowed=LARGEST_JUMP,
+            )
+
+    def _all_stops(self) -> FloatArray:
+        """The given stops, and the breaks at which the direction jumps."""
+        inner = self.breaks[1:-1]
+        for stop in self.stops:
+            if stop not in inner:
+                raise InvalidInput(f"A stop at s = {stop:g} is no inner break of the joint path.")
+        i = np.arange(len(inner))
+        before, after = self.on_interval(i, inner, 1), self.on_interval(i + 1, inner, 1)
+        size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
+        kinks = np.linalg.norm(after - before, axis=1) > LARGEST_KINK * size
+        return np.union1d(self.stops, inner[kinks])
 
     @classmethod
     def hermite(
@@ -137,7 +171,7 @@ class JointPath:
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the interval that holds each s; `side` decides at breaks."""
-        found = np.searchsorted(self.breaks, s, side="right" if side == "right" else "left") - 1
+        found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self.breaks) - 2)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:

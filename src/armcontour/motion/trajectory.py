@@ -130,7 +130,7 @@ class Trajectory:
             law = self.laws[k]
             of = which == k
             local = np.clip(flat[of] - self.starts[k], 0, law.breaks[-1])
-            where = np.searchsorted(law.breaks, local, side="right" if side == "right" else "left")
+            where = np.searchsorted(law.breaks, local, side=_checks.side(side))
             values = law.on_interval(np.clip(where - 1, 0, len(law.breaks) - 2), local, order)
             if result is None:
                 result = np.empty((len(flat), values.shape[-1]))
@@ -146,5 +146,5 @@ class Trajectory:
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
 
     def _law(self, t: FloatArray, side: str) -> npt.NDArray[np.intp]:
-        found = np.searchsorted(self.starts, t, side="right" if side == "right" else "left") - 1
+        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self.laws) - 1)

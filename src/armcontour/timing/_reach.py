@@ -18,6 +18,9 @@ from armcontour._checks import FloatArray
 
 # The search for the best y of a stage takes a few cuts; this many would mean it is broken.
 MOST_CUTS = 80
+# A start or end speed this little above what is allowed, relatively, means what is allowed: margins
+# draw limits in by a little, for the play of the traced path and for rounding.
+PLAY = 1e-7
 # Two ends of an interval this near to each other, relatively, differ by rounding only.
 EDGE = 1e-13
 # What rounding does to a row, relatively.
@@ -280,9 +283,9 @@ def reach(
                     y_right, x_right, slope_right = y, up, slope
             up = best
         most[i] = min(up, cap)
-    x[0] = start
-    if start > most[0] * (1 + 1e-12):
+    if start > most[0] * (1 + PLAY):
         return x, most, 0
+    x[0] = min(start, most[0])
     for i in range(n):
         half = 0.5 / width[i]
         up, down = _of_y(

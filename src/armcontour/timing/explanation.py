@@ -79,8 +79,9 @@ class Explanation:
 
     Args:
         bindings: Stretch by stretch, from start to end.
-        assigned_length: Share of the length run at the assigned velocity; None without one.
-        assigned_time: Share of the time; None without one.
+        assigned_length: Share of the length run at the assigned velocity, of that which has one;
+            None without one.
+        assigned_time: Share of the time, likewise.
         shortfalls: Where the assigned velocity is not reached, and why.
     """
 
@@ -140,12 +141,15 @@ def explain(
         )
     path = JointDerivatives.on(grid)
     at = speed[0].usage(grid, path, _squares(law), law.rates[:, 1], law.rates[:, 2])[:, 0]
-    reached = at >= REACHED
+    assigned = speed[0].assigned[grid.piece]
+    asked = np.isfinite(assigned)
+    reached = (at >= REACHED) & asked
+    times = np.diff(law.breaks)
     return Explanation(
         bindings=bindings,
-        assigned_length=float(grid.width[reached].sum() / grid.width.sum()),
-        assigned_time=float(np.diff(law.breaks)[reached].sum() / law.breaks[-1]),
-        shortfalls=_shortfalls(law, speed[0].assigned[grid.piece], reached, which, names),
+        assigned_length=float(grid.width[reached].sum() / grid.width[asked].sum()),
+        assigned_time=float(times[reached].sum() / times[asked].sum()),
+        shortfalls=_shortfalls(law, assigned, reached | ~asked, which, names),
     )
 
 

@@ -68,6 +68,8 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     first = np.stack([joint_path.on_interval(i, s, 1) for s in places])
     second = np.stack([joint_path.on_interval(i, s, 2) for s in places])
     size = np.linalg.norm(first, axis=2)
+    if not size.any():
+        raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
     turning = np.mean(np.linalg.norm(second, axis=2) / np.maximum(size, 1e-12 * size.max()), axis=0)
     width = np.diff(breaks)
     turn = width * turning
@@ -113,6 +115,8 @@ def coarsened(grid: Grid, by: int) -> tuple[Grid, IntArray]:
     kept = np.zeros(len(grid), dtype=bool)
     kept[::by] = True
     kept[1:] |= grid.piece[1:] != grid.piece[:-1]
+    # Between two rests one interval would be too few.
+    kept |= np.bincount(grid.piece)[grid.piece] <= by
     s = np.append(grid.s[:-1][kept], grid.s[-1])
     return Grid(grid.joint_path, s, grid.piece[kept]), np.cumsum(kept) - 1
 

@@ -82,6 +82,11 @@ def plan_mac(
             "The method mac needs joint acceleration limits: give joint_acceleration [rad/s²]."
         )
     interval = _checks.positive("command interval", period, "s")
+    if limits.tool_acceleration is not None:
+        raise InvalidInput(
+            "The method mac does not look at the tool's acceleration: leave tool_acceleration out, "
+            "or plan by the method optimal."
+        )
     if not limits.same_both_ways():
         raise InvalidInput(
             "The method mac knows one acceleration limit per joint for both directions: leave "

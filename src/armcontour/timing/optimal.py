@@ -19,7 +19,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.motion import JointPath, PathLaw, Trajectory, interval_times
-from armcontour.timing._reach import reach, skews
+from armcontour.timing._reach import PLAY, reach, skews
 from armcontour.timing.constraints import (
     Bounds,
     CentripetalAcceleration,
@@ -36,13 +36,20 @@ from armcontour.timing.constraints._rows import margin_lost
 from armcontour.timing.grid import Grid, coarsened, given_grid, place_grid, split
 
 # Where the margin for what happens between the points costs more than this share of a limit, the
-# grid is made finer, at most this many times.
+# grid is made finer, at most this many times; each time a larger share will do, up to the last.
 LARGEST_MARGIN = 1e-2
-MOST_REFINEMENTS = 8
+MORE_EACH_TIME = 2.0
+LARGEST_MARGIN_EVER = 0.2
+MOST_REFINEMENTS = 12
 # A refinement that would make the grid this many times as large at once is no cure.
 MOST_GROWTH = 200
+MOST_PARTS = 100
 # The margins are taken for speeds this much above those of the first pass, and checked afterwards.
 HEADROOM = 1.05
+# A start or end speed is refused for the margins' sake only on a grid of more intervals than this.
+FINE_ENOUGH = 20_000
+# Times that a grid is tried, with more headroom or with fewer intervals skewed.
+MOST_TRIES = 30
 # An interval takes no skew that would let ds² dip between its ends by more than about this share.
 LARGEST_DIP = 0.25
 # The first pass takes every so manieth point, unless that leaves fewer intervals than this.
@@ -109,10 +116,12 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
                 "centripetal_acceleration=None)."
             )
         return active
+    own = path.speeds
+    if np.isnan(own).all() and all(x is None for x in tool):
+        return active
     metric = ToolMetric.of(joint_path, arm)
     middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
-    own = path.speeds[path.locate(middle)]
-    speed = np.fmin(own, np.inf if limits.speed is None else limits.speed)
+    speed = np.fmin(own[path.locate(middle)], np.inf if limits.speed is None else limits.speed)
     if np.isfinite(speed).any():
         active.append(ToolSpeed(speed, metric))
     if limits.tool_acceleration is not None:
@@ -178,8 +187,9 @@ class _Problem:
         grid, rows, ceiling = self.grid, self.rows, self.at_points
         start, end = start_speed**2, end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
-            if value > ceiling[place] * (1 + 1e-12):
+            if value > ceiling[place] * (1 + PLAY):
                 _refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
+        start, end = min(start, float(ceiling[0])), min(end, float(ceiling[-1]))
         x, most, stuck = reach(
             grid.width,
             rows.a,
@@ -194,11 +204,11 @@ class _Problem:
             start,
             end,
         )
-        if stuck == 0 and start > most[0]:
+        if stuck == 0 and start > most[0] * (1 + PLAY):
             _refuse_speed("start", start, float(most[0]), float(grid.s[0]))
         if stuck >= 0:
             _refuse_stuck(grid, stuck)
-        if x[-1] < end * (1 - 1e-9):
+        if x[-1] < end * (1 - PLAY):
             _refuse_speed("end", end, float(x[-1]), float(grid.s[-1]))
         return np.asarray(x)
 
@@ -258,26 +268,62 @@ def _solve(
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
+    for round_ in range(MOST_REFINEMENTS):
+        most = min(LARGEST_MARGIN * MORE_EACH_TIME**round_, LARGEST_MARGIN_EVER)
+        found, lost = _on_grid(grid, active, start_speed, end_speed, most)
+        if found is not None:
+            return found
+        s = float(grid.s[int(np.argmax(lost))])
+        parts = np.clip(np.ceil(np.sqrt(lost / LARGEST_MARGIN)), 1.0, MOST_PARTS)
+        if parts.sum() > MOST_GROWTH * len(grid):
+            break
+        grid = split(grid, parts)
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
+        "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        s=s,
+    )
+
+
+def _on_grid(
+    grid: Grid,
+    active: Sequence[Constraint],
+    start_speed: float,
+    end_speed: float,
+    most: float,
+) -> tuple[PathLaw | None, FloatArray]:
+    """The law on a grid, or None where margins take more than `most`; and what they take, (n,).
+
+    Raises:
+        InvalidInput: Nothing limits the acceleration.
+        NotRealizable: A start or end speed that cannot be had, or no way on.
+    """
     headroom = HEADROOM
     steady = np.zeros(len(grid), dtype=bool)  # intervals that take no skew
-    for _ in range(MOST_REFINEMENTS):
-        fastest, skew = _first_pass(grid, active, start_speed, end_speed)
-        skew = np.where(steady, 0.0, skew)
+    fastest, slope = _first_pass(grid, active, start_speed, end_speed)
+    for _ in range(MOST_TRIES):
+        skew = np.where(steady, 0.0, slope)
         half_turn, sag = skew * grid.width / 2, np.abs(skew) * grid.width**2 / 4
         largest = headroom * fastest + sag
         path = JointDerivatives.on(grid)
         u = _largest_u(grid, path, active, largest) + 2 * np.abs(half_turn)
         problem = _Problem(grid, path, active, Bounds(largest, u, skew))
         lost = problem.margin_lost(half_turn)
-        if (lost > LARGEST_MARGIN).any():
-            parts = np.maximum(1.0, np.ceil(np.sqrt(lost / LARGEST_MARGIN)))
-            if parts.sum() > MOST_GROWTH * len(grid):
-                break
+        if (lost > most).any():
             path.give_back()
-            grid = split(grid, parts)
-            steady = np.zeros(len(grid), dtype=bool)
+            # Without skew they may do, where it alone is at fault or finer grids did not help.
+            skewed = (lost > most) & (skew != 0) & ((lost >= 1) | (most > LARGEST_MARGIN))
+            if not skewed.any():
+                return None, lost
+            steady |= skewed
             continue
-        x = problem.solve(start_speed, end_speed)
+        try:
+            x = problem.solve(start_speed, end_speed)
+        except NotRealizable:
+            # The first pass allowed it, so it is the margins that do not: a finer grid has less.
+            if len(grid) > FINE_ENOUGH:
+                raise
+            return None, np.full(len(grid), 4 * LARGEST_MARGIN)
         path.give_back()
         # With a growing u, x must not fall to 0 between two points.
         speed = np.sqrt(x)
@@ -285,15 +331,11 @@ def _solve(
         if dips.any():
             steady |= dips
         elif (np.maximum(x[:-1], x[1:]) <= largest - sag).all():
-            return _law(grid, x, skew)
+            return _law(grid, x, skew), lost
         else:
-            headroom *= 2
-    s = float(grid.s[int(np.argmax(lost))])
-    raise NotRealizable(
-        f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
-        "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
-        s=s,
-    )
+            fastest = np.maximum(fastest, np.maximum(x[:-1], x[1:]))
+            headroom *= 1.5
+    return None, np.maximum(lost, most)
 
 
 def _largest_u(
@@ -325,7 +367,20 @@ def _first_pass(
     Raises:
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
-    coarse, of = coarsened(grid, COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1)
+    by = COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1
+    try:
+        return _pass_on(grid, by, active, start_speed, end_speed)
+    except NotRealizable:
+        # A coarse grid may refuse what the grid itself allows.
+        if by == 1:
+            raise
+        return _pass_on(grid, 1, active, start_speed, end_speed)
+
+
+def _pass_on(
+    grid: Grid, by: int, active: Sequence[Constraint], start_speed: float, end_speed: float
+) -> tuple[FloatArray, FloatArray]:
+    coarse, of = coarsened(grid, by)
     path = JointDerivatives.on(coarse)
     plain = _Problem(coarse, path, active)
     x = plain.solve(start_speed, end_speed)

@@ -49,10 +49,16 @@ def plan(
         NotRealizable: The method cannot keep the limits on this path.
     """
     _checks.choice("method", method, METHODS)
+    if not isinstance(path, Path | JointPath):
+        raise InvalidInput(f"plan needs a Path or a JointPath, not {type(path).__name__}.")
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     if isinstance(path, JointPath) and branch is not None:
         raise InvalidInput("A joint path is on its branch already: give branch to trace instead.")
     joint_path = path if isinstance(path, JointPath) else trace(path, arm, branch=branch)
+    if joint_path.dof != arm.dof:
+        raise InvalidInput(
+            f"The joint path has {joint_path.dof} joints, but the arm {arm.name} has {arm.dof}."
+        )
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:

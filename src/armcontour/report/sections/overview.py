@@ -41,12 +41,19 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             note=f"joint {worst + 1}; saturated {share} of the time",
         ),
     ]
+    tiles.append(
+        Tile(
+            label="joints fully used",
+            value=f"{e.utilisation:.0%}",
+            note="of the motion: some joint within 1 % of a limit",
+        )
+    )
     if e.speed_ratio == e.speed_ratio:
         tiles.append(
             Tile(
                 label="tool speed / assigned",
                 value=_ratio(e.speed_ratio),
-                note=f"largest {e.speed * 1e3:.1f} mm/s",
+                note=f"largest {e.speed * 1e3:.1f} mm/s, mean {e.path_velocity * 1e3:.1f} mm/s",
             )
         )
     return tuple(tiles)

@@ -10,6 +10,9 @@ from numba import njit
 
 from armcontour._checks import FloatArray, IntArray
 
+# Differences of x carry this much rounding of x itself.
+ROUNDING = 2e-15
+
 
 @njit(cache=True, error_model="numpy")
 def derivatives(
@@ -65,6 +68,7 @@ def derivatives(
 @njit(cache=True, error_model="numpy")
 def acceleration_bulge(
     width: FloatArray,
+    first: FloatArray,
     second: FloatArray,
     third: FloatArray,
     fourth: FloatArray,
@@ -74,6 +78,8 @@ def acceleration_bulge(
     bulge: FloatArray,
 ) -> None:
     """Write how far joint accelerations can rise above their chords into `bulge`, (n, dof).
+
+    What rounding of x makes of u, a difference of x over the width, is added.
 
     With u linear in s, its second derivative is `5 q''' u + q'''' x + 4 q'' skew`; a function rises
     above its chord by at most width² / 8 times the largest amount of that.
@@ -86,6 +92,8 @@ def acceleration_bulge(
             bulge[i, j] = share * (
                 5.0 * third[i, j] * u[i] + fourth[i, j] * x[i] + 4.0 * bend * abs(skew[i])
             )
+            slope = max(abs(first[0, i, j]), abs(first[1, i, j]))
+            bulge[i, j] += ROUNDING * x[i] / width[i] * slope
 
 
 @njit(cache=True, error_model="numpy")

@@ -141,6 +141,8 @@ class Disc:
 class Constraint:
     """One limit along a path; this base limits nothing.
 
+    The derivatives it is given are lent for the call: the next plan writes to the same memory.
+
     Attributes:
         name: What people call it, such as "acceleration".
         joints: Whether there is one per joint, which explanations then name.

@@ -30,6 +30,7 @@ class JointAcceleration(Constraint):
         if bounds is not None:
             acceleration_bulge(
                 grid.width,
+                path.first,
                 path.second,
                 path.third,
                 path.fourth,

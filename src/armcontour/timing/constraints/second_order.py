@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.errors import NotRealizable
+from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
 from armcontour.timing.grid import Grid
 
@@ -28,6 +29,9 @@ class SecondOrder(Constraint):
         low: Lower bounds, (rows,).
         high: Upper bounds, (rows,).
         joints: Whether there is one row per joint.
+
+    Raises:
+        InvalidInput: Bounds that do not fit each other.
     """
 
     def __init__(
@@ -41,8 +45,10 @@ class SecondOrder(Constraint):
     ) -> None:
         self.name = name
         self.coefficients = coefficients
-        self.low = np.array(low, dtype=np.float64)
-        self.high = np.array(high, dtype=np.float64)
+        self.low = _checks.locked(low)
+        self.high = _checks.locked(high)
+        if self.low.shape != self.high.shape or not (self.low <= self.high).all():
+            raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
         self.joints = joints
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:

@@ -14,6 +14,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
+from armcontour.timing.constraints._rows import ROUNDING
 from armcontour.timing.constraints.base import (
     Bounds,
     Ceiling,
@@ -124,7 +125,8 @@ class ToolAcceleration(Constraint):
         curvature = self.metric.curvature[grid.piece] / speed
         radius = np.full(len(grid), self.limit) / speed
         if bounds is not None:
-            radius = np.maximum(radius - self.metric.stretch[grid.piece] * bounds.x / speed, 0.0)
+            play = self.metric.stretch[grid.piece] / speed + ROUNDING / grid.width
+            radius = np.maximum(radius - play * bounds.x, 0.0)
             rise = grid.width**2 / 2 * curvature**2 * bounds.x * np.abs(bounds.skew)
             radius = np.sqrt(np.maximum(radius**2 - rise, 0.0))
         return Disc(np.broadcast_to(curvature, (2, len(grid))), radius)

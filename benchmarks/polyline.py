@@ -1,0 +1,141 @@
+"""Polylines of 10,000 segments, from their points to the law, against toppra's solver alone.
+
+Two of them in the plane of the PMK-3s: a zigzag along a Lissajous curve, with corners of 24° to
+169°, and a wavy curve with corners of about a degree. Ours is all of it, by default settings:
+polyline, rounded corners, inverse kinematics, grid, timing, law. toppra is given the rounded path
+in joint space, the joints' limits and 5 grid points a segment; only its solver's run is timed,
+neither the path nor the constraints nor the law.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+import armcontour as ac
+from armcontour._checks import FloatArray
+from benchmarks.measured import Measured, paired
+
+SEGMENTS = 10_000
+# Grid points a segment, and spline points a line or arc, for toppra.
+GRID_POINTS, SPLINE_POINTS = 5, 4
+TOLERANCE = 5e-5
+VELOCITY = (2.0, 2.0)
+RUNS = 5
+# Grids on which memory is measured.
+GRIDS = (10_000, 100_000, 1_000_000)
+MEMORY = """
+import resource
+from benchmarks import optimal
+optimal.plan(1000)
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak()
+planned = optimal.plan({points})
+print((peak() - before) * 1024 / {points})
+"""
+
+
+def measure() -> tuple[list[Measured], list[str]]:
+    """Times, and notes: durations, memory, and what could not be measured."""
+    measured: list[Measured] = []
+    notes = [memory()]
+    try:
+        import toppra  # noqa: F401
+    except ImportError:
+        return measured, notes
+    arm = ac.load_arm("pmk3s")
+    joints = arm.limits.replace(joint_velocity=VELOCITY)
+    tool = joints.replace(speed=0.15, centripetal_acceleration=0.09)
+    for shape, points in (("zigzag", zigzag()), ("wavy", wavy())):
+        solve = toppra_solver(points, arm, joints)
+        for name, limits in (("joint limits", joints), ("tool limits too", tool)):
+            what = f"{shape} of {SEGMENTS:,} segments, {name}"
+            ours = partial(plan, points, arm, limits)
+            try:
+                planned = ours()
+            except ac.NotRealizable as error:
+                notes.append(f"{what}: not planned. {error}")
+                continue
+            times = paired(ours, solve, RUNS)
+            measured.append(Measured(what, times[0], "toppra, solver alone", times[1], "< 0.5"))
+            notes.append(
+                f"{what}: {planned.duration:.3f} s on {len(planned.laws[0].s):,} grid points; "
+                f"toppra, joint limits: {solve():.3f} s on {GRID_POINTS * SEGMENTS + 1:,}."
+            )
+    return measured, notes
+
+
+def zigzag() -> FloatArray:
+    """Points [m] to the left and to the right of a Lissajous curve."""
+    u = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    line = np.column_stack([0.4 + 0.1 * np.sin(9 * u), 0.1 + 0.15 * np.sin(8 * u + 0.3)])
+    along = np.gradient(line, axis=0)
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    sideways = 2e-4 * (1 + 0.5 * np.sin(37 * u)) * (-1) ** np.arange(SEGMENTS + 1)
+    return np.asarray(line + sideways[:, None] * across)
+
+
+def wavy() -> FloatArray:
+    """Points [m] on three rounds of a circle whose radius goes up and down 60 times."""
+    u = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    radius = 0.06 + 0.004 * np.sin(60 * u)
+    return np.column_stack([0.38 + radius * np.cos(3 * u), 0.1 + radius * np.sin(3 * u)])
+
+
+def plan(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> ac.Trajectory:
+    """Everything, from the points to the law."""
+    rounded = ac.round_corners(ac.Path.polyline(points), tolerance=TOLERANCE)
+    return ac.plan(rounded, arm, limits, method="optimal")
+
+
+def toppra_solver(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> Callable[[], float]:
+    """A call that runs toppra's solver and answers the duration [s], nan where it found none."""
+    import toppra
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import (
+        DiscretizationType,
+        JointAccelerationConstraint,
+        JointVelocityConstraint,
+    )
+
+    toppra.setup_logging("CRITICAL")
+    rounded = ac.round_corners(ac.Path.polyline(points), tolerance=TOLERANCE)
+    share = np.arange(SPLINE_POINTS) / SPLINE_POINTS
+    s = rounded.breaks[:-1, None] + share * np.diff(rounded.breaks)[:, None]
+    s = np.append(s.ravel(), rounded.length)
+    path = toppra.SplineInterpolator(
+        s / rounded.length, ac.trace(rounded, arm)(s), bc_type="natural"
+    )
+    grid = np.linspace(0, 1, GRID_POINTS * SEGMENTS + 1)
+    constraints = [
+        JointVelocityConstraint(np.column_stack([np.negative(VELOCITY), VELOCITY])),
+        JointAccelerationConstraint(
+            np.column_stack(limits.acceleration_bounds(arm.dof)), DiscretizationType.Interpolation
+        ),
+    ]
+    solver = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
+
+    def solve() -> float:
+        _, speed, _ = solver.compute_parameterization(0, 0)
+        if speed is None:
+            return float("nan")
+        return float((2 * np.diff(grid) / (speed[1:] + speed[:-1])).sum())
+
+    return solve
+
+
+def memory() -> str:
+    """Growth of the peak memory per grid point, each in a process of its own."""
+    found = []
+    for points in GRIDS:
+        code = MEMORY.format(points=points)
+        run = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        found.append(f"{float(run.stdout):,.0f} at {points:,}")
+    return f"Peak memory of an optimal plan, 6 joints, bytes a grid point: {', '.join(found)}."
