@@ -75,11 +75,12 @@ class JointPath:
         for stop in self.stops:
             if stop not in inner:
                 raise InvalidInput(f"A stop at s = {stop:g} is no inner break of the joint path.")
-        i = np.arange(len(inner))
-        before, after = self.on_interval(i, inner, 1), self.on_interval(i + 1, inner, 1)
-        size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-        kinks = np.linalg.norm(after - before, axis=1) > LARGEST_KINK * size
-        return np.union1d(self.stops, inner[kinks])
+        width = np.diff(self.breaks)[:, None]
+        before = (np.arange(1.0, 6.0) @ self.coefficients[:-1, 1:]) / width[:-1]
+        after = self.coefficients[1:, 1] / width[1:]
+        size = np.abs(before).sum(axis=1) + np.abs(after).sum(axis=1)
+        kinks = np.abs(after - before).sum(axis=1) > LARGEST_KINK * size
+        return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
     @classmethod
     def hermite(
