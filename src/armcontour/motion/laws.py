@@ -78,6 +78,12 @@ class PathLaw(Law):
             object.__setattr__(self, name, _checks.locked(getattr(self, name)))
         _refuse_disorder(self.breaks)
 
+    @property
+    def speeds(self) -> FloatArray:
+        """Ds at the breaks, (n + 1,) [m/s]."""
+        last = np.array([len(self.breaks) - 2])
+        return np.append(self.rates[:, 0], self.path_position(last, self.breaks[-1:], 1))
+
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """s, ds or dds at times `t` by the formula of interval `i`."""
         u = t - self.breaks[i]
@@ -93,7 +99,7 @@ class PathLaw(Law):
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """q, dq or ddq by the chain rule."""
         s = self.path_position(i, t)
-        # Side of the joint path by interval: its middle tells which piece the interval is on.
+        # At a joint of the joint path the interval decides which side is meant.
         first = self.joint_path.locate(self.s[i], side="right")
         last = self.joint_path.locate(self.s[i + 1], side="left")
         piece = np.clip(self.joint_path.locate(s), first, last)

@@ -140,7 +140,7 @@ def explain(
             bindings=bindings, assigned_length=None, assigned_time=None, shortfalls=()
         )
     path = JointDerivatives.on(grid)
-    at = speed[0].usage(grid, path, _squares(law), law.rates[:, 1], law.rates[:, 2])[:, 0]
+    at = speed[0].usage(grid, path, law.speeds**2, law.rates[:, 1], law.rates[:, 2])[:, 0]
     assigned = speed[0].assigned[grid.piece]
     asked = np.isfinite(assigned)
     reached = (at >= REACHED) & asked
@@ -153,19 +153,12 @@ def explain(
     )
 
 
-def _squares(law: PathLaw) -> FloatArray:
-    """ds² at the law's breaks."""
-    last = len(law.breaks) - 2
-    end = law.path_position(np.array([last]), law.breaks[-1:], 1)
-    return np.append(law.rates[:, 0], end) ** 2
-
-
 def _shares(
     grid: Grid, active: Sequence[Constraint], law: PathLaw
 ) -> tuple[FloatArray, list[tuple[str, int | None]]]:
     """Share of every limit on every interval, and what they are called."""
     path = JointDerivatives.on(grid)
-    x = _squares(law)
+    x = law.speeds**2
     found, names = [], []
     for constraint in active:
         used = constraint.usage(grid, path, x, law.rates[:, 1], law.rates[:, 2])
@@ -184,7 +177,7 @@ def _shortfalls(
     names: list[tuple[str, int | None]],
 ) -> tuple[Shortfall, ...]:
     """The turning points of the speed on every stretch below the assigned velocity, stops apart."""
-    speed = np.sqrt(_squares(law))
+    speed = law.speeds
     result = []
     edges = np.flatnonzero(np.diff(np.concatenate([[1], reached, [1]]).astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):

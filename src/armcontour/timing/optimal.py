@@ -380,6 +380,7 @@ def _first_pass(
 def _pass_on(
     grid: Grid, by: int, active: Sequence[Constraint], start_speed: float, end_speed: float
 ) -> tuple[FloatArray, FloatArray]:
+    """The first pass on about every so manieth point of a grid."""
     coarse, of = coarsened(grid, by)
     path = JointDerivatives.on(coarse)
     plain = _Problem(coarse, path, active)

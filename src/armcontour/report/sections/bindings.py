@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from armcontour._checks import FloatArray
 from armcontour.motion import PathLaw
 from armcontour.report.section import Section, Table
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
@@ -54,7 +51,7 @@ def _strip(result: RunResult, why: Explanation) -> Any:
     law = result.trajectory.laws[0]
     if isinstance(law, PathLaw):
         figure.add_trace(
-            line(law.s, _speed(law) * 1e3, "planned tool speed", "#000000"), row=1, col=1
+            line(law.s, law.speeds * 1e3, "planned tool speed", "#000000"), row=1, col=1
         )
     if result.run.limits.speed is not None:
         assigned = result.run.limits.speed * 1e3
@@ -96,12 +93,6 @@ def _strip(result: RunResult, why: Explanation) -> Any:
     figure.update_yaxes(title="binds", row=2, col=1)
     figure.update_xaxes(title="arc length [m]", row=2, col=1)
     return finish(figure, title=f"Run {result.run.name}", height=480)
-
-
-def _speed(law: PathLaw) -> FloatArray:
-    """Speed at the law's breaks [m/s]."""
-    last = np.array([len(law.breaks) - 2])
-    return np.append(law.rates[:, 0], law.path_position(last, law.breaks[-1:], 1))
 
 
 def _names(why: Explanation) -> list[str]:
