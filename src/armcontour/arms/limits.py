@@ -17,8 +17,17 @@ JOINT_LIMITS = {
     "joint_acceleration": "rad/s²",
     "joint_deceleration": "rad/s²",
     "joint_velocity": "rad/s",
+    "joint_torque": "N m",
+    "joint_jerk": "rad/s³",
 }
-TOOL_LIMITS = {"speed": "m/s", "tool_acceleration": "m/s²", "centripetal_acceleration": "m/s²"}
+JOINT_RANGE = ("joint_lower", "joint_upper")
+TOOL_LIMITS = {
+    "speed": "m/s",
+    "tool_acceleration": "m/s²",
+    "centripetal_acceleration": "m/s²",
+    "angular_speed": "rad/s",
+    "angular_acceleration": "rad/s²",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,20 +40,34 @@ class Limits:
         joint_deceleration: Largest acceleration of each joint in its negative direction, as an
             amount [rad/s²], (dof,).
         joint_velocity: Largest velocity of each joint, either way [rad/s], (dof,).
+        joint_torque: Largest torque of each joint's drive, either way [N m], (dof,).
+        joint_jerk: Largest jerk of each joint [rad/s³], (dof,). No planner keeps it yet: `plan`
+            refuses it unless told to ignore it.
+        joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite where there is none.
         speed: Assigned velocity: tool speed asked for and not exceeded [m/s].
         tool_acceleration: Largest acceleration of the tool, as a vector's length [m/s²].
         centripetal_acceleration: Largest part of it at right angles to the motion [m/s²].
+        angular_speed: Largest rate at which the tool turns [rad/s].
+        angular_acceleration: Largest angular acceleration of the tool, as a vector's length
+            [rad/s²].
 
     Raises:
-        InvalidInput: A limit that is not above zero, or a deceleration without an acceleration.
+        InvalidInput: A limit that is not above zero, a deceleration without an acceleration, or a
+            range that is empty.
     """
 
     joint_acceleration: FloatArray | None = None
     joint_deceleration: FloatArray | None = None
     joint_velocity: FloatArray | None = None
+    joint_torque: FloatArray | None = None
+    joint_jerk: FloatArray | None = None
+    joint_lower: FloatArray | None = None
+    joint_upper: FloatArray | None = None
     speed: float | None = None
     tool_acceleration: float | None = None
     centripetal_acceleration: float | None = None
+    angular_speed: float | None = None
+    angular_acceleration: float | None = None
 
     def __post_init__(self) -> None:
         if self.joint_deceleration is not None and self.joint_acceleration is None:
@@ -60,10 +83,28 @@ class Limits:
                     limit=name,
                 )
             object.__setattr__(self, name, _checks.locked(array))
+        for name in JOINT_RANGE:
+            self._check_range(name)
+        if self.joint_lower is not None and self.joint_upper is not None:
+            empty = np.atleast_1d(self.joint_lower >= self.joint_upper)
+            if empty.any():
+                raise InvalidInput(
+                    f"The range of joint {int(np.argmax(empty)) + 1} is empty: its joint_lower "
+                    "must lie below its joint_upper."
+                )
         for name, unit in TOOL_LIMITS.items():
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, _checks.positive(name, value, unit))
+
+    def _check_range(self, name: str) -> None:
+        values = getattr(self, name)
+        if values is None:
+            return
+        array = _checks.locked(values)
+        if array.ndim > 1 or np.isnan(array).any():
+            raise InvalidInput(f"{name} must be one angle per joint in rad.")
+        object.__setattr__(self, name, array)
 
     def replace(self, **changes: Any) -> Limits:
         """The same limits with some of them changed; None lifts one.
@@ -88,12 +129,24 @@ class Limits:
             for name, unit in JOINT_LIMITS.items()
             if (values := getattr(self, name)) is not None and values.shape != (dof,)
         }
+        for name in JOINT_RANGE:
+            values = getattr(self, name)
+            if values is not None and values.shape != (dof,):
+                if values.ndim and values.shape != (dof,):
+                    _checks.per_joint(name, np.nan_to_num(values), dof, "rad")
+                changes[name] = np.full(dof, values)
         return self.replace(**changes) if changes else self
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bound of every joint's acceleration, infinite without one."""
         upper = or_unlimited(self.joint_acceleration, dof)
         lower = upper if self.joint_deceleration is None else self.joint_deceleration
+        return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
+
+    def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper end of every joint's range [rad], infinite without one."""
+        lower = np.inf if self.joint_lower is None else -self.joint_lower
+        upper = np.inf if self.joint_upper is None else self.joint_upper
         return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
 
     def same_both_ways(self) -> bool:

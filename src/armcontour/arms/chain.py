@@ -1,0 +1,160 @@
+"""A chain of joints and links as data: where its axes are, and what its links weigh."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+
+GRAVITY = _checks.locked([0.0, 0.0, -9.81])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Payload:
+    """What the tool carries, in the frame of the chain's tip.
+
+    Args:
+        mass: [kg].
+        center: Centre of mass [m], (3,).
+        inertia: About the centre of mass, along the tip's axes [kg m²], (3, 3); a point by default.
+
+    Raises:
+        InvalidInput: A negative mass, or an inertia that no body has.
+    """
+
+    mass: float
+    center: FloatArray = field(default_factory=lambda: np.zeros(3))
+    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", _checks.not_negative("payload mass", self.mass, "kg"))
+        center = _checks.numbers("payload centre of mass", self.center, "m")
+        inertia = _checks.numbers("payload inertia", self.inertia, "kg m²")
+        if center.shape != (3,) or inertia.shape != (3, 3):
+            raise InvalidInput("A payload has a centre of 3 coordinates and an inertia of 3 by 3.")
+        refuse_inertia("the payload", inertia)
+        object.__setattr__(self, "center", _checks.locked(center))
+        object.__setattr__(self, "inertia", _checks.locked(inertia))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chain:
+    """Turning joints in a row, each with the link behind it; arrays have one row per joint.
+
+    Joint i turns by q[i] about `axes[i]` in a frame that, at q = 0, stands at `positions[i]`,
+    `rotations[i]` in the frame of link i - 1 (of the base for the first). Links have the frame of
+    their joint.
+
+    Args:
+        joints: Names of the joints.
+        rotations: (n, 3, 3).
+        positions: [m], (n, 3).
+        axes: Unit vectors, (n, 3).
+        masses: Of the links [kg], (n,); None where they are not known.
+        centers: Centres of mass [m], (n, 3).
+        inertias: About the centres of mass, along the links' axes [kg m²], (n, 3, 3).
+        armature: Inertia of each drive, seen at its joint [kg m²], (n,).
+        viscous: Viscous friction [N m s/rad], (n,).
+        coulomb: Coulomb friction [N m], (n,).
+        base: The base in the coordinates that tool points are given in (the work frame).
+        tip: End of the chain (the flange) in the frame of the last link.
+        tool: The tool in the frame of the tip; paths are followed by its origin, and its z axis is
+            the tool axis.
+        gravity: In the frame of the base [m/s²], (3,).
+        payload: What the tip carries.
+        assumed: Which numbers are assumed and by what rule; empty if none.
+
+    Raises:
+        InvalidInput: Arrays that do not fit, or a link that no body could be.
+    """
+
+    joints: tuple[str, ...]
+    rotations: FloatArray
+    positions: FloatArray
+    axes: FloatArray
+    masses: FloatArray | None = None
+    centers: FloatArray | None = None
+    inertias: FloatArray | None = None
+    armature: FloatArray | None = None
+    viscous: FloatArray | None = None
+    coulomb: FloatArray | None = None
+    base: Frame = field(default_factory=Frame)
+    tip: Frame = field(default_factory=Frame)
+    tool: Frame = field(default_factory=Frame)
+    gravity: FloatArray = field(default_factory=lambda: GRAVITY)
+    payload: Payload | None = None
+    assumed: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.joints)
+        if n == 0:
+            raise InvalidInput("A chain needs at least one joint that turns.")
+        if self.masses is not None and (self.centers is None or self.inertias is None):
+            raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
+        for name, shape in (
+            ("rotations", (n, 3, 3)),
+            ("positions", (n, 3)),
+            ("axes", (n, 3)),
+            ("masses", (n,)),
+            ("centers", (n, 3)),
+            ("inertias", (n, 3, 3)),
+            ("armature", (n,)),
+            ("viscous", (n,)),
+            ("coulomb", (n,)),
+            ("gravity", (3,)),
+        ):
+            values = getattr(self, name)
+            if values is None:
+                if name in ("masses", "centers", "inertias"):
+                    continue
+                values = np.zeros(shape)
+            array = _checks.locked(_checks.numbers(f"{name} of a chain", values))
+            if array.shape != shape:
+                raise InvalidInput(f"{name} of a chain must be of shape {shape}.")
+            object.__setattr__(self, name, array)
+        if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
+            raise InvalidInput("The axes of a chain must be unit vectors.")
+        for name in ("armature", "viscous", "coulomb"):
+            if (getattr(self, name) < 0).any():
+                raise InvalidInput(f"{name} of a chain must not be negative.")
+        if self.masses is not None and self.inertias is not None:
+            for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
+                if mass < 0:
+                    raise InvalidInput(
+                        f"The link behind {name} has the mass {mass:g} kg: it must not be negative."
+                    )
+                refuse_inertia(f"the link behind {name}", inertia)
+
+    def __len__(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def replace(self, **changes: object) -> Chain:
+        """The same chain with some of its data changed."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+def refuse_inertia(who: str, inertia: npt.ArrayLike) -> None:
+    """Refuse an inertia that no body has.
+
+    Raises:
+        InvalidInput: Not symmetric, or moments that are negative or break the triangle inequality.
+    """
+    matrix = np.asarray(inertia, dtype=np.float64)
+    size = float(np.abs(matrix).max())
+    if np.abs(matrix - matrix.T).max() > 1e-9 * size:
+        raise InvalidInput(f"The inertia of {who} must be symmetric.")
+    moments = np.linalg.eigvalsh(matrix)
+    if moments[0] < -1e-9 * size or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
+        raise InvalidInput(
+            f"The inertia of {who} is that of no body: its principal moments are "
+            f"{', '.join(f'{x:.4g}' for x in moments)} kg m², and none may be negative or exceed "
+            "the sum of the two others."
+        )

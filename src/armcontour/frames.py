@@ -1,0 +1,174 @@
+"""Frames and rotations in space, vectorised: rotation vectors, matrices, roll-pitch-yaw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+
+# A given rotation matrix may be off by this; it is then made orthonormal.
+ROTATION_TOLERANCE = 1e-6
+ORIGIN = _checks.locked(np.zeros(3))
+UNTURNED = _checks.locked(np.eye(3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """A place and an orientation, in the coordinates of another frame.
+
+    Args:
+        position: Its origin [m], (3,).
+        rotation: Rotation matrix whose columns are its axes, (3, 3); anything that `rotations`
+            takes.
+
+    Raises:
+        InvalidInput: Not such a place, or not a rotation.
+    """
+
+    position: FloatArray = field(default_factory=lambda: ORIGIN)
+    rotation: FloatArray = field(default_factory=lambda: UNTURNED)
+
+    def __post_init__(self) -> None:
+        position = _checks.numbers("position of a frame", self.position, "m")
+        if position.shape != (3,):
+            raise InvalidInput(
+                f"The position of a frame must be 3 coordinates in m, not {position.size}."
+            )
+        object.__setattr__(self, "position", _checks.locked(position))
+        turned = rotations("rotation of a frame", self.rotation)
+        if turned.shape != (3, 3):
+            raise InvalidInput("A frame takes one rotation.")
+        object.__setattr__(self, "rotation", _checks.locked(turned))
+
+    @classmethod
+    def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
+        """A frame turned by roll, pitch and yaw about fixed x, y and z [rad], as in URDF."""
+        return cls(position=np.asarray(position), rotation=from_rpy(angles))
+
+    def __matmul__(self, other: Frame) -> Frame:
+        """The frame `other`, given in this one, in the coordinates that this one is given in."""
+        return Frame(
+            position=self.position + self.rotation @ other.position,
+            rotation=self.rotation @ other.rotation,
+        )
+
+    @property
+    def inverse(self) -> Frame:
+        """The frame in which this one is given, in the coordinates of this one."""
+        back = self.rotation.T
+        return Frame(position=-back @ self.position, rotation=back)
+
+
+def rotations(name: str, values: Any) -> FloatArray:
+    """Rotation matrices, (3, 3) or (n, 3, 3), from what people have.
+
+    Args:
+        name: For messages.
+        values: Rotation matrices; quaternions x, y, z, w, (4,) or (n, 4); or a rotation of scipy.
+
+    Raises:
+        InvalidInput: Another shape, not finite, or not a rotation.
+    """
+    if hasattr(values, "as_matrix"):
+        values = values.as_matrix()
+    array = _checks.numbers(name, values)
+    if array.ndim in (1, 2) and array.shape[-1] == 4:
+        size = np.linalg.norm(array, axis=-1, keepdims=True)
+        if (np.abs(size - 1) > ROTATION_TOLERANCE).any():
+            raise InvalidInput(f"{name}: a quaternion (x, y, z, w) must have the length 1.")
+        return _from_quaternions(array / size)
+    if array.ndim not in (2, 3) or array.shape[-2:] != (3, 3):
+        raise InvalidInput(
+            f"{name} must be rotation matrices (3 by 3) or quaternions (x, y, z, w), but has the "
+            f"shape {array.shape}."
+        )
+    off = np.abs(np.swapaxes(array, -1, -2) @ array - np.eye(3)).max(axis=(-2, -1))
+    if (off > ROTATION_TOLERANCE).any() or (np.linalg.det(array) < 0).any():
+        raise InvalidInput(
+            f"{name} holds a matrix that is no rotation: its axes must be at right "
+            "angles, of length 1 and right-handed."
+        )
+    u, _, v = np.linalg.svd(array)
+    return np.asarray(u @ v)
+
+
+def from_rpy(angles: npt.ArrayLike) -> FloatArray:
+    """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
+    given = _checks.numbers("roll, pitch and yaw", angles, "rad")
+    if given.shape[-1:] != (3,):
+        raise InvalidInput("Roll, pitch and yaw are three angles.")
+    x, y, z = (given[..., k, None] * UNTURNED[k] for k in range(3))
+    return np.asarray(exp(z) @ exp(y) @ exp(x))
+
+
+def exp(vectors: npt.ArrayLike) -> FloatArray:
+    """Rotation matrices of rotation vectors [rad], (..., 3) to (..., 3, 3)."""
+    v = np.asarray(vectors, dtype=np.float64)
+    angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
+    first = np.sinc(angle / np.pi)
+    second = np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    k = cross_matrix(v)
+    return np.asarray(np.eye(3) + first * k + second * (k @ k))
+
+
+def log(matrices: npt.ArrayLike) -> FloatArray:
+    """Rotation vectors [rad] of rotation matrices, (..., 3, 3) to (..., 3), of length 0 to pi."""
+    r = np.asarray(matrices, dtype=np.float64)
+    # By way of the quaternion whose largest component is taken from the diagonal: accurate at every
+    # angle, half a turn too.
+    trace = np.trace(r, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(r, axis1=-2, axis2=-1)
+    squares = np.concatenate([1 + trace[..., None], 1 + 2 * diagonal - trace[..., None]], axis=-1)
+    sym, skew = r + np.swapaxes(r, -1, -2), r - np.swapaxes(r, -1, -2)
+    a = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
+    candidates = np.empty((*trace.shape, 4, 4))
+    candidates[..., 0, 0], candidates[..., 0, 1:] = squares[..., 0], a
+    for i in range(3):
+        candidates[..., i + 1, 0] = a[..., i]
+        candidates[..., i + 1, 1:] = sym[..., i, :]
+        candidates[..., i + 1, i + 1] = squares[..., i + 1]
+    best = np.argmax(squares, axis=-1)
+    q = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    q = q * np.where(q[..., :1] < 0, -1.0, 1.0)
+    size = np.sqrt(np.sum(q[..., 1:] ** 2, axis=-1))
+    angle = 2 * np.arctan2(size, q[..., 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(size > 0, angle / size, 0.0)
+    return np.asarray(q[..., 1:] * scale[..., None])
+
+
+def cross_matrix(v: FloatArray) -> FloatArray:
+    """Matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
+    k = np.zeros((*v.shape, 3))
+    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return k - np.swapaxes(k, -1, -2)
+
+
+def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
+    """Vectors [rad] of the shortest rotations that turn unit vectors into others, (..., 3).
+
+    Where they are opposite, about any axis at right angles to them.
+    """
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    axis = np.cross(a, b)
+    size = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(
+        np.linalg.norm(a - b, axis=-1, keepdims=True), np.linalg.norm(a + b, axis=-1, keepdims=True)
+    )
+    any_axis = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=-1)])
+    any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit = np.where(size > 1e-12, axis / size, any_axis)
+    return np.asarray(unit * angle)
+
+
+def _from_quaternions(q: FloatArray) -> FloatArray:
+    v, w = q[..., :3], q[..., 3, None, None]
+    k = cross_matrix(v)
+    return np.asarray(np.eye(3) + 2 * w * k + 2 * (k @ k))
