@@ -1,5 +1,6 @@
 """Path geometry: lines and arcs, nearest points, rounded corners. Knows no robot and no time."""
 
+from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path, angle_between
 from armcontour.geometry.projection import Projection
 from armcontour.geometry.rounding import Corners, RoundedPath, corner_error, round_corners
@@ -10,6 +11,7 @@ __all__ = [
     "Corners",
     "Demand",
     "Line",
+    "Orientation",
     "Path",
     "Projection",
     "RoundedPath",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +13,9 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
+from armcontour.geometry import orienting
 from armcontour.geometry.cell_index import CellIndex
+from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.projection import PIECES_PER_SEGMENT, Projection, pieces_wanted
 from armcontour.geometry.segments import NO_DEMAND, Arc, Demand, Line, arc_frame, line_frame
 from armcontour.geometry.tree_index import SegmentIndex
@@ -20,7 +24,10 @@ from armcontour.geometry.tree_index import SegmentIndex
 REPEATED_POINT = 1e-9
 # Tangents closer than this [rad] are one tangent: at 1 m/s the step in velocity is 1 nm/s.
 TANGENT_TOLERANCE = 1e-9
+PLANE = "A tool is oriented in space: give the points of the path three coordinates."
 NOT_GIVEN = _checks.locked([])
+# Breaks of an orientation this near to a joint of its path are that joint, in path lengths.
+SAME_BREAK = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,6 +48,8 @@ class Path:
         tolerances: (n,) largest corner error of the segment [m], NaN where it has none.
         tags: Free text per segment.
         merged: Indices of the input points that were left out because they repeat the one before.
+        orientation: How the tool is held along the path, in space only; None says nothing of it.
+            `oriented`, `pointing` and `following_tangent` give it.
 
     Raises:
         InvalidInput: Arrays that do not fit, or a gap between segments.
@@ -55,6 +64,7 @@ class Path:
     tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tags: tuple[str | None, ...] = ()
     merged: tuple[int, ...] = ()
+    orientation: Orientation | None = None
     breaks: FloatArray = field(init=False, repr=False)
     _index: list[SegmentIndex | CellIndex] = field(init=False, repr=False)
 
@@ -89,6 +99,8 @@ class Path:
         )
         object.__setattr__(self, "_index", [])
         self._refuse_gaps()
+        if self.orientation is not None:
+            object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
     @classmethod
     def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
@@ -153,6 +165,98 @@ class Path:
             tolerances=np.array([np.nan if x.tolerance is None else x.tolerance for x in demands]),
             tags=tuple(x.tag for x in demands),
         )
+
+    @classmethod
+    def spline(
+        cls,
+        points: npt.ArrayLike,
+        *,
+        tolerance: float = 1e-6,
+        closed: bool = False,
+        demand: Demand = NO_DEMAND,
+    ) -> Path:
+        """The cubic spline through `points`, as tangent arcs within `tolerance` of it.
+
+        Args:
+            points: (n, 2) or (n, 3) [m]; repeated points are merged.
+            tolerance: Largest distance between the spline and the arcs [m].
+            closed: Whether the spline goes on smoothly from the last point, which must repeat the
+                first, to the first.
+            demand: What the process asks of it.
+
+        Raises:
+            InvalidInput: Fewer than two different points, or a closed spline that is not closed.
+        """
+        from armcontour.geometry.spline import arcs_along
+
+        given = _checks.points("points of a spline", points)
+        kept = _without_repeats(given)
+        if len(kept) < 2:
+            raise InvalidInput("A spline needs at least two different points.")
+        _checks.positive("spline tolerance", tolerance, "m")
+        frames = arcs_along(given[kept], tolerance, closed)
+        n = len(frames.lengths)
+        return Path(
+            starts=frames.starts,
+            tangents=frames.tangents,
+            inwards=frames.inwards,
+            curvatures=frames.curvatures,
+            lengths=frames.lengths,
+            speeds=np.full(n, np.nan if demand.speed is None else demand.speed),
+            tolerances=np.full(n, np.nan if demand.tolerance is None else demand.tolerance),
+            tags=(demand.tag,) * n,
+            merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
+        )
+
+    def oriented(self, rotations: Any, *, axis_only: bool = False) -> Path:
+        """The same path with the tool held in one way, or in a given way at every waypoint.
+
+        Between waypoints the tool turns evenly, by the shortest rotation.
+
+        Args:
+            rotations: Tool axes in the path's coordinates, as columns: one rotation or one per
+                waypoint; matrices, quaternions (x, y, z, w) or a rotation of scipy.
+            axis_only: Only the tool axis (z) counts; turning about it is free.
+
+        Raises:
+            InvalidInput: A path in the plane; no rotations or a wrong number of them; or
+                neighbours that differ by half a turn.
+        """
+        found = orienting.held(rotations, self.lengths, self.merged, axis_only)
+        return dataclasses.replace(self, orientation=found)
+
+    def pointing(self, directions: npt.ArrayLike) -> Path:
+        """The same path with the tool axis (z) in one direction, or in one per waypoint.
+
+        Turning about the tool axis is free, as in cutting, dispensing and welding.
+
+        Args:
+            directions: (3,) or one per waypoint, (n, 3).
+
+        Raises:
+            InvalidInput: A path in the plane, or directions that are none.
+        """
+        found = orienting.pointing(directions, self.lengths, self.merged)
+        return dataclasses.replace(self, orientation=found)
+
+    def following_tangent(
+        self, up: npt.ArrayLike, *, tool: Any | None = None, axis_only: bool = False
+    ) -> Path:
+        """The same path with the tool held at a fixed angle to the tangent.
+
+        Args:
+            up: Direction across the first tangent; it makes z of the path's frame, whose x is the
+                tangent. The frame is carried along without turning about the tangent.
+            tool: The tool in the path's frame; by default its axis points against `up`.
+            axis_only: Only the tool axis (z) counts; turning about it is free.
+
+        Raises:
+            InvalidInput: A path in the plane, `up` along the first tangent, or a turn of 180°.
+        """
+        if self.dimension != 3:
+            raise InvalidInput(PLANE)
+        found = orienting.following(self, up, tool, axis_only=axis_only)
+        return dataclasses.replace(self, orientation=found)
 
     @property
     def length(self) -> float:
@@ -244,14 +348,35 @@ class Path:
 
     @property
     def stops(self) -> FloatArray:
-        """Arc lengths [m] of the joints where the tangent jumps: no motion passes them moving."""
-        return self.breaks[1:-1][self.turns > TANGENT_TOLERANCE]
+        """Arc lengths [m] where the tangent or the rate of turning jumps: no motion passes them."""
+        corners = self.breaks[1:-1][self.turns > TANGENT_TOLERANCE]
+        return corners if self.orientation is None else np.union1d(corners, self.orientation.stops)
 
     @property
     def vertices(self) -> FloatArray:
         """The segments' ends, (n + 1, dimension) [m]."""
         last = self.on_segment(np.array([len(self) - 1]), self.lengths[-1:])
         return np.concatenate([self.starts, last])
+
+    def _fitting(self, orientation: Orientation) -> Orientation:
+        """The orientation with its breaks on the path's own where they are the same.
+
+        Raises:
+            InvalidInput: A path in the plane, or an orientation of another length.
+        """
+        if self.dimension != 3:
+            raise InvalidInput(PLANE)
+        slack = SAME_BREAK * self.length * len(self)
+        if abs(orientation.breaks[-1] - self.length) > slack:
+            raise InvalidInput(
+                f"The orientation is for a path of {orientation.breaks[-1]:.9g} m, but the path is "
+                f"{self.length:.9g} m long."
+            )
+        nearest = np.clip(np.searchsorted(self.breaks, orientation.breaks), 1, len(self))
+        low, high = self.breaks[nearest - 1], self.breaks[nearest]
+        own = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
+        snapped = np.where(np.abs(own - orientation.breaks) <= slack, own, orientation.breaks)
+        return dataclasses.replace(orientation, breaks=snapped)
 
     def _refuse_gaps(self) -> None:
         i = np.arange(len(self) - 1)

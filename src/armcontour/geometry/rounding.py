@@ -8,6 +8,7 @@ each line that the arc replaces) is `r tan h`. See docs/concepts/rounding.md.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,12 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE, Path
+from armcontour.geometry.rounded_orientation import (
+    along_rounded,
+    kinked_joints,
+    largest_tangent,
+    with_orientation,
+)
 
 # What two arcs leave of the line between them is nothing below this [m]: rounding of coordinates.
 SLIVER = 1e-12
@@ -34,9 +41,12 @@ class Corners:
         error: Corner error: gap between corner point and arc [m], (n,).
         tangent: Tangent length [m], (n,).
         start, end: Arc length on the rounded path where the arc starts and ends [m], (n,).
-        shrunk: True where the arc is smaller than asked for, because its lines are short, (n,).
+        shrunk: True where the arc is smaller than its position asks for, because its lines are
+            short or its orientation turns too far, (n,).
         speed: Largest speed on the arc under the given acceleration, (16) [m/s], (n,); NaN if no
             acceleration was given.
+        angular_error: Angle between the tool's orientation in the middle of the arc and that at the
+            corner point [rad], (n,); 0 where the orientation follows the tangent or is not given.
     """
 
     joint: IntArray
@@ -49,6 +59,7 @@ class Corners:
     end: FloatArray
     shrunk: BoolArray
     speed: FloatArray
+    angular_error: FloatArray
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -83,6 +94,7 @@ def round_corners(
     tolerance: npt.ArrayLike | None = None,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
+    angular_tolerance: float | None = None,
 ) -> RoundedPath:
     """Replace every corner by the arc that the paper's case I or case II asks for.
 
@@ -96,15 +108,22 @@ def round_corners(
     Arcs that would overlap shrink, each as far as its own lines ask. A zero radius (zero
     tolerance, a turn of 180°, a corner beside an arc) leaves the corner as a full stop.
 
+    The tool's orientation is rounded with the position: `angular_tolerance` bounds how far it is
+    off in the middle of a corner, and makes arcs smaller where it has to. It also rounds what only
+    the orientation does at a joint that goes straight on. An orientation that follows the tangent
+    may leave it by that angle where lines and arcs meet.
+
     Args:
         path: The objective path.
         tolerance: Largest corner error [m].
         speed: Lowest corner speed [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]; with `tolerance` alone it is
             only used to report the corner speed (16).
+        angular_tolerance: Largest angle by which the orientation may be off [rad].
 
     Raises:
-        InvalidInput: Neither case given, a negative value, or a wrong number of values.
+        InvalidInput: Neither case given, a negative value, a wrong number of values, or no
+            angular tolerance where the orientation needs one.
     """
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
@@ -121,21 +140,70 @@ def round_corners(
 
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
+    kinked = np.setdiff1d(kinked_joints(path), corner)
+    angle = _angular_tolerance(path, angular_tolerance, kinked)
     straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
     half = turn[corner] / 2
     radius = _largest_radius(allowed[corner], half)
     if speed is not None:
         radius = np.minimum(radius, slowest[corner] ** 2 / pull[corner])
-    wanted = np.where(straight_sides, radius * np.tan(half), 0.0)
+    reach = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
+    wanted = np.where(straight_sides, reach, 0.0)
     # An arc below the resolution of a point is no arc; at a turn of 180° every radius vanishes.
     wanted[wanted <= REPEATED_POINT] = 0.0
     wanted[np.pi - turn[corner] <= TANGENT_TOLERANCE] = 0.0
-    tangent = _fit(wanted, corner, path.lengths)
+    # Where only the orientation turns, it shares the segments with the corners.
+    straight = np.zeros(len(kinked))
+    turning = largest_tangent(path, kinked, straight, angle)
+    joint = np.concatenate([corner, kinked])
+    order = np.argsort(joint)
+    tangent = np.empty(len(joint))
+    tangent[order] = _fit(np.concatenate([wanted, turning])[order], joint[order], path.lengths)
+    tangent, eased = tangent[: len(corner)], tangent[len(corner) :]
     # A micro-segment between two corners can leave an arc below that resolution too.
     tangent[tangent <= REPEATED_POINT / 4] = 0.0
-    shrunk = tangent < wanted * (1 - 1e-12)
+    shrunk = tangent < radius * np.tan(half) * (1 - 1e-12)
+    shrunk &= straight_sides & (wanted > 0)
     radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
-    return _assemble(path, corner, half, radius, tangent, shrunk, np.sqrt(pull[corner] * radius))
+    speeds = np.sqrt(pull[corner] * radius)
+    rounded, of = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
+    if path.orientation is None:
+        return rounded
+    if path.orientation.follows:
+        orientation = along_rounded(rounded, path, of, float(angle))
+        return dataclasses.replace(rounded, orientation=orientation)
+    orientation, off = with_orientation(
+        path,
+        path.lengths,
+        joint,
+        np.concatenate([half, straight]),
+        np.concatenate([tangent, eased]),
+    )
+    corners = dataclasses.replace(rounded.corners, angular_error=off[: len(corner)])
+    return dataclasses.replace(rounded, orientation=orientation, corners=corners)
+
+
+def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> float:
+    """The angular tolerance [rad], infinite where none is given and none is needed.
+
+    Raises:
+        InvalidInput: A negative one, or none where the orientation needs one.
+    """
+    if given is not None:
+        return _checks.not_negative("angular tolerance", given, "rad")
+    orientation = path.orientation
+    if orientation is not None and (orientation.follows or len(kinked)):
+        why = (
+            "follows the tangent"
+            if orientation.follows
+            else f"turns at another rate behind segment {int(kinked[0])}, where the path goes "
+            "straight on"
+        )
+        raise InvalidInput(
+            f"The tool's orientation {why}: give round_corners an angular_tolerance [rad] by which "
+            "it may be off (0 stops there)."
+        )
+    return np.inf
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
@@ -186,7 +254,8 @@ def _assemble(
     tangent: FloatArray,
     shrunk: BoolArray,
     speed: FloatArray,
-) -> RoundedPath:
+) -> tuple[RoundedPath, IntArray]:
+    """The rounded path, and of which objective segment each of its segments is, or lies behind."""
     n = len(path)
     cut = np.zeros(n + 1)
     cut[corner + 1] = tangent
@@ -222,7 +291,7 @@ def _assemble(
     speeds, tolerances = (np.repeat(x, 2) for x in (path.speeds, path.tolerances))
     for values, own in ((speeds, path.speeds), (tolerances, path.tolerances)):
         values[arc] = np.fmin(own[which], own[which + 1])
-    return RoundedPath(
+    rounded_path = RoundedPath(
         starts=starts[used],
         tangents=tangents[used],
         inwards=inwards[used],
@@ -244,5 +313,7 @@ def _assemble(
             end=after[arc_slot],
             shrunk=shrunk,
             speed=speed,
+            angular_error=np.zeros(len(corner)),
         ),
     )
+    return rounded_path, of[used]

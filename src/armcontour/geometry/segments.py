@@ -65,6 +65,64 @@ class Arc:
     normal: Sequence[float] | None = None
     demand: Demand = NO_DEMAND
 
+    @classmethod
+    def through(
+        cls,
+        start: Sequence[float],
+        via: Sequence[float],
+        end: Sequence[float],
+        *,
+        demand: Demand = NO_DEMAND,
+    ) -> Arc:
+        """The arc from `start` through `via` to `end`, in the plane or in space.
+
+        Where `end` repeats `start`, the full circle through both points that has them at the ends
+        of a diameter: in the plane only, because in space there are many.
+
+        Raises:
+            InvalidInput: Points on one line, or a circle that is not determined.
+        """
+        a, b, c = (
+            numbers(f"{name} of an arc", x, "m")
+            for name, x in (("start", start), ("via point", via), ("end", end))
+        )
+        if len({x.shape for x in (a, b, c)}) > 1 or a.shape not in ((2,), (3,)):
+            raise InvalidInput("The points of an arc must all have 2 or all have 3 coordinates.")
+        if np.array_equal(a, c) and len(a) == 2 and not np.array_equal(a, b):
+            return cls(start=a, center=(a + b) / 2, angle=2 * np.pi, demand=demand)
+        u, v = b - a, c - a
+        uu, vv, uv = u @ u, v @ v, u @ v
+        area = uu * vv - uv * uv  # of the parallelogram, squared
+        if not area > (1e-9**2) * max(uu, vv) ** 2:
+            raise InvalidInput(
+                f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
+                "lie on one line: an arc needs three points that do not; for a full circle in "
+                "space give its center, angle and normal."
+            )
+        center = a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)
+        # The turn seen from the centre is twice the turn seen from the via point.
+        along, back = b - a, c - b
+        size = np.linalg.norm(along) * np.linalg.norm(back)
+        turn = 2 * np.arctan2(np.sqrt(area) / size, along @ back / size)
+        if len(a) == 3:
+            return cls(
+                start=a, center=center, angle=turn, normal=np.cross(along, back), demand=demand
+            )
+        sign = np.sign(along[0] * back[1] - along[1] * back[0])
+        return cls(start=a, center=center, angle=float(sign * turn), demand=demand)
+
+    @classmethod
+    def circle(
+        cls,
+        start: Sequence[float],
+        center: Sequence[float],
+        *,
+        normal: Sequence[float] | None = None,
+        demand: Demand = NO_DEMAND,
+    ) -> Arc:
+        """The full circle from `start` around `center`, counter-clockwise (about `normal`)."""
+        return cls(start=start, center=center, angle=2 * np.pi, normal=normal, demand=demand)
+
 
 @dataclass(frozen=True, slots=True)
 class Frame:

@@ -1,0 +1,192 @@
+"""What rounding makes of a tool's orientation: its rate of turning becomes continuous.
+
+Across a rounded joint the orientation leaves the rotation behind it and takes up the next one
+together, `exp(g b) exp(f a) R`, where R is the orientation at the joint, a and b are the rates
+before and behind it, f runs out to 0 with slope 0 and g starts from 0 with slope 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.frames import exp, log
+from armcontour.geometry.orientation import LINEAR, Orientation
+from armcontour.geometry.orienting import turning_of_tangents
+from armcontour.geometry.path import Path
+
+# What two roundings leave of the even turning between them is nothing below this [m].
+SLIVER = 1e-12
+
+
+def kinked_joints(path: Path) -> IntArray:
+    """Joints of a path at which only the rate of turning jumps, and the tangent does not.
+
+    Raises:
+        InvalidInput: The path's orientation was rounded before.
+    """
+    orientation = path.orientation
+    if orientation is None or orientation.follows:
+        return np.zeros(0, dtype=np.intp)
+    if len(orientation) != len(path) or not np.array_equal(orientation.breaks, path.breaks):
+        raise InvalidInput(
+            "The corners of this path, or its orientation, were rounded before: round the "
+            "objective path."
+        )
+    return np.flatnonzero(orientation.kinks > 0)
+
+
+def largest_tangent(
+    path: Path, joint: IntArray, half: FloatArray, allowed: FloatArray
+) -> FloatArray:
+    """Tangent lengths at which the orientation in the middle of a corner is off by `allowed`.
+
+    The middle is off by `t (1/2 - arc / 8 t)` times the step of the rate, to first order and at
+    most: rotations are nowhere farther apart than their rotation vectors.
+
+    Args:
+        path: The objective path.
+        joint: Joints, (k,).
+        half: Half of the turn at each [rad], (k,).
+        allowed: Largest angle [rad], (k,).
+
+    Returns:
+        (k,) [m], infinite where the rate does not jump or the orientation follows the tangent.
+    """
+    orientation = path.orientation
+    if orientation is None or orientation.follows:
+        return np.full(len(joint), np.inf)
+    step = orientation.first[joint + 1] - orientation.first[joint]
+    off = _share_off(half) * np.linalg.norm(step, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(off > 0, allowed / off, np.inf))
+
+
+def with_orientation(
+    objective: Path,
+    lengths: FloatArray,
+    joint: IntArray,
+    half: FloatArray,
+    tangent: FloatArray,
+) -> tuple[Orientation, FloatArray]:
+    """Orientation of a rounded path, where it does not follow the tangent.
+
+    Args:
+        objective: The path before rounding.
+        lengths: Of its segments [m], (n,).
+        joint: Rounded joints, (k,).
+        half: Half of the turn at each [rad], (k,).
+        tangent: Tangent length of each [m], (k,); 0 where it stays sharp.
+
+    Returns:
+        The orientation, and by how much it is off in the middle of each joint [rad], (k,).
+    """
+    own = objective.orientation
+    assert own is not None
+    n = len(lengths)
+    if not own.first.any():
+        one = Orientation.even(
+            np.array([lengths.sum() - (2 * tangent - _arc_lengths(half, tangent)).sum()]),
+            own.starts[:1],
+            np.zeros((1, 3)),
+            axis_only=own.axis_only,
+        )
+        return one, np.zeros(len(joint))
+    reach, way = np.zeros(n - 1), np.zeros(n - 1)
+    reach[joint] = tangent
+    way[joint] = _arc_lengths(half, tangent)
+    found = _pieces(lengths, own, reach, way)
+    middle = exp((tangent / 2 - way[joint] / 8)[:, None] * own.first[joint + 1]) @ exp(
+        -(tangent / 2 - way[joint] / 8)[:, None] * own.first[joint]
+    )
+    return found, np.linalg.norm(log(middle), axis=1)
+
+
+def along_rounded(rounded: Path, objective: Path, segment: IntArray, allowed: float) -> Orientation:
+    """Orientation of a rounded path whose tangent it follows.
+
+    Args:
+        rounded: The rounded path, its segments in order.
+        objective: The path before rounding.
+        segment: For each segment of the rounded path, the objective one that it is a part of or
+            that lies before its corner, (n,).
+        allowed: Largest angle from the tangent's own orientation [rad].
+    """
+    own = objective.orientation
+    assert own is not None
+    rates = turning_of_tangents(rounded)
+    starts = np.empty((len(rounded), 3, 3))
+    here = own.starts[0]
+    for k in range(len(rounded)):
+        if k and segment[k] != segment[k - 1]:
+            # On a corner's arc the frame has turned into the next segment's, but for rounding.
+            here = own.starts[segment[k]]
+        starts[k] = here
+        here = exp(rates[k] * rounded.lengths[k]) @ here
+    sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
+    kinks = sharp.kinks
+    with np.errstate(divide="ignore"):
+        wanted = np.where(kinks > 0, 4 * allowed / kinks, 0.0)
+    room = rounded.lengths / 2
+    reach = np.minimum(wanted, np.minimum(room[:-1], room[1:]))
+    reach[sharp.jumps > 1e-9] = 0.0
+    return _pieces(rounded.lengths, sharp, reach, 2 * reach)
+
+
+def _share_off(half: FloatArray) -> FloatArray:
+    """How far the middle is off, per tangent length and step of the rate."""
+    return np.asarray(0.5 - _ratio(half) / 8)
+
+
+def _ratio(half: FloatArray) -> FloatArray:
+    """Length of a corner's arc over its tangent length."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(half > 0, 2 * half / np.tan(half), 2.0))
+
+
+def _arc_lengths(half: FloatArray, tangent: FloatArray) -> FloatArray:
+    return np.asarray(tangent * _ratio(half))
+
+
+def _pieces(
+    lengths: FloatArray, sharp: Orientation, reach: FloatArray, way: FloatArray
+) -> Orientation:
+    """Even pieces with roundings between them.
+
+    Args:
+        lengths: Of the even pieces [m], (n,).
+        sharp: The even orientation.
+        reach: How far each joint's rounding reaches into both neighbours, (n - 1,) [m].
+        way: Path length of each rounding, (n - 1,) [m].
+    """
+    n = len(lengths)
+    size = 2 * n - 1
+    before, behind = np.append(0.0, reach), np.append(reach, 0.0)
+    spans = np.zeros(size)
+    spans[::2] = lengths - before - behind
+    spans[::2][spans[::2] <= SLIVER] = 0.0
+    spans[1::2] = way
+    starts, first, second = np.empty((size, 3, 3)), np.empty((size, 3)), np.zeros((size, 3))
+    f, g = np.zeros((size, 4)), np.zeros((size, 4))
+    starts[::2] = exp(before[:, None] * sharp.first) @ sharp.starts
+    starts[1::2] = sharp.starts[1:]
+    first[::2], first[1::2] = sharp.first, sharp.first[:-1]
+    second[1::2] = sharp.first[1:]
+    f[::2] = LINEAR
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = reach - way
+        f[1::2, 0], f[1::2, 1] = -reach, 1.0
+        f[1::2, 2], f[1::2, 3] = (3 * left + way) / way**2, -(way + 2 * left) / way**3
+        g[1::2, 2], g[1::2, 3] = (3 * reach - way) / way**2, (way - 2 * reach) / way**3
+    used = spans > 0
+    return Orientation(
+        breaks=np.concatenate([[0.0], np.cumsum(spans[used])]),
+        starts=starts[used],
+        first=first[used],
+        second=second[used],
+        f=f[used],
+        g=g[used],
+        axis_only=sharp.axis_only,
+        follows=sharp.follows,
+    )
