@@ -37,9 +37,7 @@ def kinked_joints(path: Path) -> IntArray:
     return np.flatnonzero(orientation.kinks > 0)
 
 
-def largest_tangent(
-    path: Path, joint: IntArray, half: FloatArray, allowed: FloatArray
-) -> FloatArray:
+def largest_tangent(path: Path, joint: IntArray, half: FloatArray, allowed: float) -> FloatArray:
     """Tangent lengths at which the orientation in the middle of a corner is off by `allowed`.
 
     The middle is off by `t (1/2 - arc / 8 t)` times the step of the rate, to first order and at
@@ -49,7 +47,7 @@ def largest_tangent(
         path: The objective path.
         joint: Joints, (k,).
         half: Half of the turn at each [rad], (k,).
-        allowed: Largest angle [rad], (k,).
+        allowed: Largest angle [rad].
 
     Returns:
         (k,) [m], infinite where the rate does not jump or the orientation follows the tangent.

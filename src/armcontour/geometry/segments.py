@@ -89,7 +89,9 @@ class Arc:
         if len({x.shape for x in (a, b, c)}) > 1 or a.shape not in ((2,), (3,)):
             raise InvalidInput("The points of an arc must all have 2 or all have 3 coordinates.")
         if np.array_equal(a, c) and len(a) == 2 and not np.array_equal(a, b):
-            return cls(start=a, center=(a + b) / 2, angle=2 * np.pi, demand=demand)
+            return cls(
+                start=a.tolist(), center=((a + b) / 2).tolist(), angle=2 * np.pi, demand=demand
+            )
         u, v = b - a, c - a
         uu, vv, uv = u @ u, v @ v, u @ v
         area = uu * vv - uv * uv  # of the parallelogram, squared
@@ -99,17 +101,18 @@ class Arc:
                 "lie on one line: an arc needs three points that do not; for a full circle in "
                 "space give its center, angle and normal."
             )
-        center = a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)
+        center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
         # The turn seen from the centre is twice the turn seen from the via point.
         along, back = b - a, c - b
         size = np.linalg.norm(along) * np.linalg.norm(back)
         turn = 2 * np.arctan2(np.sqrt(area) / size, along @ back / size)
         if len(a) == 3:
+            normal = np.cross(along, back).tolist()
             return cls(
-                start=a, center=center, angle=turn, normal=np.cross(along, back), demand=demand
+                start=a.tolist(), center=center, angle=float(turn), normal=normal, demand=demand
             )
         sign = np.sign(along[0] * back[1] - along[1] * back[0])
-        return cls(start=a, center=center, angle=float(sign * turn), demand=demand)
+        return cls(start=a.tolist(), center=center, angle=float(sign * turn), demand=demand)
 
     @classmethod
     def circle(

@@ -1,5 +1,5 @@
 """Tracing a tool path with an arm."""
 
-from armcontour.tracing.tracer import trace
+from armcontour.tracing.tracer import trace, traces
 
-__all__ = ["trace"]
+__all__ = ["trace", "traces"]

@@ -1,0 +1,68 @@
+"""Tracing on an arm whose inverse kinematics is a formula."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import PlanarTwoLink
+from armcontour.errors import InvalidInput, Unreachable
+from armcontour.geometry import Path
+from armcontour.tracing.cells import Knots
+from armcontour.tracing.solver import Ends, Solver
+
+
+class ClosedForm(Solver[PlanarTwoLink]):
+    """Exact knots by (3)-(4), (28) and (27).
+
+    Args:
+        path: The path.
+        arm: The arm.
+        branch: One of `arm.branches`; the first by default.
+        tolerance: Largest distance of the tool from the path between knots [m].
+
+    Raises:
+        InvalidInput: A path of another dimension than the arm's.
+    """
+
+    def __init__(
+        self, path: Path, arm: PlanarTwoLink, branch: str | None, tolerance: float
+    ) -> None:
+        if path.dimension != arm.dimension:
+            raise InvalidInput(
+                f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
+                f"moves in {arm.dimension}."
+            )
+        super().__init__(path, arm)
+        self.branch, self.tolerance = branch, tolerance
+
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at places `u` on the knots' segments."""
+        try:
+            q = self.arm.inverse(self.path.on_segment(knots.segment, u), self.branch)
+        except Unreachable as error:
+            index = error.index or 0
+            s = float(knots.at(u)[index])
+            raise Unreachable(
+                f"At {s:.6g} m along the path: {error}",
+                point=error.point,
+                index=int(knots.segment[index]),
+                s=s,
+                limit=error.limit,
+                needed=error.needed,
+                allowed=error.allowed,
+            ) from None
+        dq_ds = self.arm.joint_velocity(q, self.path.on_segment(knots.segment, u, 1))
+        curved = self.path.on_segment(knots.segment, u, 2)
+        return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curved)
+
+    def continuous(self, begin: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """The same ends with whole turns taken out."""
+        q = np.stack([begin[0], end[0]], axis=1).reshape(-1, begin[0].shape[1])
+        unwrapped = np.unwrap(q, axis=0).reshape(len(begin[0]), 2, -1)
+        return (unwrapped[:, 0], *begin[1:]), (unwrapped[:, 1], *end[1:])
+
+    def missed(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """How far the tool is from its place, in tolerances."""
+        off = self.arm.forward(q) - self.path.on_segment(knots.segment, u)
+        return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)

@@ -1,0 +1,80 @@
+"""What a path asks of the tool in space: poses, and how they change along it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import SerialArm
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.tracing.cells import Knots
+
+# A jump of the orientation below this is rounding [rad].
+NO_JUMP = 1e-8
+
+
+def asked_of(path: Path, arm: SerialArm) -> int:
+    """How many of a pose's 6 parts the path asks for: 6, 5 (tool axis) or 3 (tool point).
+
+    Raises:
+        InvalidInput: A path in the plane; one without orientation for an arm that has joints for
+            one; more parts than the arm has joints; or an orientation that jumps.
+    """
+    if path.dimension != 3:
+        raise InvalidInput(
+            f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
+            f"moves in {arm.dimension}."
+        )
+    orientation = path.orientation
+    if orientation is None:
+        if arm.dof > 3:
+            raise InvalidInput(
+                f"The path does not say how the arm {arm.name} is to hold its tool: give it an "
+                "orientation, such as path.oriented(rotation), or path.pointing(direction) where "
+                "only the tool axis counts."
+            )
+        return 3
+    asked = 5 if orientation.axis_only else 6
+    if asked > arm.dof:
+        raise InvalidInput(
+            f"The arm {arm.name} has {arm.dof} joints, but a tool "
+            f"{'axis' if asked == 5 else 'orientation'} in space needs {asked}"
+            f"{'' if asked == 5 else '; leave turning about the tool axis free with axis_only'}."
+        )
+    jumps = orientation.jumps
+    if (jumps > NO_JUMP).any():
+        i = int(np.argmax(jumps > NO_JUMP))
+        s = float(orientation.breaks[i + 1])
+        point = path(s).tolist()
+        raise InvalidInput(
+            f"At {s:.6g} m along the path the tool's orientation jumps by "
+            f"{np.degrees(jumps[i]):.3g}°, as it follows the tangent round a sharp corner: round "
+            "the corner, or leave the orientation fixed there.",
+            s=s,
+            point=point,
+        )
+    return asked
+
+
+def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
+    """Rotations and positions of the tool at places on the knots' segments, (n, 3, 4)."""
+    poses = np.zeros((len(u), 3, 4))
+    poses[:, :, 3] = path.on_segment(knots.segment, u)
+    if path.orientation is None:
+        poses[:, :, :3] = np.eye(3)
+    else:
+        behind = knots.at(u) - path.orientation.breaks[knots.piece]
+        poses[:, :, :3] = path.orientation.on_piece(knots.piece, behind)
+    return poses
+
+
+def rates_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
+    """Tangent and its derivative, rate of turning and its derivative, (n, 4, 3)."""
+    rates = np.zeros((len(u), 4, 3))
+    rates[:, 0] = path.on_segment(knots.segment, u, 1)
+    rates[:, 1] = path.on_segment(knots.segment, u, 2)
+    if path.orientation is not None:
+        behind = knots.at(u) - path.orientation.breaks[knots.piece]
+        rates[:, 2], rates[:, 3] = path.orientation.rates_on_piece(knots.piece, behind)
+    return rates

@@ -1,0 +1,90 @@
+"""Knots are added until quintics between them keep the tool on its path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.arms import Arm
+from armcontour.errors import Unreachable
+from armcontour.motion import JointPath, quintic
+from armcontour.tracing.cells import Knots
+from armcontour.tracing.solver import Ends, Solver
+
+# An interval this small that still misses the path means a singularity, not a coarse grid.
+SMALLEST_INTERVAL = 1e-9
+# Where on an interval the tool is looked at.
+PLACES = (0.25, 0.5, 0.75)
+
+
+def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
+    """The joint path through exact knots, as many as the solver's tolerance asks for.
+
+    Args:
+        solver: Tells joint positions and their derivatives.
+        knots: The first knots.
+
+    Raises:
+        Unreachable: A place out of reach or singular, with its arc length.
+    """
+    begin, end = (solver.ends(knots, u, None) for u in (knots.u0, knots.u1))
+    settled = np.zeros(len(knots), dtype=bool)
+    while True:
+        begin, end = solver.continuous(begin, end)
+        open_ = np.flatnonzero(~settled)
+        left, middle = _misses(solver, knots.part(open_), _part(begin, open_), _part(end, open_))
+        missed = np.zeros(len(settled), dtype=bool)
+        missed[open_[left]] = True
+        if not missed.any():
+            break
+        halved = knots.part(missed)
+        _refuse_singularity(solver, halved)
+        u = (halved.u0 + halved.u1) / 2
+        between = solver.ends(halved, u, middle[left])
+        # An interval that misses gives its place to its two halves.
+        twice = np.repeat(np.arange(len(settled)), 1 + missed)
+        second = np.flatnonzero(np.diff(twice, prepend=-1) == 0)
+        knots = knots.part(twice)
+        knots.s0[second] = halved.at(u)
+        knots.u0[second], knots.u1[second - 1] = u, u
+        begin, end = _part(begin, twice), _part(end, twice)
+        for k in range(3):
+            begin[k][second], end[k][second - 1] = between[k], between[k]
+        settled = (~missed)[twice]
+    path = solver.path
+    breaks = np.append(knots.s0, path.length)
+    return JointPath.hermite(breaks, begin, end, stops=path.stops, tool_path=path)
+
+
+def _part(ends: Ends, which: BoolArray | IntArray) -> Ends:
+    q, dq_ds, d2q_ds2 = ends
+    return q[which], dq_ds[which], d2q_ds2[which]
+
+
+def _misses(
+    solver: Solver[Arm], knots: Knots, begin: Ends, end: Ends
+) -> tuple[BoolArray, FloatArray]:
+    """Which intervals leave the path by more than the tolerance, and their middle positions."""
+    width = knots.u1 - knots.u0
+    coefficients = quintic(width, begin, end)
+    worst, middle = np.zeros(len(width)), np.empty_like(begin[0])
+    for x in PLACES:
+        q = np.einsum("ikj,k->ij", coefficients, x ** np.arange(6))
+        worst = np.maximum(worst, solver.missed(knots, knots.u0 + x * width, q))
+        if x == 0.5:
+            middle = q
+    return np.asarray(~(worst <= 1)), middle
+
+
+def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:
+    small = np.flatnonzero(knots.u1 - knots.u0 < SMALLEST_INTERVAL)
+    if len(small):
+        s = float(knots.s0[small[0]])
+        point = solver.path(s).tolist()
+        raise Unreachable(
+            f"At {s:.6g} m along the path, near {tuple(round(x, 6) for x in point)} m, the arm "
+            f"{solver.arm.name} is singular or jumps between configurations: move the path or the "
+            "arm.",
+            point=point,
+            s=s,
+        )
