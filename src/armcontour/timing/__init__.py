@@ -1,6 +1,15 @@
 """Timing: one file per method, one door to them."""
 
+from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
 from armcontour.timing.planner import METHODS, plan
 
-__all__ = ["METHODS", "Binding", "Explanation", "Shortfall", "explain", "plan"]
+__all__ = [
+    "METHODS",
+    "Binding",
+    "Explanation",
+    "Shortfall",
+    "explain",
+    "plan",
+    "trace_fastest",
+]

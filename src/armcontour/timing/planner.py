@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy.typing as npt
+
 from armcontour import _checks
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Trajectory
+from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
-from armcontour.tracing import trace
 
 METHODS = ("optimal", "mac", "conventional")
 OPTIONS = {
@@ -29,6 +31,7 @@ def plan(
     *,
     method: str = "optimal",
     branch: str | None = None,
+    start: npt.ArrayLike | None = None,
     **options: Any,
 ) -> Trajectory:
     """Time a path: the realizable trajectory.
@@ -39,7 +42,9 @@ def plan(
         limits: By default the arm's own.
         method: "optimal", the fastest that keeps every limit; "mac", the paper's; or
             "conventional", uniform speed along the raw path.
-        branch: Branch of the inverse kinematics, for a tool path.
+        branch: For a tool path and an arm in the plane, the branch of its inverse kinematics.
+        start: For a tool path and an arm in space, joint positions near to those to start in [rad];
+            by default the configuration that is fastest along the path.
         options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
             (see `plan_optimal`). For "mac": `knots` per line, command `period` [s].
 
@@ -52,9 +57,14 @@ def plan(
     if not isinstance(path, Path | JointPath):
         raise InvalidInput(f"plan needs a Path or a JointPath, not {type(path).__name__}.")
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    if isinstance(path, JointPath) and branch is not None:
-        raise InvalidInput("A joint path is on its branch already: give branch to trace instead.")
-    joint_path = path if isinstance(path, JointPath) else trace(path, arm, branch=branch)
+    if isinstance(path, JointPath) and not (branch is None and start is None):
+        given = "start" if branch is None else "branch"
+        raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
+    joint_path = (
+        path
+        if isinstance(path, JointPath)
+        else trace_fastest(path, arm, bounds, branch=branch, start=start)
+    )
     if joint_path.dof != arm.dof:
         raise InvalidInput(
             f"The joint path has {joint_path.dof} joints, but the arm {arm.name} has {arm.dof}."

@@ -1,0 +1,57 @@
+"""Of all configurations that complete a path, the one that does so fastest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy.typing as npt
+
+from armcontour.arms import Arm, Limits
+from armcontour.errors import ArmContourError
+from armcontour.geometry import Path
+from armcontour.motion import JointPath
+from armcontour.timing.optimal import plan_optimal
+from armcontour.tracing import traces
+
+# Configurations are compared by plans on a grid of about so many intervals.
+ROUGHLY = 400
+
+
+def trace_fastest(
+    path: Path,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+    refuse: Callable[[JointPath], None] = lambda _: None,
+) -> JointPath:
+    """The joint path of the configuration whose optimal plan takes the least time.
+
+    Args:
+        path: A tool path.
+        arm: The arm.
+        limits: By default the arm's own.
+        branch: For an arm in the plane: the branch, as in `trace`; there is nothing to choose then.
+        start: For an arm in space: joint positions near to those to start in.
+        refuse: Raises for a joint path that cannot be taken.
+
+    Raises:
+        Unreachable: No configuration completes the path.
+        InvalidInput: A path that does not fit the arm.
+    """
+    found = traces(path, arm, branch=branch, start=start)
+    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    if len(found) == 1:
+        return found[0]
+    best, least = found[0], float("inf")
+    for joint_path in found:
+        try:
+            refuse(joint_path)
+            duration = plan_optimal(joint_path, arm, bounds, intervals=ROUGHLY).duration
+        except ArmContourError:
+            # If none can be planned so, the plan of the first says why.
+            continue
+        if duration < least:
+            best, least = joint_path, duration
+    return best
