@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any
 from armcontour._version import __version__
 
 if TYPE_CHECKING:
-    from armcontour.arms import Arm, Limits, PlanarTwoLink, arm_names, load_arm
+    from armcontour.arms import (
+        Arm,
+        Limits,
+        Payload,
+        PlanarTwoLink,
+        SerialArm,
+        arm_names,
+        load_arm,
+    )
     from armcontour.compensation import compensate
     from armcontour.errors import (
         ArmContourError,
@@ -26,8 +34,17 @@ if TYPE_CHECKING:
         Unreachable,
     )
     from armcontour.evaluation import Check, Evaluation, LimitUse, check, evaluate
-    from armcontour.execution import Plant, ServoPlant, execute
-    from armcontour.geometry import Arc, Demand, Line, Path, RoundedPath, round_corners
+    from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
+    from armcontour.frames import Frame
+    from armcontour.geometry import (
+        Arc,
+        Demand,
+        Line,
+        Orientation,
+        Path,
+        RoundedPath,
+        round_corners,
+    )
     from armcontour.io import read_job
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.report import write_report
@@ -37,7 +54,15 @@ if TYPE_CHECKING:
     from armcontour.tracing import trace
 
 _HOME = {
-    "arms": ("Arm", "Limits", "PlanarTwoLink", "arm_names", "load_arm"),
+    "arms": (
+        "Arm",
+        "Limits",
+        "Payload",
+        "PlanarTwoLink",
+        "SerialArm",
+        "arm_names",
+        "load_arm",
+    ),
     "compensation": ("compensate",),
     "errors": (
         "ArmContourError",
@@ -48,8 +73,17 @@ _HOME = {
         "Unreachable",
     ),
     "evaluation": ("Check", "Evaluation", "LimitUse", "check", "evaluate"),
-    "execution": ("Plant", "ServoPlant", "execute"),
-    "geometry": ("Arc", "Demand", "Line", "Path", "RoundedPath", "round_corners"),
+    "execution": ("Plant", "RigidBodyPlant", "ServoPlant", "execute"),
+    "frames": ("Frame",),
+    "geometry": (
+        "Arc",
+        "Demand",
+        "Line",
+        "Orientation",
+        "Path",
+        "RoundedPath",
+        "round_corners",
+    ),
     "io": ("read_job",),
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "report": ("write_report",),
@@ -71,6 +105,7 @@ __all__ = [
     "Execution",
     "ExecutionError",
     "Explanation",
+    "Frame",
     "InvalidInput",
     "Job",
     "JointPath",
@@ -78,10 +113,14 @@ __all__ = [
     "Limits",
     "Line",
     "NotRealizable",
+    "Orientation",
     "Path",
+    "Payload",
     "PlanarTwoLink",
     "Plant",
+    "RigidBodyPlant",
     "RoundedPath",
+    "SerialArm",
     "ServoModel",
     "ServoPlant",
     "Study",

@@ -78,3 +78,8 @@ def test_arrays_are_copied_and_locked():
 def test_what_is_not_given_is_not_limited():
     np.testing.assert_array_equal(or_unlimited(None, 2), [np.inf, np.inf])
     np.testing.assert_array_equal(or_unlimited([1.0, 2.0], 2), [1.0, 2.0])
+
+
+def test_a_range_that_is_no_angle_is_refused(refuses):
+    for values in ("wide", [np.nan, 1.0], [[1.0]]):
+        refuses(lambda x=values: ac.Limits(joint_lower=x), ac.InvalidInput, "joint_lower", "angle")

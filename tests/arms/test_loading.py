@@ -7,6 +7,8 @@ import pytest
 import yaml
 
 import armcontour as ac
+from armcontour.arms import Payload
+from armcontour.frames import Frame
 
 GOOD = {
     "name": "mine",
@@ -20,6 +22,27 @@ GOOD = {
     },
 }
 
+TUBE_UNITS = {"outer_diameter": "m", "wall": "m", "density": "kg/m^3"}
+SERIAL = {
+    "name": "two",
+    "kind": "serial",
+    "source": "drawing 8",
+    "joints": ["first", "second"],
+    "positions": {"value": [[0, 0, 0.1], [0.2, 0, 0]], "unit": "m"},
+    "angles": {"value": [[0, 0, 0], [1, 0, 0]], "unit": "rad"},
+    "axes": {"value": [[0, 0, 1], [0, 1, 0]], "unit": "1"},
+    "masses": {"value": [2, 1], "unit": "kg"},
+    "centers": {"value": [[0, 0, 0.1], [0.1, 0, 0]], "unit": "m"},
+    "inertias": {"value": [[0.1, 0, 0, 0.1, 0, 0.1]] * 2, "unit": "kg m^2"},
+    "armature": {"value": [0.1, 0.2], "unit": "kg m^2"},
+    "coulomb": {"value": [1, 2], "unit": "N m"},
+    "gravity": {"value": [0, 0, -1.62], "unit": "m/s^2"},
+    "tip": {"value": [0, 0, 0.3], "unit": "m"},
+    "tip_angles": {"value": [0, 1, 0], "unit": "rad"},
+    "limits": {"joint_velocity": {"value": [1, 2], "unit": "rad/s"}},
+    "not_kept": {"speed": {"value": 1, "unit": "m/s", "source": "drawing 8"}},
+}
+
 
 def write(tmp_path, data):
     file = tmp_path / "arm.yaml"
@@ -28,7 +51,7 @@ def write(tmp_path, data):
 
 
 def test_the_papers_arm(arm):
-    assert ac.arm_names() == ("pmk3s",)
+    assert ac.arm_names() == ("panda", "pmk3s", "ur10e", "ur5e")
     assert (arm.name, arm.base, arm.link1, arm.link2) == ("PMK-3s", 0.135, 0.250, 0.215)
     np.testing.assert_array_equal(arm.limits.joint_acceleration, [0.72, 0.72])
     assert arm.limits.joint_velocity is None and arm.limits.speed is None
@@ -59,16 +82,22 @@ def changed(**changes):
         ("just words", ("does not describe an arm", "keys")),
         ("", ("does not describe an arm",)),
         ("- 1\n- 2\n", ("does not describe an arm",)),
-        (changed(mass=3), ("does not describe an arm", "base, kind, limits, links")),
+        (changed(mass=3), ("does not describe an arm", "assumed, base, kind", "not mass")),
         (changed(kind="scara"), ("kind must be planar_two_link",)),
         (changed(limits=[1, 2]), ("limits must be named quantities",)),
         (changed(limits={"torque": {"value": 1, "unit": "N m"}}), ("unknown limit torque",)),
+        (changed(kind=["serial"]), ("kind must be planar_two_link or serial",)),
         (changed(base=0.1), ("base must be a quantity with value, unit and source",)),
         (changed(base={"value": 100, "unit": "mm"}), ("base must be given in m", "'mm'")),
         (changed(base={"value": 100}), ("base must be given in m", "None")),
         (changed(links={"unit": "m"}), ("links must be a quantity",)),
         (changed(links={"value": [1, 2, 3], "unit": "m"}), ("links must be two lengths",)),
         (changed(links={"value": 1, "unit": "m"}), ("links must be two lengths",)),
+        (changed(tubes=3), ("tubes take the keys outer_diameter, wall, density",)),
+        (
+            changed(tubes={key: {"value": 1, "unit": unit} for key, unit in TUBE_UNITS.items()}),
+            ("outer_diameter of the tubes must be two numbers",),
+        ),
         (changed(links={"value": [0.3, -0.2], "unit": "m"}), ("second link length", "above zero")),
         (
             changed(limits={"joint_acceleration": {"value": 40, "unit": "deg/s^2"}}),
@@ -82,6 +111,83 @@ def changed(**changes):
 )
 def test_files_that_are_no_arm_are_refused(tmp_path, data, words, refuses):
     refuses(lambda: ac.load_arm(write(tmp_path, data)), ac.InvalidInput, *words)
+
+
+def test_the_users_own_serial_arm(tmp_path):
+    arm = ac.load_arm(write(tmp_path, SERIAL))
+    assert (arm.name, arm.source, arm.joint_names) == ("two", "drawing 8", ("first", "second"))
+    assert "joint_acceleration" in arm.limits_hint and "arm.yaml" in arm.limits_hint
+    chain = arm.chain
+    np.testing.assert_array_equal(chain.masses, [2, 1])
+    np.testing.assert_array_equal(chain.armature, [0.1, 0.2])
+    np.testing.assert_array_equal(chain.coulomb, [1, 2])
+    np.testing.assert_array_equal(chain.viscous, [0, 0])
+    np.testing.assert_array_equal(chain.gravity, [0, 0, -1.62])
+    np.testing.assert_array_equal(chain.tip.position, [0, 0, 0.3])
+    np.testing.assert_allclose(chain.tip.rotation @ [0, 0, 1], [np.sin(1), 0, np.cos(1)])
+    bare = {key: x for key, x in SERIAL.items() if key not in ("masses", "centers", "inertias")}
+    assert ac.load_arm(write(tmp_path, bare)).chain.masses is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"links": 3}, ("of the kind serial", "not links")),
+        ({"joints": "first"}, ("joints must be the names",)),
+        (
+            {"positions": {"value": [[0, 0, 1]], "unit": "m"}},
+            ("positions must be 2 by 3", "1 by 3"),
+        ),
+        ({"axes": {"value": [[0, 0, 2], [0, 1, 0]], "unit": "1"}}, ("axes", "unit vectors")),
+        ({"angles": {"value": 0, "unit": "deg"}}, ("angles must be given in rad", "'deg'")),
+        ({"angles": {"value": "up", "unit": "rad"}}, ("angles in", "numbers in rad")),
+        ({"angles": {"value": 1, "unit": "rad"}}, ("angles must be 2 by 3", "but is one")),
+        ({"masses": None}, ("masses must be a quantity",)),
+        ({"masses": {"value": [2, -1], "unit": "kg"}}, ("behind second", "-1 kg")),
+        (
+            {"inertias": {"value": [[0.1, 0, 0, 0.1, 0, 0.5]] * 2, "unit": "kg m^2"}},
+            ("inertia of the link behind first", "no body"),
+        ),
+    ],
+)
+def test_files_that_are_no_serial_arm_are_refused(tmp_path, change, words, refuses):
+    refuses(lambda: ac.load_arm(write(tmp_path, SERIAL | change)), ac.InvalidInput, *words)
+
+
+def test_bodies_are_given_whole_or_not_at_all(tmp_path, refuses):
+    data = {key: value for key, value in SERIAL.items() if key != "centers"}
+    refuses(lambda: ac.load_arm(write(tmp_path, data)), ac.InvalidInput, "all of masses, centers")
+
+
+def test_a_plane_arm_may_have_bodies_and_carry_a_payload(tmp_path, refuses):
+    tubes = {
+        key: {"value": [value] * 2, "unit": unit}
+        for (key, unit), value in zip(TUBE_UNITS.items(), (0.08, 0.005, 2700), strict=True)
+    }
+    file = write(tmp_path, GOOD | {"tubes": tubes, "assumed": "tubes"})
+    bare, loaded = ac.load_arm(file), ac.load_arm(file, payload=Payload(mass=2.0))
+    assert bare.chain.assumed == "tubes"
+    np.testing.assert_allclose(
+        bare.chain.masses, 2700 * np.pi * (0.04**2 - 0.035**2) * np.array([0.3, 0.2])
+    )
+    still, push = np.zeros(2), np.ones(2)
+    assert loaded.torque(still, still, push)[0] > bare.torque(still, still, push)[0] + 0.5
+    refuses(
+        lambda: ac.load_arm(file, tool=Frame()), ac.InvalidInput, "moves in the plane", "no tool"
+    )
+
+
+def test_what_is_chosen_of_a_description_is_no_choice_of_an_arm_file(tmp_path, refuses):
+    for choice in ({"tip": "tool0"}, {"base": "base"}, {"locked": {"j": 0}}):
+        refuses(lambda x=choice: ac.load_arm("ur5e", **x), ac.InvalidInput, "ur5e", ".urdf")
+
+
+def test_built_in_arms_take_tools_payloads_and_frames():
+    tool, work = Frame.rpy([0, 0, 0.2], [0, 0, 0]), Frame.rpy([0.5, 0, 0], [0, 0, 1])
+    arm = ac.load_arm("ur5e", tool=tool, work=work, payload=Payload(mass=3.0))
+    assert arm.chain.payload.mass == 3.0 and arm.chain.tool is tool
+    np.testing.assert_allclose(arm.chain.base.position, work.inverse.position)
+    assert arm.chain.assumed == ac.load_arm("ur5e").chain.assumed
 
 
 def test_a_missing_file_is_refused(tmp_path, refuses):
@@ -100,5 +206,5 @@ def test_an_unknown_name_is_refused(refuses):
         ac.InvalidInput,
         "no built-in arm 'pmk4s'",
         "pmk3s",
-        ".yaml file",
+        ".yaml, .urdf or .xacro file",
     )

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
+from armcontour.arms.chain import Chain
 from armcontour.arms.limits import Limits
-from armcontour.errors import Unreachable
+from armcontour.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from armcontour.arms.dynamics import Dynamics
 
 
 class Arm(ABC):
@@ -20,8 +26,10 @@ class Arm(ABC):
         joint_names: One per joint.
         limits: The arm's own limits.
         dimension: Coordinates of a tool point: 2 in the plane, 3 in space.
-        branches: Names of the inverse solutions, the default one first.
+        branches: Names of the inverse solutions, the default one first; empty without such.
         source: Where the numbers come from.
+        chain: Its joints and links as data; None where nothing is known of its bodies.
+        limits_hint: What would give the arm the limits that it lacks, for messages.
     """
 
     name: str
@@ -30,23 +38,33 @@ class Arm(ABC):
     dimension: int
     branches: tuple[str, ...]
     source: str
+    chain: Chain | None = None
+    limits_hint: str = ""
 
     @property
     def dof(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
 
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """What its motion costs in torque.
+
+        Raises:
+            InvalidInput: Its masses are not known.
+        """
+        from armcontour.arms.dynamics import Dynamics
+
+        if self.chain is None or self.chain.masses is None:
+            raise InvalidInput(
+                f"The masses of the arm {self.name} are not known, so its torques are not either: "
+                "load it from a file whose links have masses, centres of mass and inertias."
+            )
+        return Dynamics(self.chain)
+
     @abstractmethod
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m] of joint positions [rad]."""
-
-    @abstractmethod
-    def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
-        """Joint positions [rad] of tool points [m] on one branch.
-
-        Raises:
-            Unreachable: Out of reach or singular; `index` is the first such point.
-        """
 
     @abstractmethod
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
@@ -71,26 +89,11 @@ class Arm(ABC):
         coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
-    def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
-        """Joint velocities [rad/s] that move the tool at `velocity` [m/s], (28)."""
-        return self._solve(q, np.asarray(velocity, dtype=np.float64))
+    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
+        """Torque of every joint's drive [N m]: bodies, drives, gravity, payload and friction.
 
-    def joint_acceleration(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
-    ) -> FloatArray:
-        """Joint accelerations [rad/s²] that give the tool `acceleration` [m/s²], (27).
-
-        Written as `J⁻¹ (a - dJ/dt dq)`, which is (27) with its misprints mended.
+        Raises:
+            InvalidInput: The masses of the arm are not known.
         """
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
-        return self._solve(q, np.asarray(acceleration, dtype=np.float64) - coupling)
-
-    def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
-        jacobian = self.jacobian(q)
-        try:
-            return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
-        except np.linalg.LinAlgError:
-            raise Unreachable(
-                f"The arm {self.name} is singular at one of the joint positions: "
-                "its tool cannot move in every direction there."
-            ) from None
+        dynamics = self.dynamics
+        return dynamics.torque(q, dq, ddq) + dynamics.friction(dq)

@@ -101,7 +101,10 @@ class Limits:
         values = getattr(self, name)
         if values is None:
             return
-        array = _checks.locked(values)
+        try:
+            array = _checks.locked(values)
+        except (TypeError, ValueError):
+            array = _checks.locked(np.nan)
         if array.ndim > 1 or np.isnan(array).any():
             raise InvalidInput(f"{name} must be one angle per joint in rad.")
         object.__setattr__(self, name, array)

@@ -1,23 +1,19 @@
-"""Arms from data files: the built-in library, or the user's own file in the same form."""
+"""Arms by name or file: the built-in library, arm files, and robot descriptions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
-from typing import Any
 
+from armcontour.arms import text
 from armcontour.arms.arm import Arm
-from armcontour.arms.limits import Limits
-from armcontour.arms.planar import PlanarTwoLink
+from armcontour.arms.arm_file import read_arm
+from armcontour.arms.chain import Payload
+from armcontour.arms.joint_limits import limits_of, override, table_of
+from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
-
-UNITS = {
-    "base": "m",
-    "links": "m",
-    "joint_acceleration": "rad/s^2",
-    "joint_velocity": "rad/s",
-}
+from armcontour.frames import Frame
 
 
 def arm_names() -> tuple[str, ...]:
@@ -26,76 +22,75 @@ def arm_names() -> tuple[str, ...]:
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
 
-def load_arm(name: str | FilePath) -> Arm:
-    """An arm by its built-in name, such as "pmk3s", or from a YAML file of the same form.
+def load_arm(
+    name: str | FilePath,
+    *,
+    tip: str | None = None,
+    base: str | None = None,
+    joint_limits: str | FilePath | None = None,
+    tool: Frame | None = None,
+    work: Frame | None = None,
+    payload: Payload | None = None,
+    locked: Mapping[str, float] | None = None,
+) -> Arm:
+    """An arm by its built-in name, such as "ur5e", or from a file.
+
+    Args:
+        name: Built-in name, arm file (.yaml), or robot description (.urdf, .xacro).
+        tip: Of a description: the link at the end of the arm; by default the only end there is.
+        base: Of a description: the link that stands still; by default the root.
+        joint_limits: A `joint_limits.yaml` of MoveIt, which goes before what the arm's own file
+            says. Its default scaling factors are no limits and are not applied.
+        tool: The tool in the frame of the tip.
+        work: The frame that tool points are given in, in the frame of the base.
+        payload: What the tip carries.
+        locked: Of a description: joints that are held still, and where [rad or m].
 
     Raises:
         InvalidInput: No such arm or file, or a file that does not describe an arm.
     """
-    text = str(name)
-    if text.endswith((".yaml", ".yml")):
-        file = FilePath(text)
-        if not file.is_file():
-            raise InvalidInput(f"There is no arm file {text}.")
-        try:
-            return _arm(text, file.read_text(encoding="utf-8"))
-        except UnicodeDecodeError as error:
-            raise InvalidInput(f"{text} is not YAML: it is not text in UTF-8 ({error}).") from None
-    if text not in arm_names():
+    file = FilePath(name)
+    limits_file = None if joint_limits is None else FilePath(joint_limits)
+    if file.suffix in (".urdf", ".xacro"):
+        from armcontour.arms.urdf import load_urdf
+
+        arm: Arm = load_urdf(file, tip=tip, base=base, joint_limits=limits_file, locked=locked)
+    else:
+        if tip is not None or base is not None or locked:
+            raise InvalidInput(
+                f"The arm {name} has no other tip, base or joints to be locked: these are chosen "
+                "of a .urdf or .xacro file."
+            )
+        arm = _read(str(name), payload)
+        if limits_file is not None:
+            table = table_of(arm.limits, arm.dof)
+            override(table, arm.joint_names, limits_file)
+            # What concerns the tool is of no file, and stays.
+            own = limits_of(table, arm.joint_names, str(limits_file))
+            arm.limits = arm.limits.replace(**{key: getattr(own, key) for key in table})
+    return _equipped(arm, tool, work, payload)
+
+
+def _read(name: str, payload: Payload | None) -> Arm:
+    if name.endswith((".yaml", ".yml")):
+        return read_arm(name, text.read_bytes(FilePath(name), "arm file"), payload)
+    if name not in arm_names():
         raise InvalidInput(
-            f"There is no built-in arm {text!r}: the built-in arms are {', '.join(arm_names())}; "
-            "your own arm goes in a .yaml file."
+            f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
+            "your own arm goes in a .yaml, .urdf or .xacro file."
         )
-    file_text = (resources.files("armcontour.arms") / "library" / f"{text}.yaml").read_text("utf-8")
-    return _arm(f"{text}.yaml", file_text)
+    found = resources.files("armcontour.arms") / "library" / f"{name}.yaml"
+    return read_arm(f"{name}.yaml", found.read_bytes(), payload)
 
 
-def _arm(file: str, text: str) -> Arm:
-    import yaml
-
-    try:
-        data = yaml.safe_load(text)
-    except RecursionError:
-        raise InvalidInput(f"{file} is not YAML: it is nested too deeply.") from None
-    except yaml.YAMLError as error:
-        raise InvalidInput(f"{file} is not YAML: {' '.join(str(error).split())}.") from None
-    known = {"name", "kind", "source", "base", "links", "limits"}
-    if (
-        not isinstance(data, Mapping)
-        or not set(data) <= known
-        or data.get("kind") != "planar_two_link"
-    ):
+def _equipped(arm: Arm, tool: Frame | None, work: Frame | None, payload: Payload | None) -> Arm:
+    if isinstance(arm, SerialArm):
+        if tool is not None or payload is not None:
+            arm = arm.with_tool(arm.chain.tool if tool is None else tool, payload)
+        return arm if work is None else arm.with_work(work)
+    if tool is not None or work is not None:
         raise InvalidInput(
-            f"{file} does not describe an arm: it takes the keys {', '.join(sorted(known))}, "
-            "and its kind must be planar_two_link."
+            f"The arm {arm.name} moves in the plane and takes no tool or work frame: move the path "
+            "instead."
         )
-    limits = data.get("limits") or {}
-    if not isinstance(limits, Mapping):
-        raise InvalidInput(f"{file}: limits must be named quantities, each with value and unit.")
-    unknown = set(limits) - {"joint_acceleration", "joint_velocity"}
-    if unknown:
-        raise InvalidInput(
-            f"{file}: unknown limit {sorted(unknown)[0]}: an arm has joint_acceleration and "
-            "joint_velocity."
-        )
-    links = _value(file, "links", data)
-    if not isinstance(links, list) or len(links) != 2:
-        raise InvalidInput(f"{file}: links must be two lengths.")
-    return PlanarTwoLink(
-        name=str(data.get("name", file)),
-        source=str(data.get("source", "")),
-        base=_value(file, "base", data),
-        links=(links[0], links[1]),
-        limits=Limits(**{key: _value(file, key, limits) for key in limits}),
-    )
-
-
-def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
-    quantity = data.get(key)
-    if not isinstance(quantity, Mapping) or "value" not in quantity:
-        raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")
-    if quantity.get("unit") != UNITS[key]:
-        raise InvalidInput(
-            f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
-        )
-    return quantity["value"]
+    return arm

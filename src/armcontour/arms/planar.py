@@ -8,8 +8,11 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms.arm import Arm
+from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
+from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput, Unreachable
+from armcontour.frames import Frame
 
 # Nearer than this to the edge of its reach the arm is singular: there sin(theta2) is about 1e-4,
 # joints move 10^4 times faster than the tool, and double precision leaves 8 digits of position.
@@ -26,6 +29,12 @@ class PlanarTwoLink(Arm):
         limits: The arm's own limits.
         source: Where the numbers come from.
         joint_names: Two names.
+        tubes: The tubes that its links are assumed to be; None: nothing is known of their masses.
+        payload: What the tool carries; its frame is in the plane, with y along the second link.
+        assumed: What is assumed of its bodies and by what rule, for people.
+
+    Its `chain` has both joints in space: the plane is z = 0, and taken as horizontal, so that
+    gravity costs no torque.
     """
 
     dimension = 2
@@ -41,6 +50,9 @@ class PlanarTwoLink(Arm):
         limits: Limits,
         source: str = "",
         joint_names: tuple[str, str] = ("joint 1", "joint 2"),
+        tubes: tuple[Tube, Tube] | None = None,
+        payload: Payload | None = None,
+        assumed: str = "",
     ) -> None:
         self.name = name
         self.base = _checks.number("base", base, "m")
@@ -49,6 +61,7 @@ class PlanarTwoLink(Arm):
         self.limits = limits.for_joints(2)
         self.source = source
         self.joint_names = joint_names
+        self.chain = self._chain(tubes, payload, assumed)
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -68,7 +81,11 @@ class PlanarTwoLink(Arm):
         return np.stack([base, elbow, tool], axis=-2)
 
     def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
-        """Joint positions, (3)-(4) with the quadrant of (3) mended; theta1 within (-2 pi, 2 pi)."""
+        """Joint positions, (3)-(4) with the quadrant of (3) mended; theta1 within (-2 pi, 2 pi).
+
+        Raises:
+            Unreachable: Out of reach or singular; `index` is the first such point.
+        """
         sign = 1.0 if self._branch(branch) == "positive" else -1.0
         at = np.asarray(points, dtype=np.float64)
         c, y = at[..., 0] - self.base, at[..., 1]
@@ -99,6 +116,54 @@ class PlanarTwoLink(Arm):
         far = -rate12 * self.link2 * np.stack([np.sin(q12), np.cos(q12)], axis=-1)
         near = -rate1 * self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
         return np.stack([near + far, far], axis=-1)
+
+    def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
+        """Joint velocities [rad/s] that move the tool at `velocity` [m/s], (28)."""
+        return self._solve(q, np.asarray(velocity, dtype=np.float64))
+
+    def joint_acceleration(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
+    ) -> FloatArray:
+        """Joint accelerations [rad/s²] that give the tool `acceleration` [m/s²], (27).
+
+        Written as `J⁻¹ (a - dJ/dt dq)`, which is (27) with its misprints mended.
+        """
+        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
+        return self._solve(q, np.asarray(acceleration, dtype=np.float64) - coupling)
+
+    def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
+        jacobian = self.jacobian(q)
+        try:
+            return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
+        except np.linalg.LinAlgError:
+            raise Unreachable(
+                f"The arm {self.name} is singular at one of the joint positions: "
+                "its tool cannot move in every direction there."
+            ) from None
+
+    def _chain(
+        self, tubes: tuple[Tube, Tube] | None, payload: Payload | None, assumed: str
+    ) -> Chain:
+        lengths = np.array([self.link1, self.link2])
+        bodies: dict[str, npt.ArrayLike] = {}
+        if tubes is not None:
+            pieces = tuple(zip(tubes, lengths.tolist(), strict=True))
+            bodies["masses"] = [tube.mass(length) for tube, length in pieces]
+            bodies["centers"] = np.outer(lengths / 2, [0.0, 1.0, 0.0])
+            bodies["inertias"] = [tube.inertia(length) for tube, length in pieces]
+        return Chain(
+            joints=self.joint_names,
+            rotations=np.tile(np.eye(3), (2, 1, 1)),
+            positions=np.array([[0.0, 0.0, 0.0], [0.0, self.link1, 0.0]]),
+            # Clockwise as seen from above.
+            axes=np.tile([0.0, 0.0, -1.0], (2, 1)),
+            base=Frame(position=np.array([self.base, 0.0, 0.0])),
+            tip=Frame(position=np.array([0.0, self.link2, 0.0])),
+            gravity=np.zeros(3),
+            payload=payload,
+            assumed=assumed,
+            **bodies,  # type: ignore[arg-type]
+        )
 
     def _angles(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         at = np.asarray(q, dtype=np.float64)

@@ -9,6 +9,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm
+from armcontour.errors import InvalidInput
 from armcontour.motion.taught import TaughtData
 
 
@@ -24,6 +25,11 @@ class Execution:
         demand: Acceleration that the servo asked for, before saturation, (n, dof) [rad/s²].
         peak_demand: Its largest amount at any time, not only at `t`, (dof,) [rad/s²].
         saturated_time: Time for which each joint was saturated, (dof,) [s].
+        torque: What the drives gave, (n, dof) [N m]; None from a plant without torques.
+        torque_demand: The same before saturation; given with it.
+
+    Raises:
+        InvalidInput: Torques without what was asked for, or the other way round.
     """
 
     arm: Arm
@@ -35,10 +41,17 @@ class Execution:
     demand: FloatArray
     peak_demand: FloatArray
     saturated_time: FloatArray
+    torque: FloatArray | None = None
+    torque_demand: FloatArray | None = None
 
     def __post_init__(self) -> None:
+        if (self.torque is None) != (self.torque_demand is None):
+            raise InvalidInput("An execution has both torque and torque_demand, or neither.")
         for name in ("t", "q", "dq", "ddq", "demand", "peak_demand", "saturated_time"):
             object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+        for name in ("torque", "torque_demand"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _checks.locked(getattr(self, name)))
 
     @property
     def tool(self) -> FloatArray:
@@ -53,4 +66,7 @@ class Execution:
     @property
     def saturated(self) -> BoolArray:
         """Where the servo asked for more than it got, (n, dof)."""
+        if self.torque is not None and self.torque_demand is not None:
+            missing = np.abs(self.torque_demand - self.torque)
+            return np.asarray(missing > 1e-9 * np.abs(self.torque_demand))
         return np.asarray(np.abs(self.demand) > np.abs(self.ddq) * (1 + 1e-9))

@@ -1,0 +1,194 @@
+"""Arm files: YAML in which every number is a quantity with a unit and a source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.arms import text
+from armcontour.arms.arm import Arm
+from armcontour.arms.chain import Chain, Payload
+from armcontour.arms.limits import Limits
+from armcontour.arms.planar import PlanarTwoLink
+from armcontour.arms.serial import SerialArm
+from armcontour.arms.tube import Tube
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame, from_rpy
+
+UNITS = {
+    "base": "m",
+    "links": "m",
+    "outer_diameter": "m",
+    "wall": "m",
+    "density": "kg/m^3",
+    "positions": "m",
+    "angles": "rad",
+    "axes": "1",
+    "tip": "m",
+    "tip_angles": "rad",
+    "masses": "kg",
+    "centers": "m",
+    "inertias": "kg m^2",
+    "inertia_angles": "rad",
+    "armature": "kg m^2",
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
+    "gravity": "m/s^2",
+    "joint_acceleration": "rad/s^2",
+    "joint_deceleration": "rad/s^2",
+    "joint_velocity": "rad/s",
+    "joint_torque": "N m",
+    "joint_jerk": "rad/s^3",
+    "joint_lower": "rad",
+    "joint_upper": "rad",
+}
+LIMITS = tuple(key for key in UNITS if key.startswith("joint_"))
+# "not_kept" holds what is published and not a limit of the arm here; it is for people.
+COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
+PLANAR = COMMON | {"base", "links", "tubes"}
+BODIES = ("masses", "centers", "inertias")
+OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
+SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
+KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
+
+
+def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
+    """The arm in an arm file.
+
+    Args:
+        file: For messages.
+        content: Of the file.
+        payload: What an arm in the plane carries; one in space is given it later.
+
+    Raises:
+        InvalidInput: Not YAML, or it does not describe an arm.
+    """
+    data = text.load_yaml(file, content)
+    kind = data.get("kind") if isinstance(data, Mapping) else None
+    known = KINDS.get(kind) if isinstance(kind, str) else None
+    if known is None:
+        raise InvalidInput(
+            f"{file} does not describe an arm: it takes keys such as name and source, and its kind "
+            f"must be {' or '.join(KINDS)}."
+        )
+    if not set(data) <= known:
+        raise InvalidInput(
+            f"{file} does not describe an arm of the kind {kind}: it takes the keys "
+            f"{', '.join(sorted(known))}, not {', '.join(str(x) for x in set(data) - known)}."
+        )
+    arm = _serial(file, data) if kind == "serial" else _planar(file, data, payload)
+    arm.limits_hint = f"add joint_acceleration to the limits in {file}"
+    return arm
+
+
+def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:
+    links = _value(file, "links", data)
+    if not isinstance(links, list) or len(links) != 2:
+        raise InvalidInput(f"{file}: links must be two lengths.")
+    return PlanarTwoLink(
+        **_common(file, data),
+        base=_value(file, "base", data),
+        links=(links[0], links[1]),
+        tubes=_tubes(file, data["tubes"]) if "tubes" in data else None,
+        payload=payload,
+        assumed=str(data.get("assumed", "")),
+    )
+
+
+def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
+    keys = ("outer_diameter", "wall", "density")
+    if not isinstance(data, Mapping) or set(data) != set(keys):
+        raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
+    values = {}
+    for key in keys:
+        values[key] = _value(file, key, data)
+        if not isinstance(values[key], list) or len(values[key]) != 2:
+            raise InvalidInput(f"{file}: {key} of the tubes must be two numbers, one per link.")
+    first, second = (Tube(**{key: values[key][k] for key in keys}) for k in range(2))
+    return first, second
+
+
+def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
+    joints = data.get("joints")
+    if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
+        raise InvalidInput(f"{file}: joints must be the names of the joints.")
+    n = len(joints)
+    given = [key for key in BODIES if key in data]
+    if given and len(given) < len(BODIES):
+        raise InvalidInput(f"{file}: bodies need all of {', '.join(BODIES)}, not {given[0]} alone.")
+    values: dict[str, Any] = {}
+    if given:
+        tensors = _array(file, "inertias", data, (n, 6))[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
+        turned = np.zeros((n, 3))
+        if "inertia_angles" in data:
+            turned = _array(file, "inertia_angles", data, (n, 3))
+        axes = from_rpy(turned)
+        inertias = axes @ tensors.reshape(n, 3, 3) @ np.swapaxes(axes, -1, -2)
+        values = {
+            "masses": _array(file, "masses", data, (n,)),
+            "centers": _array(file, "centers", data, (n, 3)),
+            "inertias": (inertias + np.swapaxes(inertias, -1, -2)) / 2,
+        }
+    for key in ("armature", "viscous", "coulomb"):
+        if key in data:
+            values[key] = _array(file, key, data, (n,))
+    if "gravity" in data:
+        values["gravity"] = _array(file, "gravity", data, (3,))
+    place, turn = (
+        _array(file, key, data, (3,)) if key in data else np.zeros(3)
+        for key in ("tip", "tip_angles")
+    )
+    directions = _array(file, "axes", data, (n, 3))
+    return SerialArm(
+        **_common(file, data),
+        chain=Chain(
+            joints=tuple(joints),
+            rotations=from_rpy(_array(file, "angles", data, (n, 3))),
+            positions=_array(file, "positions", data, (n, 3)),
+            axes=directions,
+            tip=Frame.rpy(place, turn),
+            assumed=str(data.get("assumed", "")).strip(),
+            **values,
+        ),
+    )
+
+
+def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
+    limits = data.get("limits") or {}
+    if not isinstance(limits, Mapping):
+        raise InvalidInput(f"{file}: limits must be named quantities, each with value and unit.")
+    unknown = set(limits) - set(LIMITS)
+    if unknown:
+        raise InvalidInput(
+            f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
+        )
+    return {
+        "name": str(data.get("name", file)),
+        "source": str(data.get("source", "")),
+        "limits": Limits(**{key: _value(file, key, limits) for key in limits}),
+    }
+
+
+def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
+    array = _checks.numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
+    if array.shape != shape:
+        raise InvalidInput(
+            f"{file}: {key} must be {' by '.join(str(x) for x in shape)} numbers, but is "
+            f"{' by '.join(str(x) for x in array.shape) or 'one'}."
+        )
+    return array
+
+
+def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
+    quantity = data.get(key)
+    if not isinstance(quantity, Mapping) or "value" not in quantity:
+        raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")
+    if quantity.get("unit") != UNITS[key]:
+        raise InvalidInput(
+            f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
+        )
+    return quantity["value"]

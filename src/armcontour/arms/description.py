@@ -1,0 +1,259 @@
+"""A robot description as a chain: what moves with which joint, and what is held still."""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.arms.chain import Chain, refuse_inertia
+from armcontour.arms.dynamics import pinocchio
+from armcontour.arms.tree import Joint, Tree
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame, exp
+
+TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+class Description:
+    """The part of a tree that moves with, or stands under, some of its joints.
+
+    Args:
+        tree: The robot.
+        route: The joints from base to tip.
+        moving: Those of them that move.
+        locked: Positions of joints that are held [rad or m].
+        base: Link that stands still.
+    """
+
+    def __init__(
+        self,
+        tree: Tree,
+        route: Sequence[Joint],
+        moving: Sequence[Joint],
+        locked: Mapping[str, float],
+        base: str,
+    ) -> None:
+        self.tree = tree
+        self.moving = moving
+        self.locked = locked
+        self.base = base
+        self.tip = route[-1].child
+        self.below = tree.below(base)
+        self._names = {joint.name for joint in moving}
+
+    def chain(self) -> Chain:
+        """The chain of the joints that move, with all that hangs on it.
+
+        Raises:
+            InvalidInput: A body that cannot be, or a joint that cannot be held.
+        """
+        heavy = self._check_bodies()
+        pin = pinocchio()
+        try:
+            model = pin.buildModelFromXML(self._rewritten(heavy))
+        except (RuntimeError, ValueError) as error:
+            raise InvalidInput(f"{self.tree.file} cannot be read: {error}.") from None
+        ids = range(1, model.njoints)
+        tip = model.frames[model.getFrameId(self.tip, pin.FrameType.BODY)].placement
+        bodies: dict[str, Any] = {}
+        if heavy:
+            inertias = [model.inertias[i] for i in ids]
+            bodies["masses"] = [x.mass for x in inertias]
+            bodies["centers"] = [x.lever for x in inertias]
+            # Symmetric but for rounding.
+            bodies["inertias"] = [(x.inertia + x.inertia.T) / 2 for x in inertias]
+        return Chain(
+            joints=tuple(joint.name for joint in self.moving),
+            rotations=np.array([model.jointPlacements[i].rotation for i in ids]),
+            positions=np.array([model.jointPlacements[i].translation for i in ids]),
+            axes=np.array([self._axis(joint) for joint in self.moving]),
+            viscous=np.array([self._loss(joint, "damping") for joint in self.moving]),
+            coulomb=np.array([self._loss(joint, "friction") for joint in self.moving]),
+            tip=Frame(position=tip.translation, rotation=tip.rotation),
+            **bodies,
+        )
+
+    def _rewritten(self, heavy: bool) -> str:
+        """The description without what is of no matter here; what does not move is fixed."""
+        robot = ET.Element("robot", name="arm")
+        ET.SubElement(robot, "link", name=self.base)
+        for joint in self.below:
+            link = ET.SubElement(robot, "link", name=joint.child)
+            inertial = self.tree.links[joint.child].find("inertial")
+            if heavy and inertial is not None:
+                link.append(copy.deepcopy(inertial))
+        for joint in self.below:
+            moves = joint.name in self._names
+            kind = "revolute" if moves else "fixed"
+            element = ET.SubElement(robot, "joint", name=joint.name, type=kind)
+            ET.SubElement(element, "parent", link=joint.parent)
+            ET.SubElement(element, "child", link=joint.child)
+            place = self._origin(joint) if moves else self._held_place(joint)
+            ET.SubElement(element, "origin", xyz=_words(place[0]), rpy=_words(place[1]))
+            if moves:
+                ET.SubElement(element, "axis", xyz=_words(self._axis(joint)))
+                # Ranges are kept elsewhere; one turn to each side keeps the angle one number.
+                ends = {"lower": "-6", "upper": "6", "effort": "1", "velocity": "1"}
+                ET.SubElement(element, "limit", ends)
+        return ET.tostring(robot, encoding="unicode")
+
+    def _held_place(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
+        xyz, rpy = self._origin(joint)
+        value = self._held(joint, ())
+        if value == 0:
+            return xyz, rpy
+        place, along = Frame.rpy(xyz, rpy), self._axis(joint) * value
+        if joint.kind == "prismatic":
+            return xyz + place.rotation @ along, rpy
+        return xyz, _rpy(place.rotation @ exp(along))
+
+    def _held(self, joint: Joint, asking: tuple[str, ...]) -> float:
+        """Where a joint is held: as told, as it mimics, or at 0."""
+        file, given = self.tree.file, self.locked.get(joint.name)
+        if joint.kind in ("fixed", "planar", "floating"):
+            if given is not None:
+                raise InvalidInput(
+                    f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a value."
+                )
+            return 0.0
+        mimic = joint.element.find("mimic")
+        if mimic is not None and given is None:
+            return self._mimicked(joint, (*asking, joint.name))
+        value = 0.0 if given is None else _checks.number(f"position of {joint.name}", given)
+        lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
+        if joint.kind != "continuous" and lower is not None and upper is not None:
+            if not lower <= value <= upper:
+                raise InvalidInput(
+                    f"Joint {joint.name} of {file} is held still at {value:g}, outside its range "
+                    f"from {lower:g} to {upper:g}: say where it is held, with "
+                    f"locked={{{joint.name!r}: ...}}."
+                )
+        return value
+
+    def _mimicked(self, joint: Joint, asking: tuple[str, ...]) -> float:
+        master = self.tree.joints.get(joint.element.find("mimic").get("joint", ""))  # type: ignore[union-attr]
+        if master is None or master.name in asking:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
+            )
+        if master.name in self._names:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} mimics {master.name} of the arm: "
+                "what hangs on such a joint has no place in an arm; hold it still with "
+                f"locked={{{joint.name!r}: ...}}."
+            )
+        file = self.tree.file
+        factor = joint.number("mimic", "multiplier", file)
+        offset = joint.number("mimic", "offset", file) or 0.0
+        return (1.0 if factor is None else factor) * self._held(master, asking) + offset
+
+    def _check_bodies(self) -> bool:
+        """Whether the links have masses; refuses links that no body could be."""
+        file = self.tree.file
+        behind: dict[str, str] = {}
+        weight: dict[str, float] = {joint.child: 0.0 for joint in self.moving}
+        known = False
+        for joint in self.below:
+            moves = joint.name in self._names
+            carrier = joint.child if moves else behind.get(joint.parent)
+            if carrier is None:
+                continue
+            behind[joint.child] = carrier
+            inertial = self.tree.links[joint.child].find("inertial")
+            if inertial is not None:
+                known = True
+                mass = self._mass(joint.child, inertial)
+                # Frames that hang on a link may well say that they weigh nothing.
+                if moves and mass == 0:
+                    raise InvalidInput(
+                        f"The link {joint.child} of {file} has the mass 0 kg: it must be above "
+                        "zero, as a joint moves it."
+                    )
+                weight[carrier] += mass
+        for link, mass in weight.items():
+            if known and mass <= 0:
+                raise InvalidInput(
+                    f"The link {link} of {file} has no mass, but other links have: give it an "
+                    "inertial element with a mass above zero, or leave all of them out."
+                )
+        return known
+
+    def _mass(self, link: str, inertial: ET.Element) -> float:
+        where = f"The link {link} of {self.tree.file}"
+        mass = _attribute(where, inertial.find("mass"), "mass", "value")
+        if mass < 0:
+            raise InvalidInput(f"{where} has the mass {mass:g} kg: it must be above zero.")
+        tensor = inertial.find("inertia")
+        xx, xy, xz, yy, yz, zz = (_attribute(where, tensor, "inertia", key) for key in TENSOR)
+        refuse_inertia(
+            f"the link {link} of {self.tree.file}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        )
+        origin = inertial.find("origin")
+        for key in ("xyz", "rpy"):
+            _three(where, key, "0 0 0" if origin is None else origin.get(key, "0 0 0"))
+        return mass
+
+    def _origin(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
+        where = f"Joint {joint.name} of {self.tree.file}"
+        found = joint.element.find("origin")
+        words = ["0 0 0"] * 2 if found is None else [found.get(x, "0 0 0") for x in ("xyz", "rpy")]
+        return _three(where, "xyz", words[0]), _three(where, "rpy", words[1])
+
+    def _axis(self, joint: Joint) -> FloatArray:
+        where = f"Joint {joint.name} of {self.tree.file}"
+        found = joint.element.find("axis")
+        axis = _three(where, "axis", "1 0 0" if found is None else found.get("xyz", "1 0 0"))
+        size = float(np.linalg.norm(axis))
+        if size == 0:
+            raise InvalidInput(f"{where} has an axis of length 0: give it a direction.")
+        return axis / size
+
+    def _loss(self, joint: Joint, key: str) -> float:
+        value = joint.number("dynamics", key, self.tree.file) or 0.0
+        if value < 0:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} has the {key} {value:g}: it must not be "
+                "negative."
+            )
+        return value
+
+
+def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
+    given = None if element is None else element.get(key)
+    try:
+        value = float(given) if given is not None else np.nan
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InvalidInput(f"{where} needs a number as {key} of its {tag}, not {given!r}.")
+    return value
+
+
+def _three(where: str, what: str, words: str) -> FloatArray:
+    try:
+        found = np.array([float(x) for x in words.split()])
+    except ValueError:
+        found = np.zeros(0)
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise InvalidInput(f"{where} needs three numbers as its {what}, not {words!r}.")
+    return found
+
+
+def _words(numbers: FloatArray) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _rpy(rotation: FloatArray) -> FloatArray:
+    """Roll, pitch and yaw of a rotation."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
+        # Roll and yaw turn about the same axis: roll alone will do.
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])

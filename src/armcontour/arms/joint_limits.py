@@ -1,0 +1,177 @@
+"""Limits joint by joint, and the `joint_limits.yaml` of MoveIt that overrides them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour.arms import text
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
+from armcontour.errors import InvalidInput
+
+# A limit and its joint's value; None where it has none.
+Table = dict[str, list[float | None]]
+
+# What a file switches on and off, its values, and the limits that these are.
+KINDS = {
+    "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
+    "velocity": {"max_velocity": "joint_velocity"},
+    "acceleration": {"max_acceleration": "joint_acceleration"},
+    "jerk": {"max_jerk": "joint_jerk"},
+    "effort": {"max_effort": "joint_torque"},
+}
+ACCELERATING = {
+    f"{word}_{kind}{end}"
+    for kind in ("acceleration", "deceleration")
+    for word, end in (("has", "_limits"), ("max", ""))
+}
+# Known in the field, and of no meaning here.
+IGNORED = {
+    "angle_wraparound",
+    "has_soft_limits",
+    "k_position",
+    "k_velocity",
+    "min_velocity",
+    "soft_lower_limit",
+    "soft_upper_limit",
+}
+KNOWN = {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
+KNOWN |= ACCELERATING
+# What a file for the parameter server wraps around the limits.
+WRAPPERS = ("/**", "ros__parameters", "robot_description_planning")
+NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
+
+
+def table_of(limits: Limits, dof: int) -> Table:
+    """Limits as a table."""
+    found: Table = {}
+    for name in NAMES:
+        values = getattr(limits, name)
+        found[name] = [None] * dof if values is None else or_unlimited(values, dof).tolist()
+    return found
+
+
+def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
+    """Put what a `joint_limits.yaml` says in the place of what stands in the table.
+
+    A kind that is switched off (`has_velocity_limits: false`) is lifted; one that is not mentioned
+    stays. `max_deceleration` limits slowing down, whichever way a joint moves, as an amount or, as
+    in MoveIt, negative; here the smaller of it and `max_acceleration` holds both ways, which keeps
+    both. The default scaling factors are what requests to MoveIt begin with, not limits, and are
+    not applied.
+
+    Raises:
+        InvalidInput: Not such a file, none of its joints, or a value that is no limit.
+    """
+    data = text.load_yaml(str(file), text.read_bytes(file, "file of joint limits"))
+    for wrapper in WRAPPERS:
+        if isinstance(data, Mapping) and wrapper in data:
+            data = data[wrapper]
+    entries = data.get("joint_limits") if isinstance(data, Mapping) else None
+    if not isinstance(entries, Mapping):
+        raise InvalidInput(
+            f"{file} gives no joint limits: it needs the key joint_limits, with the joints' names "
+            "below."
+        )
+    if not set(map(str, entries)) & set(joints):
+        raise InvalidInput(
+            f"{file} gives limits to none of the arm's joints: it names "
+            f"{', '.join(map(str, entries)) or 'none'}, and the arm has {', '.join(joints)}."
+        )
+    for k, joint in enumerate(joints):
+        if joint in entries:
+            _override_joint(table, k, f"{file}, joint {joint}", entries[joint])
+
+
+def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
+    """The limits that a table means.
+
+    Raises:
+        InvalidInput: A limit that some joints have and others lack, or that is none.
+    """
+    found: dict[str, Any] = {}
+    for name, unit in JOINT_LIMITS.items():
+        values = table[name]
+        lacking = [joint for joint, value in zip(joints, values, strict=True) if value is None]
+        if len(lacking) == len(joints):
+            continue
+        if lacking:
+            raise InvalidInput(
+                f"{where}: joint {lacking[0]} has no {name}, but other joints have: give it to "
+                "every joint or to none, in the file or with joint_limits."
+            )
+        for joint, value in zip(joints, values, strict=True):
+            if value is not None and not 0 < value < math.inf:
+                raise InvalidInput(
+                    f"{where}: the {name} of joint {joint} must be above zero, but is {value:g} "
+                    f"{unit}: give its true value in the file or with joint_limits.",
+                    limit=name,
+                )
+        found[name] = values
+    for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
+        ends = [none if value is None else value for value in table[name]]
+        if np.isfinite(ends).any():
+            found[name] = ends
+    lower, upper = (found.get(name) for name in JOINT_RANGE)
+    if lower is not None and upper is not None:
+        for joint, low, high in zip(joints, lower, upper, strict=True):
+            if low >= high:
+                raise InvalidInput(
+                    f"{where}: the range of joint {joint} is empty, from {low:g} to {high:g} rad: "
+                    "its lower end must lie below its upper end."
+                )
+    return Limits(**found)
+
+
+def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
+    if not isinstance(entry, Mapping):
+        raise InvalidInput(f"{where} must be named limits, such as max_velocity, not {entry!r}.")
+    for key in entry:
+        if key not in KNOWN | IGNORED:
+            raise InvalidInput(
+                f"{where} has the unknown key {key!r}: the known ones are "
+                f"{', '.join(sorted(KNOWN))}."
+            )
+    for kind, values in KINDS.items():
+        for key, name in values.items():
+            if _switch(where, entry, kind) is False:
+                table[name][k] = None
+            else:
+                value = _given(where, entry, kind, key)
+                table[name][k] = table[name][k] if value is None else value
+    _accelerate(table, k, where, entry)
+
+
+def _accelerate(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> None:
+    """Let what the file says of acceleration hold both ways."""
+    if not ACCELERATING & set(entry):
+        return
+    slowing = None
+    if _switch(where, entry, "deceleration") is not False:
+        slowing = _given(where, entry, "deceleration", "max_deceleration")
+    if slowing is not None:
+        speeding = table["joint_acceleration"][k]
+        if speeding is None:
+            raise InvalidInput(f"{where} has a max_deceleration but no max_acceleration: add it.")
+        table["joint_acceleration"][k] = min(abs(slowing), speeding)
+    if table["joint_deceleration"][k] is not None:
+        table["joint_deceleration"][k] = table["joint_acceleration"][k]
+
+
+def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
+    switch = entry.get(f"has_{kind}_limits")
+    if switch is None or isinstance(switch, bool):
+        return switch
+    raise InvalidInput(f"{where}: has_{kind}_limits must be true or false, not {switch!r}.")
+
+
+def _given(where: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
+    if key in entry:
+        return text.number(f"{where}: {key}", entry[key])
+    if _switch(where, entry, kind):
+        raise InvalidInput(f"{where} has has_{kind}_limits but no {key}: add it.")
+    return None

@@ -1,0 +1,201 @@
+"""A robot description (URDF) as a tree of links and joints, checked before anything reads it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from armcontour.errors import InvalidInput
+
+# Joints that one angle describes.
+TURNING = ("revolute", "continuous")
+KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Joint:
+    """A joint of a description, with its element.
+
+    Args:
+        name, kind, parent, child: As in the file.
+        element: What the file says of it.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    element: ET.Element
+
+    def numbers(self, tag: str, key: str, default: str, where: str) -> list[float]:
+        """Numbers in an attribute of one of its elements."""
+        found = self.element.find(tag)
+        given = default if found is None else found.get(key, default)
+        try:
+            return [float(x) for x in given.split()]
+        except ValueError:
+            raise InvalidInput(
+                f"{where}: {key} of the {tag} of joint {self.name} must be numbers, not {given!r}."
+            ) from None
+
+    def number(self, tag: str, key: str, where: str) -> float | None:
+        """A number in an attribute of one of its elements, or None without it."""
+        found = self.element.find(tag)
+        if found is None or found.get(key) is None:
+            return None
+        values = self.numbers(tag, key, "", where)
+        if len(values) != 1:
+            raise InvalidInput(f"{where}: {key} of the {tag} of joint {self.name} is one number.")
+        return values[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tree:
+    """Links and joints of a description.
+
+    Args:
+        file: For messages.
+        name: Of the robot.
+        links: Elements by name.
+        joints: By name, in the order of the file.
+        above: The joint above each link but the root.
+    """
+
+    file: str
+    name: str
+    links: Mapping[str, ET.Element]
+    joints: Mapping[str, Joint]
+    above: Mapping[str, Joint] = field(default_factory=dict)
+
+    @property
+    def root(self) -> str:
+        """The link that no joint moves."""
+        return next(link for link in self.links if link not in self.above)
+
+    def below(self, link: str) -> list[Joint]:
+        """All joints below a link, parents before children."""
+        children: dict[str, list[Joint]] = {}
+        for joint in self.joints.values():
+            children.setdefault(joint.parent, []).append(joint)
+        found: list[Joint] = []
+        waiting = [link]
+        while waiting:
+            nearest = children.get(waiting.pop(), [])
+            found += nearest
+            waiting += [joint.child for joint in nearest]
+        return found
+
+    def between(self, base: str | None, tip: str | None) -> list[Joint]:
+        """The joints from one link to another.
+
+        Args:
+            base: By default the root.
+            tip: By default the only link that bears no other, below the base.
+
+        Raises:
+            InvalidInput: No such link, no single end, or no way from one to the other.
+        """
+        start = self._link("base", self.root if base is None else base)
+        if tip is None:
+            parents = {joint.parent for joint in self.joints.values()}
+            ends = [x.child for x in self.below(start) if x.child not in parents]
+            if len(ends) != 1:
+                raise InvalidInput(
+                    f"{self.file} has {len(ends) or 'no'} links that could be the tip: say which "
+                    f"with tip=, one of {_some(ends or list(self.links))}."
+                )
+            tip = ends[0]
+        link = self._link("tip", tip)
+        found: list[Joint] = []
+        while link != start:
+            if link not in self.above:
+                raise InvalidInput(
+                    f"The tip {tip} does not hang on the base {start} in {self.file}: choose a "
+                    f"base above it, such as {self.root}."
+                )
+            found.insert(0, self.above[link])
+            link = found[0].parent
+        return found
+
+    def _link(self, what: str, name: str) -> str:
+        if name not in self.links:
+            raise InvalidInput(
+                f"{self.file} has no link {name!r} to be the {what}: its links are "
+                f"{_some(list(self.links))}."
+            )
+        return name
+
+
+def read_tree(file: str, content: bytes | str) -> Tree:
+    """The tree in a robot description.
+
+    Raises:
+        InvalidInput: Not XML, not a robot, or links and joints that make no tree.
+    """
+    try:
+        robot = ET.fromstring(content)
+    except ET.ParseError as error:
+        raise InvalidInput(f"{file} is not XML: {error}.") from None
+    if robot.tag != "robot":
+        raise InvalidInput(
+            f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
+        )
+    if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
+        raise InvalidInput(f"{file} holds xacro that is not worked out: name it .xacro to load it.")
+    links: dict[str, ET.Element] = {}
+    for element in robot.findall("link"):
+        name = _name(file, element)
+        if name in links:
+            raise InvalidInput(f"{file} has two links of the name {name}.")
+        links[name] = element
+    joints: dict[str, Joint] = {}
+    above: dict[str, Joint] = {}
+    for element in robot.findall("joint"):
+        joint = _joint(file, element, links)
+        if joint.name in joints:
+            raise InvalidInput(f"{file} has two joints of the name {joint.name}.")
+        if joint.child in above:
+            raise InvalidInput(
+                f"In {file} the link {joint.child} hangs on two joints, {above[joint.child].name} "
+                f"and {joint.name}: the links must make a tree, without loops."
+            )
+        joints[joint.name] = above[joint.child] = joint
+    roots = [name for name in links if name not in above]
+    if not links:
+        raise InvalidInput(f"{file} is a robot description without links.")
+    if len(roots) > 1:
+        raise InvalidInput(f"{file} is in parts: the links {_some(roots)} hang on nothing.")
+    tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
+    if not roots or len(tree.below(roots[0])) < len(joints):
+        raise InvalidInput(f"In {file} some joints make a loop: the links must make a tree.")
+    return tree
+
+
+def _name(file: str, element: ET.Element) -> str:
+    name = element.get("name")
+    if not name:
+        raise InvalidInput(f"{file} has a {element.tag} without a name.")
+    return name
+
+
+def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
+    name, kind = _name(file, element), element.get("type") or ""
+    if kind not in KINDS:
+        raise InvalidInput(
+            f"In {file} joint {name} has the type {kind!r}: it must be one of {', '.join(KINDS)}."
+        )
+    ends = []
+    for tag in ("parent", "child"):
+        found = element.find(tag)
+        link = None if found is None else found.get("link")
+        if link not in links:
+            raise InvalidInput(f"In {file} joint {name} has no {tag} that is a link, but {link!r}.")
+        ends.append(str(link))
+    return Joint(name=name, kind=kind, parent=ends[0], child=ends[1], element=element)
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names for a message, not more than anybody reads."""
+    shown = ", ".join(names[:40])
+    return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"

@@ -1,0 +1,129 @@
+"""Arms from robot descriptions: URDF, and xacro that becomes one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path as FilePath
+
+from armcontour.arms import text
+from armcontour.arms.description import Description
+from armcontour.arms.joint_limits import Table, limits_of, override
+from armcontour.arms.serial import SerialArm
+from armcontour.arms.tree import TURNING, Joint, Tree, read_tree
+from armcontour.errors import InvalidInput
+
+HINT = (
+    "give load_arm a joint_limits.yaml of MoveIt, joint_limits=..., with has_acceleration_limits "
+    "and max_acceleration for every joint, or set joint_acceleration with limits.replace"
+)
+
+
+def load_urdf(
+    file: FilePath,
+    *,
+    tip: str | None = None,
+    base: str | None = None,
+    joint_limits: FilePath | None = None,
+    locked: Mapping[str, float] | None = None,
+) -> SerialArm:
+    """The arm in a robot description.
+
+    Args:
+        file: .urdf, or .xacro, which the package xacro works out.
+        tip: Link at the end; its frame is the tip. By default the only end there is.
+        base: Link that stands still; by default the root.
+        joint_limits: MoveIt file whose values go before those of the description.
+        locked: Joints that are held still, with their positions [rad or m]. Joints beside the way
+            from base to tip are held at 0 where nothing else is given.
+
+    Raises:
+        InvalidInput: A description that no serial arm can be made of; says what and where.
+    """
+    content: bytes | str = text.read_bytes(file, "robot description")
+    if file.suffix == ".xacro":
+        content = _worked_out(file)
+    tree = read_tree(str(file), content)
+    route = tree.between(base, tip)
+    held = dict(locked or {})
+    for name in held:
+        if name not in tree.joints:
+            raise InvalidInput(
+                f"{file} has no joint {name!r} to be locked: its joints are "
+                f"{', '.join(tree.joints)}."
+            )
+    moving = [x for x in route if x.kind != "fixed" and x.name not in held]
+    _refuse(tree, moving)
+    description = Description(tree, route, moving, held, tree.root if base is None else base)
+    chain = description.chain()
+    table = _limits(tree, moving, checked=joint_limits is None)
+    if joint_limits is not None:
+        override(table, chain.joints, joint_limits)
+    return SerialArm(
+        name=tree.name,
+        chain=chain,
+        limits=limits_of(table, chain.joints, str(file)),
+        source=str(file),
+        limits_hint=HINT,
+    )
+
+
+def _worked_out(file: FilePath) -> str:
+    try:
+        import xacro
+    except ImportError:
+        raise InvalidInput(
+            f"{file} needs the package xacro, which is not installed: install armcontour[ros], or "
+            "work it out to a .urdf elsewhere."
+        ) from None
+    try:
+        return str(xacro.process_file(str(file)).toxml())
+    # Expressions of the file are evaluated, and may fail in any way.
+    except Exception as error:
+        said = " ".join(str(error).split())
+        raise InvalidInput(f"{file} cannot be worked out by xacro: {said}.") from None
+
+
+def _refuse(tree: Tree, moving: list[Joint]) -> None:
+    if not moving:
+        raise InvalidInput(f"No joint turns between base and tip in {tree.file}: choose others.")
+    for joint in moving:
+        if joint.kind not in TURNING:
+            raise InvalidInput(
+                f"Joint {joint.name} of {tree.file} is {joint.kind}, and an arm takes joints that "
+                "turn: choose a base and a tip without it between them, or hold it still with "
+                f"locked={{{joint.name!r}: ...}}."
+            )
+        if joint.element.find("mimic") is not None:
+            raise InvalidInput(
+                f"Joint {joint.name} of {tree.file} mimics another, and the joints of an arm move "
+                "by themselves: choose a base and a tip without it between them, or hold it still "
+                f"with locked={{{joint.name!r}: ...}}."
+            )
+
+
+def _limits(tree: Tree, moving: list[Joint], *, checked: bool) -> Table:
+    """What the description allows; `checked`: nothing else will say what it leaves out."""
+    table: Table = {
+        name: [None] * len(moving)
+        for name in ("joint_acceleration", "joint_deceleration", "joint_jerk")
+    }
+    for name in ("joint_velocity", "joint_torque", "joint_lower", "joint_upper"):
+        table[name] = []
+    for joint in moving:
+        limit = joint.element.find("limit")
+        for name, key in (("joint_velocity", "velocity"), ("joint_torque", "effort")):
+            value = joint.number("limit", key, tree.file)
+            if value is None and checked:
+                lacking = "limit element" if limit is None else f"{key} in its limit element"
+                raise InvalidInput(
+                    f"Joint {joint.name} of {tree.file} has no {lacking}: add it, or give "
+                    "joint_limits."
+                )
+            table[name].append(value)
+        for name, key in (("joint_lower", "lower"), ("joint_upper", "upper")):
+            value = None
+            if limit is not None and joint.kind != "continuous":
+                # What is left out of a limit element is 0, by the format.
+                value = joint.number("limit", key, tree.file) or 0.0
+            table[name].append(value)
+    return table

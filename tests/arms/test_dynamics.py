@@ -1,0 +1,182 @@
+"""Torques: their parts along a path, the masses, friction, gravity, and refusals."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.arms import Chain, Dynamics, Payload, PlanarTwoLink, SerialArm
+from armcontour.arms.tube import Tube
+from armcontour.frames import Frame, exp
+
+
+def chain(**changes) -> Chain:
+    data = {
+        "joints": ("a", "b", "c"),
+        "rotations": exp([[0.1, 0.2, 0.3], [1.0, 0.0, 0.5], [0.0, -1.0, 0.4]]),
+        "positions": [[0, 0, 0.3], [0.1, 0.4, 0], [0.3, 0, 0.1]],
+        "axes": [[0, 0, 1], [0, 0.6, 0.8], [1, 0, 0]],
+        "masses": [4.0, 3.0, 2.0],
+        "centers": [[0, 0.1, 0.1], [0.2, 0, 0], [0, 0, 0.1]],
+        "inertias": [0.1 * np.eye(3), np.diag([0.1, 0.2, 0.15]), 0.01 * np.eye(3)],
+        "armature": [0.5, 0.4, 0.3],
+        "viscous": [0.1, 0.2, 0.0],
+        "coulomb": [1.0, 0.0, 0.5],
+        "tip": Frame.rpy([0, 0, 0.2], [0.4, 0, 0]),
+    }
+    return Chain(**(data | changes))
+
+
+@pytest.fixture
+def states():
+    return np.random.default_rng(0).normal(size=(3, 100, 3))
+
+
+def test_the_parts_along_a_path_make_the_torque(states):
+    q, dq_ds, d2q_ds2 = states
+    dynamics = Dynamics(chain())
+    a, b, c = dynamics.path_terms(q, dq_ds, d2q_ds2)
+    u, x = np.random.default_rng(1).uniform(0, 3, (2, 100, 1))
+    torque = dynamics.torque(q, dq_ds * np.sqrt(x), d2q_ds2 * x + dq_ds * u)
+    np.testing.assert_allclose(a * u + b * x + c, torque, atol=1e-11)
+    np.testing.assert_allclose(c, dynamics.torque(q, 0 * q, 0 * q), atol=1e-12)
+
+
+def test_the_mass_matrix_is_what_acceleration_costs(states):
+    q, _, ddq = states
+    dynamics = Dynamics(chain())
+    masses = dynamics.mass_matrix(q)
+    np.testing.assert_array_equal(masses, np.swapaxes(masses, 1, 2))
+    assert (np.linalg.eigvalsh(masses) > 0.29).all()  # at least the armature
+    cost = dynamics.torque(q, 0 * q, ddq) - dynamics.torque(q, 0 * q, 0 * q)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", masses, ddq), cost, atol=1e-11)
+
+
+def test_energy_comes_from_the_drives_alone(states):
+    q, dq, ddq = states
+    still = Dynamics(chain(gravity=[0, 0, 0]))
+    h = 1e-5
+
+    def energy(sign):
+        at, rate = q + sign * h * dq + h**2 / 2 * ddq, dq + sign * h * ddq
+        return np.einsum("ni,nij,nj->n", rate, still.mass_matrix(at), rate) / 2
+
+    power = np.sum(still.torque(q, dq, ddq) * dq, axis=1)
+    np.testing.assert_allclose((energy(1) - energy(-1)) / (2 * h), power, rtol=1e-5, atol=1e-5)
+    assert (still.path_terms(q, dq, ddq)[2] == 0).all()
+
+
+def test_drives_pay_for_friction(states):
+    q, dq, ddq = states
+    arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
+    dq[0] = 0
+    expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
+    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert (found[0] == 0).all()
+
+
+def test_gravity_turns_with_the_base(states):
+    q = states[0]
+    upright = Dynamics(chain(positions=[[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]))
+    turn = exp([0.0, 0.0, 0.7])
+    # About the vertical nothing changes; on a wall it does.
+    turned = chain(
+        positions=[[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]],
+        rotations=[turn @ chain().rotations[0], *chain().rotations[1:]],
+    )
+    np.testing.assert_allclose(
+        Dynamics(turned).torque(q, 0 * q, 0 * q), upright.torque(q, 0 * q, 0 * q), atol=1e-12
+    )
+    wall = Dynamics(chain(gravity=[-9.81, 0, 0])).torque(q, 0 * q, 0 * q)
+    assert np.abs(wall - upright.torque(q, 0 * q, 0 * q)).max() > 1
+
+
+def test_a_payload_is_a_part_of_the_last_link(states):
+    load = Payload(mass=1.5, center=[0.1, 0.2, -0.1], inertia=np.diag([0.02, 0.03, 0.04]))
+    base, tip = chain(), chain().tip
+    at = tip.position + tip.rotation @ load.center
+    mass = base.masses[2] + load.mass
+    center = (base.masses[2] * base.centers[2] + load.mass * at) / mass
+
+    def shifted(weight, where):
+        away = where - center
+        return weight * (away @ away * np.eye(3) - np.outer(away, away))
+
+    inertia = (
+        base.inertias[2]
+        + shifted(base.masses[2], base.centers[2])
+        + tip.rotation @ load.inertia @ tip.rotation.T
+        + shifted(load.mass, at)
+    )
+    heavier = base.replace(
+        masses=[4.0, 3.0, mass],
+        centers=[*base.centers[:2], center],
+        inertias=[*base.inertias[:2], (inertia + inertia.T) / 2],
+    )
+    np.testing.assert_allclose(
+        Dynamics(base.replace(payload=load)).torque(*states),
+        Dynamics(heavier).torque(*states),
+        atol=1e-11,
+    )
+
+
+def test_two_links_in_the_plane_by_the_textbook():
+    tubes = tuple(Tube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
+    arm = PlanarTwoLink(
+        name="plane", base=0.1, links=(0.3, 0.2), limits=ac.Limits(), tubes=tubes,
+        payload=Payload(mass=2.0),
+    )  # fmt: skip
+    outer, inner = 0.04, 0.035
+    m1, m2 = (2700 * np.pi * (outer**2 - inner**2) * length for length in (0.3, 0.2))
+    i1, i2 = (
+        m * (3 * (outer**2 + inner**2) + length**2) / 12 for m, length in ((m1, 0.3), (m2, 0.2))
+    )
+    q, dq, ddq = np.random.default_rng(2).normal(size=(3, 40, 2))
+    cos, sin = np.cos(q[:, 1]), np.sin(q[:, 1])
+    one = i1 + m1 * 0.15**2 + (m2 + 2) * 0.3**2
+    two = i2 + m2 * 0.1**2 + 2 * 0.2**2
+    both = 0.3 * (m2 * 0.1 + 2 * 0.2)
+    first = (one + two + 2 * both * cos) * ddq[:, 0] + (two + both * cos) * ddq[:, 1]
+    first -= both * sin * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2)
+    second = (two + both * cos) * ddq[:, 0] + two * ddq[:, 1] + both * sin * dq[:, 0] ** 2
+    np.testing.assert_allclose(
+        arm.torque(q, dq, ddq), np.stack([first, second], axis=1), atol=1e-12
+    )
+
+
+def test_an_arm_without_masses_has_no_torques(refuses):
+    arm = PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
+    refuses(lambda: arm.torque([0, 0], [0, 0], [0, 0]), ac.InvalidInput, "masses of the arm bare",
+            "whose links have masses")  # fmt: skip
+    refuses(lambda: Dynamics(arm.chain), ac.InvalidInput, "without masses")
+
+
+def test_states_of_another_arm_are_refused(refuses):
+    dynamics = Dynamics(chain())
+    q = np.zeros((4, 2))
+    refuses(lambda: dynamics.torque(q, q, q), ac.InvalidInput, "3 joints", "3 columns", "(4, 2)")
+    refuses(lambda: dynamics.mass_matrix(q), ac.InvalidInput, "3 columns")
+    q = np.zeros((4, 3))
+    refuses(lambda: dynamics.torque(q, q[0], q), ac.InvalidInput, "one shape", "(3,)")
+
+
+def test_pinocchio_missing_is_said(monkeypatch, refuses):
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    refuses(lambda: Dynamics(chain()), ac.InvalidInput, "package pin", "install it")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"outer_diameter": 0}, ("outer_diameter", "above zero")),
+        ({"wall": 0.05}, ("wall of a tube", "0.08 m", "0.05 m")),
+        ({"density": np.nan}, ("density", "finite")),
+    ],
+)
+def test_tubes_that_are_none_are_refused(changes, words, refuses):
+    good = {"outer_diameter": 0.08, "wall": 0.01, "density": 2700}
+    refuses(lambda: Tube(**good | changes), ac.InvalidInput, *words)

@@ -1,0 +1,203 @@
+"""Serial arms: derivatives by differences, frames, shapes, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import armcontour as ac
+from armcontour.arms import Chain, Payload, SerialArm
+from armcontour.frames import Frame, exp, log
+
+STEP = 1e-6
+
+
+def crooked(dof=6, seed=0) -> SerialArm:
+    """An arm with nothing at right angles."""
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(dof, 3))
+    spread = 0.3 * rng.normal(size=(dof, 3, 3))
+    chain = Chain(
+        joints=tuple(f"j{k}" for k in range(dof)),
+        rotations=exp(rng.normal(size=(dof, 3))),
+        positions=rng.normal(size=(dof, 3)),
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        masses=rng.uniform(1, 2, dof),
+        centers=rng.normal(size=(dof, 3)),
+        inertias=spread @ np.swapaxes(spread, 1, 2) + np.eye(3),
+        armature=rng.uniform(0, 1, dof),
+        viscous=rng.uniform(0, 1, dof),
+        coulomb=rng.uniform(0, 1, dof),
+        base=Frame.rpy([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]),
+        tip=Frame.rpy([0.3, 0.1, 0.2], [0.3, 0.1, 0.2]),
+        tool=Frame.rpy([0.1, 0.1, 0.4], [0.2, 0.5, 0.7]),
+        gravity=[1.0, 2.0, -9.0],
+    )
+    return SerialArm(name="crooked", chain=chain, limits=ac.Limits(joint_velocity=1.0))
+
+
+@pytest.fixture(params=["crooked", "ur5e", "panda"])
+def arm3(request):
+    return crooked() if request.param == "crooked" else ac.load_arm(request.param)
+
+
+@pytest.fixture
+def states(arm3):
+    return np.random.default_rng(1).normal(size=(3, 200, arm3.dof))
+
+
+def difference(function, q, dq):
+    return (function(q + STEP * dq) - function(q - STEP * dq)) / (2 * STEP)
+
+
+def test_the_jacobian_agrees_with_differences(arm3, states):
+    q, dq, _ = states
+    twist = arm3.tool_twist(q, dq)
+    np.testing.assert_allclose(twist[:, :3], difference(arm3.forward, q, dq), atol=1e-8)
+    before, after = arm3.pose(q - STEP * dq)[1], arm3.pose(q + STEP * dq)[1]
+    turn = log(after @ np.swapaxes(before, 1, 2)) / (2 * STEP)
+    np.testing.assert_allclose(twist[:, 3:], turn, atol=1e-8)
+    np.testing.assert_array_equal(arm3.tool_velocity(q, dq), twist[:, :3])
+    np.testing.assert_array_equal(arm3.jacobian(q), arm3.twist_jacobian(q)[:, :3])
+
+
+def test_the_jacobians_rate_and_the_drift_agree_with_differences(arm3, states):
+    q, dq, ddq = states
+    rate = difference(arm3.twist_jacobian, q, dq)
+    np.testing.assert_allclose(arm3.jacobian_rate(q, dq), rate[:, :3], atol=1e-7)
+    drift = np.einsum("nij,nj->ni", rate, dq)
+    np.testing.assert_allclose(arm3.twist_drift(q, dq), drift, atol=1e-7)
+    found = arm3.tool_twist_rate(q, dq, ddq)
+    np.testing.assert_allclose(found, drift + arm3.tool_twist(q, ddq), atol=1e-7)
+    np.testing.assert_array_equal(arm3.tool_acceleration(q, dq, ddq), found[:, :3])
+    exact = np.einsum("nij,nj->ni", arm3.jacobian_rate(q, dq), dq)
+    np.testing.assert_allclose(exact, arm3.twist_drift(q, dq)[:, :3], atol=1e-12)
+
+
+def test_pinocchio_sees_the_same_arm():
+    arm = crooked()
+    chain, model, joint = arm.chain, pin.Model(), 0
+    for k, name in enumerate(chain.joints):
+        joint = model.addJoint(
+            joint,
+            pin.JointModelRevoluteUnaligned(np.array(chain.axes[k])),
+            pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k])),
+            name,
+        )
+    end = chain.tip @ chain.tool
+    frame = model.addFrame(
+        pin.Frame("tool", joint, 0, pin.SE3(end.rotation, end.position), pin.FrameType.OP_FRAME)
+    )
+    data = model.createData()
+    turn = np.kron(np.eye(2), chain.base.rotation)
+    for q in np.random.default_rng(2).normal(size=(50, arm.dof)):
+        seen = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        pin.framesForwardKinematics(model, data, q)
+        place = data.oMf[frame]
+        points, rotations = arm.pose(q)
+        np.testing.assert_allclose(
+            points, chain.base.position + chain.base.rotation @ place.translation, atol=1e-12
+        )
+        np.testing.assert_allclose(rotations, chain.base.rotation @ place.rotation, atol=1e-12)
+        np.testing.assert_allclose(arm.twist_jacobian(q), turn @ seen, atol=1e-12)
+
+
+def test_the_work_frame_and_the_tool_only_say_where_from_and_where_to(arm3, states):
+    q, dq, ddq = states
+    work, tool = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1]), Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
+    moved = arm3.with_work(work)
+    bare = arm3.with_work(Frame())
+    points, rotations = bare.pose(q)
+    seen, turned = moved.pose(q)
+    np.testing.assert_allclose(work.position + seen @ work.rotation.T, points, atol=1e-12)
+    np.testing.assert_allclose(work.rotation @ turned, rotations, atol=1e-12)
+    equipped = bare.with_tool(tool)
+    flange = bare.with_tool(Frame())
+    at, axes = flange.pose(q)
+    np.testing.assert_allclose(equipped.forward(q), at + axes @ tool.position, atol=1e-12)
+    np.testing.assert_allclose(equipped.pose(q)[1], axes @ tool.rotation, atol=1e-12)
+    # Nor do torques know of either.
+    expected = arm3.torque(q, dq, ddq)
+    np.testing.assert_allclose(moved.torque(q, dq, ddq), expected, rtol=1e-12)
+    np.testing.assert_allclose(equipped.torque(q, dq, ddq), expected, rtol=1e-12)
+
+
+def test_a_new_tool_keeps_the_payload_unless_it_brings_one():
+    load = Payload(mass=1.0)
+    arm = crooked().with_tool(Frame(), load)
+    assert arm.chain.payload is load
+    assert arm.with_tool(Frame.rpy([0, 0, 1], [0, 0, 0])).chain.payload is load
+    assert arm.with_tool(Frame(), Payload(mass=2.0)).chain.payload.mass == 2.0
+
+
+def test_links_lead_from_the_base_to_the_tool(arm3, states):
+    q = states[0]
+    points = arm3.links(q)
+    assert points.shape == (200, arm3.dof + 3, 3)
+    np.testing.assert_allclose(points[:, 0], np.tile(arm3.chain.base.position, (200, 1)))
+    np.testing.assert_allclose(points[:, -2], arm3.with_tool(Frame()).forward(q), atol=1e-12)
+    np.testing.assert_array_equal(points[:, -1], arm3.forward(q))
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    np.testing.assert_allclose(lengths, np.tile(lengths[0], (200, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        lengths[0, :-2], np.linalg.norm(arm3.chain.positions, axis=1), atol=1e-12
+    )
+
+
+def test_one_state_and_any_shape_of_states():
+    arm = crooked(dof=4)
+    q = np.random.default_rng(3).normal(size=(2, 5, 4))
+    for method, shape in (
+        (lambda x: arm.forward(x), (3,)),
+        (lambda x: arm.pose(x)[1], (3, 3)),
+        (lambda x: arm.links(x), (7, 3)),
+        (lambda x: arm.jacobian(x), (3, 4)),
+        (lambda x: arm.twist_jacobian(x), (6, 4)),
+        (lambda x: arm.jacobian_rate(x, x), (3, 4)),
+        (lambda x: arm.twist_drift(x, x), (6,)),
+        (lambda x: arm.tool_twist(x, x), (6,)),
+        (lambda x: arm.tool_twist_rate(x, x, x), (6,)),
+        (lambda x: arm.torque(x, x, x), (4,)),
+        (lambda x: arm.dynamics.mass_matrix(x), (4, 4)),
+        (lambda x: arm.dynamics.path_terms(x, x, x)[1], (4,)),
+    ):
+        assert method(q[0, 0].tolist()).shape == shape
+        assert method(q[:0]).shape == (0, 5, *shape)
+        found = method(q)
+        assert found.shape == (2, 5, *shape)
+        np.testing.assert_allclose(found[1, 2], method(q[1, 2]), atol=1e-12)
+
+
+def test_states_of_another_arm_are_refused(refuses):
+    arm = crooked()
+    q = np.zeros((5, 7))
+    words = ("crooked has 6 joints", "(5, 7)")
+    refuses(lambda: arm.forward(q), ac.InvalidInput, *words)
+    refuses(lambda: arm.jacobian_rate(q[:, :6], q), ac.InvalidInput, "(5, 6), (5, 7)")
+    refuses(lambda: arm.forward(1.0), ac.InvalidInput, "6 columns")
+    refuses(lambda: arm.tool_twist(q[:, :6], q[:3, :6]), ac.InvalidInput, "fit together", "(3, 6)")
+
+
+def test_what_an_arm_is_made_of_stays_as_it_is():
+    arm = crooked()
+    assert (arm.dof, arm.dimension, arm.branches) == (6, 3, ())
+    for array in arm.arrays:
+        assert array.flags.c_contiguous
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    np.testing.assert_array_equal(arm.limits.joint_velocity, np.ones(6))
+    q = np.zeros((2, 6))
+    q.setflags(write=False)
+    arm.forward(q)[0, 0] = 1.0  # results are the caller's own
+
+
+def test_the_plane_arm_in_space_is_the_same_arm(arm):
+    space = SerialArm(name="space", chain=arm.chain, limits=arm.limits)
+    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 50, 2))
+    np.testing.assert_allclose(space.forward(q)[:, :2], arm.forward(q), atol=1e-15)
+    assert (space.forward(q)[:, 2] == 0).all()
+    np.testing.assert_allclose(space.jacobian(q)[:, :2], arm.jacobian(q), atol=1e-15)
+    np.testing.assert_allclose(
+        space.tool_acceleration(q, dq, ddq)[:, :2], arm.tool_acceleration(q, dq, ddq), atol=1e-13
+    )

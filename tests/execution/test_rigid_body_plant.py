@@ -1,0 +1,427 @@
+"""The rigid-body plant against what can be said of it with pencil and paper."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.arms.chain import Chain, Payload
+from armcontour.arms.serial import SerialArm
+from armcontour.motion import LapLaw
+
+pytest.importorskip("mujoco")
+
+KP, KV = 25.0, 150.0
+MASS, LENGTH, ARMATURE, G = 2.0, 0.5, 0.1, 9.81
+INERTIA = MASS * LENGTH**2 + ARMATURE
+WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies
+WEIGHTLESS = np.zeros(3)
+
+
+@pytest.fixture(autouse=True)
+def no_log(monkeypatch, tmp_path):
+    """MuJoCo writes a file where it finds something wrong; there must be nothing."""
+    monkeypatch.chdir(tmp_path)
+    yield
+    assert not list(tmp_path.iterdir())
+
+
+def pendulum(limits=None, **changes):
+    """A point mass on a rod: lies along x at 0, and stands up at pi / 2."""
+    data = {
+        "joints": ("hinge",),
+        "rotations": np.eye(3)[None],
+        "positions": np.zeros((1, 3)),
+        "axes": [[0.0, -1.0, 0.0]],
+        "masses": [MASS],
+        "centers": [[LENGTH, 0.0, 0.0]],
+        "inertias": np.zeros((1, 3, 3)),
+        "armature": [ARMATURE],
+    }
+    chain = Chain(**(data | changes))
+    return SerialArm(name="pendulum", chain=chain, limits=limits or ac.Limits())
+
+
+def two_link(limits=None, **changes):
+    """Two thin rods of 0.4 m in a horizontal plane, 3 kg and 2 kg."""
+    data = {
+        "joints": ("shoulder", "elbow"),
+        "rotations": np.tile(np.eye(3), (2, 1, 1)),
+        "positions": [[0.0, 0.0, 0.2], [0.4, 0.0, 0.0]],
+        "axes": [[0.0, 0.0, 1.0]] * 2,
+        "masses": [3.0, 2.0],
+        "centers": [[0.2, 0.0, 0.0]] * 2,
+        "inertias": [np.diag([0, m * 0.4**2 / 12, m * 0.4**2 / 12]) for m in (3.0, 2.0)],
+        "armature": [0.05, 0.02],
+    }
+    chain = Chain(**(data | changes))
+    return SerialArm(name="two rods", chain=chain, limits=limits or ac.Limits())
+
+
+def taught_data(q, period=0.004):
+    q = np.asarray(q, float)
+    still = np.zeros((1, q.shape[1]))
+    law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
+    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    return ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
+
+
+def swing(to=0.5, duration=1.0, period=0.004, start=0.0):
+    """From `start` by `to`, gently, and a while of rest behind it."""
+    t = np.clip(np.arange(0, 1.5 * duration, period) / duration, 0, 1)
+    return start + np.atleast_1d(to) * (1 - np.cos(np.pi * t))[:, None] / 2
+
+
+def plant(arm, limits=None, kp=KP, kv=KV, interpolation="linear", **options):
+    servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
+    return ac.RigidBodyPlant(arm, servo, limits, **options)
+
+
+def run(arm, q, limits=None, period=0.004, resolution=0.004, **options):
+    taught = taught_data(q, period)
+    return ac.execute(taught, plant(arm, limits, **options), resolution=resolution)
+
+
+def by_servo(arm, q, period=0.004, kv=KV, interpolation="linear"):
+    simulated = ac.ServoPlant(arm, ac.ServoModel(kp=KP, kv=kv, interpolation=interpolation))
+    return ac.execute(taught_data(q, period), simulated, resolution=period)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+def test_one_joint_converges_to_the_servo_plant(interpolation):
+    arm = pendulum(gravity=WEIGHTLESS)
+    ideal = by_servo(arm, swing(), interpolation=interpolation)
+    errors = []
+    for step in (4e-3, 1e-3, 2.5e-4, 6.25e-5):
+        done = run(arm, swing(), step=step, interpolation=interpolation)
+        n = min(len(done.t), len(ideal.t))
+        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+    # First order: the torque held over a step is half a step late.
+    ratios = np.divide(errors[:-1], errors[1:])
+    np.testing.assert_allclose(ratios[1:], 4, rtol=0.1)
+    assert ratios[0] > 3.9 and errors[2] < (5e-6 if interpolation == "linear" else 2e-4)
+
+
+def test_it_starts_and_stays_in_equilibrium():
+    held = run(pendulum(), [[0.3]])
+    np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
+    np.testing.assert_allclose(held.torque, WEIGHT * np.cos(0.3), rtol=1e-9)
+    np.testing.assert_allclose(held.peak_demand, 0, atol=1e-9)
+    sagged = run(pendulum(), [[0.3]], gravity_feedforward=False)
+    at = sagged.q[0, 0]
+    assert at == pytest.approx(0.3 - WEIGHT * np.cos(at) / (INERTIA * KV * KP), abs=1e-12)
+    np.testing.assert_allclose(sagged.q, at, atol=1e-9)
+
+
+def test_gravity_without_feed_forward_sags_as_predicted():
+    done = run(pendulum(), swing(0.8), gravity_feedforward=False)
+    end = done.q[-1, 0]
+    assert end - 0.8 == pytest.approx(-WEIGHT * np.cos(end) / (INERTIA * KV * KP), rel=1e-5)
+    assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
+
+
+@pytest.mark.parametrize("to", [0.5, -0.5])
+def test_coulomb_friction_leaves_its_dead_band(to):
+    coulomb = 4.0
+    band = coulomb / (INERTIA * KV * KP)
+    arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
+    still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
+    done = run(arm, np.concatenate([swing(to), still]))
+    assert done.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
+    assert run(arm, swing(to), friction=False).q[-1, 0] == pytest.approx(to, abs=1e-7)
+    # It moves once the servo asks for more than friction takes: 1/2 and 2 times that.
+    for share, moves in ((0.5, False), (2.0, True)):
+        pushed = run(arm, np.full((250, 1), share * band) * (np.arange(250) > 0)[:, None])
+        assert (np.ptp(pushed.q) > 0.1 * band) == moves
+
+
+def test_viscous_friction_is_lag():
+    # At a steady velocity v, J kv (kp e - v) = d v.
+    rate, viscous = 0.2, 30.0
+    arm = pendulum(gravity=WEIGHTLESS, viscous=[viscous])
+    t = np.arange(0, 2, 0.004)
+    lag = (rate * t[:, None] - run(arm, rate * t[:, None]).q[: len(t)])[-1, 0]
+    assert lag == pytest.approx(rate / KP * (1 + viscous / (INERTIA * KV)), rel=1e-3)
+
+
+def test_torque_saturation_in_closed_form():
+    limit = 3.0
+    arm = pendulum(gravity=WEIGHTLESS)
+    q = [[0.0]] + [[2.0]] * 300
+    done = run(arm, q, ac.Limits(joint_torque=limit), interpolation="step")
+    at = (done.t >= 0.004) & (done.t <= 0.5)
+    since = done.t[at] - 0.004
+    np.testing.assert_allclose(done.q[at, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
+    np.testing.assert_allclose(done.torque[at, 0], limit)
+    np.testing.assert_allclose(done.ddq[at, 0], limit / INERTIA, rtol=1e-9)
+    assert done.saturated[at, 0].all()
+    assert done.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
+    assert done.saturated_time[0] == pytest.approx(done.saturated.sum() * 0.004, abs=0.02)
+    free = run(arm, q, interpolation="step")
+    assert free.saturated_time[0] == 0 and not free.saturated.any()
+    assert np.abs(free.torque).max() > 100 * limit
+
+
+def test_a_torque_limit_holds_for_gravity_too_and_an_acceleration_limit_for_the_rest():
+    q = swing(1.0, 0.3)
+    by_torque = run(pendulum(), q, ac.Limits(joint_torque=12.0, joint_acceleration=99.0))
+    assert np.abs(by_torque.torque).max() == 12.0
+    by_acceleration = run(pendulum(), q, ac.Limits(joint_acceleration=4.0))
+    on_top = by_acceleration.torque[:, 0] - WEIGHT * np.cos(by_acceleration.q[:, 0])
+    assert np.abs(on_top).max() == pytest.approx(4.0 * INERTIA)
+    assert by_torque.saturated_time[0] > 0.05 and by_acceleration.saturated_time[0] > 0.05
+    np.testing.assert_array_equal(by_acceleration.saturated.any(axis=0), [True])
+
+
+def test_a_payload_changes_the_loop_gain_but_not_the_drives():
+    load = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
+    light, loaded = (pendulum(gravity=WEIGHTLESS, payload=x) for x in (None, load))
+    np.testing.assert_allclose(plant(loaded).nominal_inertia, INERTIA)
+    done = run(loaded, swing(), step=1e-4)
+    ratio = INERTIA / (INERTIA + 3.0 * LENGTH**2)
+    n = len(swing())
+    expected = by_servo(loaded, swing(), kv=KV * ratio)
+    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
+    assert np.abs(done.q[:n] - run(light, swing()).q[:n]).max() > 5e-4
+    # Where it is given against gravity, the controller knows it.
+    held = run(pendulum(payload=load), [[0.3]])
+    np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
+
+
+def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
+    def at(q2):
+        rod = 0.4**2 / 3
+        near = 3 * rod + 2 * (0.4**2 + 0.4**2 / 3 + 0.4**2 * np.cos(q2)) + 0.05
+        return [near, 2 * rod + 0.02]
+
+    free = plant(two_link())
+    np.testing.assert_array_equal(free.reference, 0)
+    np.testing.assert_allclose(free.nominal_inertia, at(0.0))
+    ranges = ac.Limits(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
+    bent = plant(two_link(ranges), ac.Limits())
+    np.testing.assert_allclose(bent.reference, [0.0, 1.5])
+    np.testing.assert_allclose(bent.nominal_inertia, at(1.5))
+    above = ac.Limits(joint_lower=[0.5, -1.0])
+    np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
+
+
+def test_joints_disturb_each_other():
+    # The elbow keeps its set-point; the shoulder's motion pushes it.
+    shoulder = swing(1.0, 0.4)
+    q = np.column_stack([shoulder, np.full(len(shoulder), 0.5)])
+    done = run(two_link(), q)
+    assert np.abs(done.q[:, 1] - 0.5).max() > 1e-3
+    assert np.abs(by_servo(two_link(), q).q[:, 1] - 0.5).max() < 1e-12
+    np.testing.assert_allclose(done.q[-1], q[-1], atol=1e-6)
+
+
+def test_the_base_does_not_change_the_motion_and_gravity_does():
+    turned = ac.frames.Frame.rpy([1.0, 2.0, 3.0], [0.3, -0.4, 0.5])
+    plain, moved = run(pendulum(), swing()), run(pendulum(base=turned), swing())
+    np.testing.assert_array_equal(plain.q, moved.q)  # gravity is given in the base's frame
+    hung = run(pendulum(gravity=[0.0, 0.0, G]), swing())
+    np.testing.assert_allclose(hung.torque[0], -plain.torque[0])
+
+
+def test_work_is_energy():
+    done = run(pendulum(), swing(), resolution=2.5e-4)
+    q, dq = done.q[:, 0], done.dq[:, 0]
+    energy = INERTIA * dq**2 / 2 + WEIGHT * np.sin(q)
+    work = np.cumsum(done.torque[:-1, 0] * np.diff(q))
+    np.testing.assert_allclose(energy[1:] - energy[0], work, atol=1e-9)
+
+
+def test_noise_is_seeded():
+    arm, q = pendulum(), swing()
+    clean = run(arm, q)
+    one, same, other = (run(arm, q, noise=2e-5, seed=s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(one.q, same.q)
+    n = len(q)
+    assert not np.array_equal(one.q[:n], other.q[:n])
+    moved = np.std(one.q[:n] - clean.q[:n])
+    # White noise through the loop: kp h / 2 of its variance is left, all but for the slow part.
+    assert moved == pytest.approx(2e-5 * np.sqrt(KP * 2.5e-4 / 2), rel=0.5)
+    assert one.q[-1, 0] == pytest.approx(0.5, abs=2e-5)
+
+
+def test_the_resolution_changes_nothing():
+    simulated = plant(two_link(coulomb=[0.5, 0.2]), noise=1e-6)
+    q = np.column_stack([swing(1.0)[:, 0], swing(-0.7)[:, 0]])
+    coarse = ac.execute(taught_data(q), simulated, resolution=0.004)
+    fine = ac.execute(taught_data(q), simulated, resolution=3e-4)
+    assert fine.t[1] == pytest.approx(2.5e-4) and coarse.t[1] == pytest.approx(0.004)
+    for name in ("q", "dq", "ddq", "demand", "torque", "torque_demand"):
+        np.testing.assert_array_equal(getattr(fine, name)[::16], getattr(coarse, name))
+    np.testing.assert_array_equal(fine.peak_demand, coarse.peak_demand)
+    # What is listed fits together: velocities are the integral of accelerations.
+    np.testing.assert_allclose(np.diff(fine.dq, axis=0), fine.ddq[:-1] * 2.5e-4, atol=1e-12)
+
+
+def test_the_step_is_shortened_to_fit_and_results_meet_the_set_points():
+    done = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
+    assert 0.004 / done.t[1] == pytest.approx(7)  # 14 steps an interval, every other listed
+
+
+def test_plants_can_be_used_again():
+    simulated = plant(pendulum(coulomb=[1.0]), noise=1e-5)
+    a, b = (ac.execute(taught_data(swing()), simulated) for _ in range(2))
+    np.testing.assert_array_equal(a.q, b.q)
+
+
+@pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
+def test_arms_of_the_library(name):
+    if name not in ac.arm_names():
+        pytest.skip("not in the library")
+    arm = ac.load_arm(name)
+    if arm.chain is None or arm.chain.masses is None:
+        pytest.skip("no masses")
+    low, high = arm.limits.joint_range(arm.dof)
+    middle = plant(arm).reference
+    assert ((middle >= low) & (middle <= high)).all()
+    # Stretched, some joints turn about one line, where arms without drives are light.
+    q = middle + 0.8 + swing(np.full(arm.dof, 0.02), duration=2.0)
+    done = run(arm, q, friction=False)
+    np.testing.assert_allclose(done.q[-1], q[-1], atol=2e-6)
+    needed = arm.dynamics.torque(done.q, done.dq, done.ddq)
+    # ddq is the mean over the step that follows: half a step off.
+    np.testing.assert_allclose(done.torque, needed, atol=0.02 * np.abs(needed).max() + 1e-3)
+
+
+def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
+    given = {"q": np.zeros((1, 1)), "dq": np.zeros((1, 1)), "ddq": np.ones((1, 1))}
+    given |= {"arm": pendulum(), "taught": taught_data([[0.0]]), "t": np.zeros(1)}
+    given |= {"demand": np.ones((1, 1)), "peak_demand": np.ones(1), "saturated_time": np.zeros(1)}
+    torque = np.array([[2.0]])
+    done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
+    torque[:] = 0
+    assert done.torque.tolist() == [[2.0]] and done.saturated.all()
+    with pytest.raises(ValueError, match="read-only"):
+        done.torque[0] = 1
+    assert not ac.Execution(**given, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
+    assert ac.Execution(**given).torque is None
+    refuses(
+        lambda: ac.Execution(**given, torque=torque),
+        ac.InvalidInput,
+        "both torque and torque_demand",
+    )
+
+
+def test_a_step_too_long_for_the_gains_is_an_error(refuses):
+    q = swing()
+    assert len(run(pendulum(gravity=WEIGHTLESS), q, kv=490.0, step=4e-3).t) > len(q)
+    refuses(
+        lambda: run(pendulum(gravity=WEIGHTLESS), q, kv=510.0, step=4e-3),
+        ac.ExecutionError,
+        "Joint 1 is unstable at t = 0 s",
+        "shorten the step to 0.002 s",
+        joint=1,
+        t=0.0,
+        allowed=2 / 510.0,
+        needed=4e-3,
+    )
+    # Folded, the two rods have a mode that is far lighter than either joint alone.
+    folding = np.column_stack([np.zeros(501), np.linspace(0, 3.0, 501)])
+    refuses(
+        lambda: run(two_link(), folding, kv=1500.0, step=1e-3),
+        ac.ExecutionError,
+        "is unstable at t = ",
+    )
+    assert run(two_link(), folding, kv=1500.0, step=2e-4).q[-1, 1] == pytest.approx(3.0, abs=1e-6)
+
+
+def test_a_joint_that_runs_away_is_an_error(refuses, monkeypatch):
+    # What is seen beforehand is left out.
+    monkeypatch.setattr(ac.RigidBodyPlant, "_refuse_unstable", lambda *_: None)
+    refuses(
+        lambda: run(pendulum(), swing(), kv=1000.0, step=4e-3),
+        ac.ExecutionError,
+        "Joint 1 runs away at t = ",
+        "shorten the step",
+        joint=1,
+    )
+    # Saturated, it only rattles within steps: at their ends it seems to stand still.
+    refuses(
+        lambda: run(pendulum(gravity=WEIGHTLESS), swing(), ac.Limits(joint_torque=5.0), kv=1000.0,
+                    step=4e-3),
+        ac.ExecutionError,
+        "Joint 1 is not at rest",
+        joint=1,
+    )  # fmt: skip
+
+
+def test_drives_that_are_too_weak_are_errors(refuses):
+    weak = ac.Limits(joint_torque=5.0)
+    refuses(
+        lambda: run(pendulum(), [[0.0]], weak),
+        ac.ExecutionError,
+        "Joint 1 takes 9.81 N m to be held",
+        "at most 5 N m",
+        joint=1,
+        limit="joint_torque",
+        needed=WEIGHT,
+        allowed=5.0,
+        t=0.0,
+    )
+    refuses(
+        lambda: run(pendulum(viscous=[5.0]), swing(-np.pi / 2, start=np.pi / 2), weak),
+        ac.ExecutionError,
+        "Joint 1 rests ",
+        "rad from its last set-point",
+        "gives 5 N m",
+        joint=1,
+        limit="joint_torque",
+    )
+
+
+def test_a_servo_that_does_not_settle_is_an_error(refuses):
+    refuses(
+        lambda: run(pendulum(gravity=WEIGHTLESS), [[0.0], [1.0]], kp=0.01, period=0.02, step=5e-3,
+                    resolution=0.02),
+        ac.ExecutionError,
+        "Joint 1 is not at rest",
+        "do not let it settle",
+        joint=1,
+    )  # fmt: skip
+    refuses(
+        lambda: run(pendulum(), [[0.5]], kp=0.1, kv=1.0, gravity_feedforward=False),
+        ac.ExecutionError,
+        "Joint 1 has no equilibrium",
+        joint=1,
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: plant(pendulum(masses=None)), ("masses of the arm pendulum are not known",)),
+        (lambda: plant(pendulum(), step=0.0), ("step", "above zero")),
+        (lambda: plant(pendulum(), noise=-1e-5), ("noise", "negative")),
+        (lambda: plant(pendulum(), seed=1.5), ("seed", "whole")),
+        (lambda: plant(pendulum(), kp=[1.0, 2.0]), ("kp has 2 values", "1 joints")),
+        (
+            lambda: plant(pendulum(), ac.Limits(joint_acceleration=1.0, joint_deceleration=2.0)),
+            ("both directions", "joint_deceleration", "joint_torque"),
+        ),
+        (
+            lambda: plant(pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])),
+            ("Joint 1 (hinge) turns no inertia", "armature"),
+        ),
+        (lambda: run(pendulum(), np.zeros((4, 3))), ("for 3 joints", "pendulum has 1")),
+        (lambda: run(pendulum(), swing(), resolution=1e-4), ("0.00025 s", "0.0001 s", "coarser")),
+    ],
+)
+def test_refused(call, words, refuses):
+    refuses(call, ac.InvalidInput, *words)
+
+
+def test_an_arm_without_a_chain_is_refused(refuses):
+    arm = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
+    refuses(lambda: plant(arm), ac.InvalidInput, "masses of the arm bare are not known")
+
+
+def test_without_mujoco_the_extra_is_named(refuses, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    refuses(lambda: plant(pendulum()), ac.InvalidInput, "armcontour[experiment]")
