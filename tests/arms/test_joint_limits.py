@@ -29,7 +29,9 @@ def for_all(lines):
 
 
 def test_a_file_of_the_field():
-    limits = load(DATA / "joint_limits.yaml").limits
+    arm = load(DATA / "joint_limits.yaml")
+    limits = arm.limits
+    assert arm.limits_hint == ""
     np.testing.assert_allclose(limits.joint_velocity, [np.pi / 2, 1.5, 2.5, 4])
     # The smaller of acceleration and deceleration holds both ways.
     np.testing.assert_array_equal(limits.joint_acceleration, [3, 2, 10, 20])

@@ -302,6 +302,68 @@ def path_derivatives(
 
 
 @njit(cache=True, error_model="numpy")
+def free_motions(
+    rotations: FloatArray,
+    positions: FloatArray,
+    axes: FloatArray,
+    base: FloatArray,
+    end: FloatArray,
+    q: FloatArray,
+    targets: FloatArray,
+    asked: int,
+) -> FloatArray:
+    """Joint motions that leave alone what is asked of the tool, orthonormal.
+
+    Args:
+        rotations: Of the chain, as in `place`.
+        positions: Likewise.
+        axes: Likewise.
+        base: Likewise.
+        end: Likewise.
+        q: Joint positions, (n, dof).
+        targets: Poses, (n, 3, 4).
+        asked: 6, 5 or 3 of them.
+
+    Returns:
+        (n, dof - asked, dof).
+    """
+    n, dof = q.shape
+    found = np.empty((n, dof - asked, dof))
+    origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
+    pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
+    rows, rest = np.empty((dof, dof)), np.empty(dof)
+    for i in range(n):
+        place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
+        jacobian(origins, directions, pose, full)
+        asked_rows(full, targets[i], asked, rows)
+        for r in range(dof):
+            if r >= asked:
+                # Next, the joint of which the rows so far hold least.
+                rest[:] = 1.0
+                for j in range(r):
+                    for k in range(dof):
+                        rest[k] -= rows[j, k] ** 2
+                rows[r] = 0.0
+                rows[r, np.argmax(rest)] = 1.0
+            # Twice is enough to be at right angles to the last digit.
+            for _ in range(2):
+                for j in range(r):
+                    along = 0.0
+                    for k in range(dof):
+                        along += rows[j, k] * rows[r, k]
+                    for k in range(dof):
+                        rows[r, k] -= along * rows[j, k]
+                size = 0.0
+                for k in range(dof):
+                    size += rows[r, k] ** 2
+                if size > 0.0:
+                    for k in range(dof):
+                        rows[r, k] /= math.sqrt(size)
+        found[i] = rows[asked:]
+    return found
+
+
+@njit(cache=True, error_model="numpy")
 def least_step(
     full: FloatArray,
     target: FloatArray,

@@ -80,9 +80,7 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
             f"{file} does not describe an arm of the kind {kind}: it takes the keys "
             f"{', '.join(sorted(known))}, not {', '.join(str(x) for x in set(data) - known)}."
         )
-    arm = _serial(file, data) if kind == "serial" else _planar(file, data, payload)
-    arm.limits_hint = f"add joint_acceleration to the limits in {file}"
-    return arm
+    return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
 
 
 def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:

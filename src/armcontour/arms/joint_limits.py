@@ -107,8 +107,8 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
         for joint, value in zip(joints, values, strict=True):
             if value is not None and not 0 < value < math.inf:
                 raise InvalidInput(
-                    f"{where}: the {name} of joint {joint} must be above zero, but is {value:g} "
-                    f"{unit}: give its true value in the file or with joint_limits.",
+                    f"{where}: the {name} of joint {joint} must be above zero and finite, not "
+                    f"{value:g} {unit}: give its true value in the file or with joint_limits.",
                     limit=name,
                 )
         found[name] = values

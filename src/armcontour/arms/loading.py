@@ -73,7 +73,10 @@ def load_arm(
 
 def _read(name: str, payload: Payload | None) -> Arm:
     if name.endswith((".yaml", ".yml")):
-        return read_arm(name, text.read_bytes(FilePath(name), "arm file"), payload)
+        arm = read_arm(name, text.read_bytes(FilePath(name), "arm file"), payload)
+        if arm.limits.joint_acceleration is None:
+            arm.limits_hint = f"add joint_acceleration to the limits in {name}"
+        return arm
     if name not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "

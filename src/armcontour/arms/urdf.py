@@ -58,12 +58,13 @@ def load_urdf(
     table = _limits(tree, moving, checked=joint_limits is None)
     if joint_limits is not None:
         override(table, chain.joints, joint_limits)
+    limits = limits_of(table, chain.joints, str(file))
     return SerialArm(
         name=tree.name,
         chain=chain,
-        limits=limits_of(table, chain.joints, str(file)),
+        limits=limits,
         source=str(file),
-        limits_hint=HINT,
+        limits_hint=HINT if limits.joint_acceleration is None else "",
     )
 
 
