@@ -15,6 +15,7 @@ class TwoJoints:
     """As much of an arm as planning a joint path needs."""
 
     dof = 2
+    limits_hint = ""
 
 
 def bent_path(low: float, high: float, lead: float, width: float) -> ac.JointPath:

@@ -409,7 +409,7 @@ def test_something_must_limit_the_acceleration(rounded, arm, refuses):
     refuses(
         lambda: ac.plan(rounded, arm, only),
         ac.InvalidInput,
-        "joint_acceleration or tool_acceleration",
+        "joint_acceleration, joint_torque or tool_acceleration",
     )
 
 

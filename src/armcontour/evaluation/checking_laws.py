@@ -91,6 +91,7 @@ def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
         return
     q = law(t)
     tally.offer("position_step", t, np.abs(q - law(t, side="left")), POSITION_STEP, q)
-    if tally.limits.joint_acceleration is not None:
+    limits = tally.limits
+    if limits.joint_acceleration is not None or limits.joint_torque is not None:
         jump = np.abs(law(t, 1) - law(t, 1, side="left"))
         tally.offer("velocity_step", t, jump, velocity_step, q)

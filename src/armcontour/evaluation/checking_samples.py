@@ -21,6 +21,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from armcontour._checks import FloatArray
+from armcontour.arms import SerialArm
 from armcontour.evaluation.tally import SLOWEST, States, Tally
 
 # Wider windows are not looked at when rounding is at most this part of every limit.
@@ -66,10 +67,59 @@ class _Windows:
     error: FloatArray
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Turning:
+    """How the tool is held at the samples, and how it turns.
+
+    Args:
+        frames: Its axes as columns, (n, 3, 3).
+        off: Bound on the angle that they are off by.
+        rate: Its angular velocity (n, 3), and a bound on the error's length (n,); None if not
+            known.
+    """
+
+    frames: FloatArray
+    off: float
+    rate: tuple[FloatArray, FloatArray] | None
+
+    @classmethod
+    def of(cls, log: Log, tally: Tally) -> _Turning | None:
+        """That of an arm whose tool has an orientation, if it is limited."""
+        limits, arm = tally.limits, tally.arm
+        limited = limits.angular_speed is not None or limits.angular_acceleration is not None
+        if not limited or not isinstance(arm, SerialArm):
+            return None
+        rate = None
+        if log.dq is not None:
+            states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
+            rate = tally.angular_velocity(arm, states)
+        # A joint that is off by an angle turns the tool by that angle.
+        return cls(frames=arm.pose(log.q)[1], off=float(log.errors[0].sum()), rate=rate)
+
+    def offer(self, log: Log, tally: Tally, k: int) -> float:
+        """Mean angular speed, and mean angular acceleration, over windows of `k` samples."""
+        t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
+        limits, slack = tally.limits, 0.0
+        span, late = (x[:, 0] for x in log.spans(k))
+        if limits.angular_speed is not None:
+            step = np.linalg.norm(self.frames[k:] - self.frames[:-k], axis=(1, 2))
+            # The shortest rotation between two frames: the tool turned by no less.
+            angle = 2 * np.arcsin(np.minimum(step / np.sqrt(8), 1.0))
+            error = (2 * self.off + angle / span * late) / (span + late)
+            slack = tally.offer("angular_speed", t, angle / span, limits.angular_speed, q, error)
+        if limits.angular_acceleration is None or self.rate is None:
+            return slack
+        rate, off = self.rate
+        x = _mean(log, rate, off[:, None], k)
+        size, limit = np.linalg.norm(x.mean, axis=1), limits.angular_acceleration
+        return max(slack, tally.offer("angular_acceleration", t, size, limit, q, x.error[:, 0]))
+
+
 def judge_samples(log: Log, tally: Tally) -> None:
     """Offer to the tally what holds at the samples and what must hold between them."""
     _at_samples(log, tally)
     tool, tool_error = tally.tool(log.q, log.errors[0])
+    turning = _Turning.of(log, tally)
     velocity, velocity_error = None, None
     if log.dq is not None:
         states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
@@ -78,6 +128,7 @@ def judge_samples(log: Log, tally: Tally) -> None:
     while width < len(log.t):
         slack = max(
             _velocities(log, tally, tool, tool_error, width),
+            0.0 if turning is None else turning.offer(log, tally, width),
             _second_means(log, tally, tool, tool_error, width)
             if log.dq is None or velocity is None or velocity_error is None
             else _velocity_changes(log, log.dq, tally, velocity, velocity_error, width),
@@ -96,7 +147,9 @@ def judge_samples(log: Log, tally: Tally) -> None:
 def _at_samples(log: Log, tally: Tally) -> None:
     if log.dq is not None:
         tally.states(States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors))
-    elif log.ddq is not None:
+        return
+    tally.joint_range(log.t, log.q, log.errors[0])
+    if log.ddq is not None:
         tally.joint_acceleration(log.t, log.ddq, log.q, log.errors[2])
 
 

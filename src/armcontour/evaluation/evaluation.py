@@ -14,6 +14,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
 from armcontour.evaluation.corners import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile
@@ -47,7 +48,7 @@ class Evaluation:
             segments' own included [m/s]; 0 without one.
         path_velocity: Mean tool speed over the planned time of the motion [m/s].
         utilisation: Share of that time in which some joint was within 1 % of a limit of its
-            acceleration or velocity.
+            acceleration, velocity or torque.
         limit_ratios: Of the planned motion, the largest share of every limit, over times 20 times
             as close as its knots.
         demand: Largest acceleration that each joint was asked for [rad/s²], (dof,).
@@ -170,7 +171,20 @@ def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
     ddq, dq = executed.ddq[moved], executed.dq[moved]
     near = (ddq >= NEAR * high) | (ddq <= NEAR * low)
     near |= np.abs(dq) >= NEAR * or_unlimited(limits.joint_velocity, dof)
+    torque = _torque(executed) if limits.joint_torque is not None else None
+    if torque is not None:
+        near |= np.abs(torque[moved]) >= NEAR * or_unlimited(limits.joint_torque, dof)
     return float(near.any(axis=1).mean())
+
+
+def _torque(executed: Execution) -> FloatArray | None:
+    """Torques of the drives: those of the plant, or what the motion takes; None if not known."""
+    if executed.torque is not None:
+        return executed.torque
+    try:
+        return executed.arm.torque(executed.q, executed.dq, executed.ddq)
+    except InvalidInput:
+        return None
 
 
 def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
 # Below this tool speed [m/s] the direction of motion, and so the centripetal part, is not defined.
 SLOWEST = 1e-6
+# Below this joint velocity [rad/s] dry friction may have any value up to Coulomb's, either way.
+STILL = 1e-6
+# A range with one end only is taken to have its middle this far from it [rad].
+ONE_SIDED = np.pi
+
+# A quantity of the motion, from q, dq and ddq as far as it takes them.
+Quantity = Callable[..., FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +30,8 @@ class LimitUse:
 
     Args:
         name: The limit: a field of `Limits`, "path_deviation", "position_step" or "velocity_step".
-        ratio: value / limit.
+        ratio: value / limit; for joint_lower and joint_upper both counted from the middle of the
+            joint's range.
         value: Amount [unit of the limit].
         limit: What is allowed there.
         t: When [s].
@@ -86,6 +96,7 @@ class Tally:
         limit: npt.ArrayLike,
         q: FloatArray,
         error: npt.ArrayLike = 0.0,
+        zero: FloatArray | float = 0.0,
     ) -> float:
         """Remember the place where a limit is certainly used most; returns the largest slack.
 
@@ -96,12 +107,14 @@ class Tally:
             limit: Per joint (dof,), or one.
             q: Joint positions there, (n, dof).
             error: Bound on the error of `value`, of a shape that fits.
+            zero: Where both are counted from, one or (dof,); below it for a lower limit.
         """
         if not value.size:
             return 0.0
         allowed = np.broadcast_to(np.asarray(limit, dtype=np.float64), value.shape)
-        ratio = value / allowed
-        slack = np.broadcast_to(np.asarray(error, dtype=np.float64), value.shape) / allowed
+        room = allowed - zero
+        ratio = (value - zero) / room
+        slack = np.broadcast_to(np.asarray(error, dtype=np.float64), value.shape) / np.abs(room)
         at = np.unravel_index(int(np.argmax(ratio - slack)), value.shape)
         use = LimitUse(
             name=name,
@@ -131,9 +144,78 @@ class Tally:
             self.offer("joint_deceleration", t, np.maximum(-ddq, 0.0), down, q, error),
         )
 
+    def joint_range(self, t: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0) -> None:
+        """Offer joint positions to both ends of their ranges."""
+        lower, upper = self.limits.joint_range(self.arm.dof)
+        both = np.isfinite(lower) & np.isfinite(upper)
+        half = np.where(both, np.where(both, upper - lower, 0.0) / 2, ONE_SIDED)
+        for name, end, middle in (
+            ("joint_lower", lower, lower + half),
+            ("joint_upper", upper, upper - half),
+        ):
+            known = np.isfinite(end)
+            if getattr(self.limits, name) is None or not known.any():
+                continue
+            # A joint that turns endlessly stands in the middle of a range of its own.
+            value = np.where(known, q, 0.0)
+            far, zero = np.where(known, end, np.inf), np.where(known, middle, 0.0)
+            self.offer(name, t, value, far, q, error, zero)
+
+    def torque(self, x: States) -> None:
+        """Offer joint torques, where the arm's masses are known."""
+        limit = self.limits.joint_torque
+        if limit is None or x.ddq is None or not self.judges_torque():
+            return
+        chain = self.arm.chain
+        assert chain is not None and chain.coulomb is not None
+        coulomb = chain.coulomb
+
+        def without_dry(q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+            return np.asarray(self.arm.torque(q, dq, ddq) - coulomb * np.sign(dq))
+
+        torque = without_dry(x.q, x.dq, x.ddq)
+        error = np.zeros_like(torque)
+        for change in _changes(x, without_dry, torque, 2):
+            error += np.abs(change)
+        # Where a joint may stand, dry friction is whatever helps most.
+        helping = -np.clip(torque, -coulomb, coulomb)
+        still = np.abs(x.dq) <= STILL + x.errors[1]
+        torque += np.where(still, helping, coulomb * np.sign(x.dq))
+        self.offer("joint_torque", x.t, np.abs(torque), limit, x.q, error)
+
+    def judges_torque(self) -> bool:
+        """Whether the arm's torques can be told."""
+        try:
+            return self.arm.dynamics is not None
+        except InvalidInput:
+            return False
+
+    def turning(self, x: States) -> None:
+        """Offer angular velocity and acceleration of the tool, where it has an orientation."""
+        limits, arm = self.limits, self.arm
+        if not isinstance(arm, SerialArm):
+            return
+        if limits.angular_speed is not None:
+            rate, error = self.angular_velocity(arm, x)
+            size = np.linalg.norm(rate, axis=1)
+            self.offer("angular_speed", x.t, size, limits.angular_speed, x.q, error)
+        if limits.angular_acceleration is not None and x.ddq is not None:
+            found = _angular(arm.tool_twist_rate)(x.q, x.dq, x.ddq)
+            error = self._spread(x, _angular(arm.tool_twist_rate), found, 2)
+            size = np.linalg.norm(found, axis=1)
+            self.offer("angular_acceleration", x.t, size, limits.angular_acceleration, x.q, error)
+
+    def angular_velocity(self, arm: SerialArm, x: States) -> tuple[FloatArray, FloatArray]:
+        """Angular velocities of the tool (n, 3), and a bound on the length of their error (n,)."""
+        rate = _angular(arm.tool_twist)(x.q, x.dq)
+        return rate, self._spread(x, _angular(arm.tool_twist), rate, 1)
+
     def states(self, x: States) -> None:
         """Offer everything that is known at one time each: joints and tool."""
         limits = self.limits
+        self.joint_range(x.t, x.q, x.errors[0])
+        self.torque(x)
+        self.turning(x)
         if limits.joint_velocity is not None:
             self.offer("joint_velocity", x.t, np.abs(x.dq), limits.joint_velocity, x.q, x.errors[1])
         if x.ddq is not None:
@@ -147,7 +229,7 @@ class Tally:
             return
         acceleration = self.arm.tool_acceleration(x.q, x.dq, x.ddq)
         size = np.linalg.norm(acceleration, axis=1)
-        error = self._spread(x, acceleration, 2)
+        error = self._spread(x, self.arm.tool_acceleration, acceleration, 2)
         if limits.tool_acceleration is not None:
             self.offer("tool_acceleration", x.t, size, limits.tool_acceleration, x.q, error)
         velocity, velocity_error = self.tool_velocity(x)
@@ -180,14 +262,14 @@ class Tally:
     def tool_velocity(self, x: States) -> tuple[FloatArray, FloatArray]:
         """Tool velocities (n, dimension), and a bound on the length of their error (n,)."""
         velocity = self.arm.tool_velocity(x.q, x.dq)
-        return velocity, self._spread(x, velocity, 1)
+        return velocity, self._spread(x, self.arm.tool_velocity, velocity, 1)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points (n, dimension), and a bound on the length of their error (n,)."""
         none = np.zeros_like(error)
         x = States(t=q[:, 0], q=q, dq=np.zeros_like(q), ddq=None, errors=(error, none, none))
         points = self.arm.forward(q)
-        return points, self._spread(x, points, 0)
+        return points, self._spread(x, self.arm.forward, points, 0)
 
     def distance(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
         """Offer the tool's distance from the path."""
@@ -214,15 +296,25 @@ class Tally:
             replace(use, s=float(at)) for use, at in zip(self.found.values(), s, strict=True)
         )
 
-    def _spread(self, x: States, value: FloatArray, order: int) -> FloatArray:
+    def _spread(self, x: States, function: Quantity, value: FloatArray, order: int) -> FloatArray:
         """Length by which a tool quantity moves when each number is off by its error, (n,)."""
-        columns = [x.q, x.dq, x.q if x.ddq is None else x.ddq][: order + 1]
-        functions = (self.arm.forward, self.arm.tool_velocity, self.arm.tool_acceleration)
         total = np.zeros(len(value))
-        for k in range(len(columns)):
-            for joint in np.flatnonzero(x.errors[k]):
-                moved = list(columns)
-                moved[k] = columns[k].copy()
-                moved[k][:, joint] += x.errors[k][joint]
-                total += np.linalg.norm(functions[order](*moved) - value, axis=1)
+        for change in _changes(x, function, value, order):
+            total += np.linalg.norm(change, axis=1)
         return total
+
+
+def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
+    """How a quantity of q and its first `order` rates changes with the error of each number."""
+    columns = [x.q, x.dq, x.q if x.ddq is None else x.ddq][: order + 1]
+    for k in range(len(columns)):
+        for joint in np.flatnonzero(x.errors[k]):
+            moved = list(columns)
+            moved[k] = columns[k].copy()
+            moved[k][:, joint] += x.errors[k][joint]
+            yield function(*moved) - value
+
+
+def _angular(twist: Quantity) -> Quantity:
+    """The angular part of a twist."""
+    return lambda *states: twist(*states)[:, 3:]

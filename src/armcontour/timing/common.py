@@ -80,16 +80,21 @@ class Peaks:
 
 def law_peaks(law: Law, arm: Arm) -> Peaks:
     """Largest joint velocities and accelerations, (27), and tool speed along a law."""
+    q, dq, ddq = law_states(law)
+    return Peaks(
+        values={1: np.abs(dq).max(axis=0), 2: np.abs(ddq).max(axis=0)},
+        speed=float(np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max()),
+    )
+
+
+def law_states(law: Law) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """q, dq and ddq at the places along a law that are looked at, (n, dof) each."""
     knots = _smooth_pieces(law) if isinstance(law, PathLaw) else law.breaks
     count = PEAK_SAMPLES if isinstance(law, PathLaw) else 3
     grid = np.linspace(knots[:-1], knots[1:], count)
     interval = np.searchsorted(law.breaks, (knots[:-1] + knots[1:]) / 2, side="right") - 1
     i, t = np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
-    q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
-    return Peaks(
-        values={1: np.abs(dq).max(axis=0), 2: np.abs(ddq).max(axis=0)},
-        speed=float(np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max()),
-    )
+    return law.on_interval(i, t, 0), law.on_interval(i, t, 1), law.on_interval(i, t, 2)
 
 
 def _smooth_pieces(law: PathLaw) -> FloatArray:

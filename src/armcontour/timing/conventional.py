@@ -4,21 +4,33 @@ from __future__ import annotations
 
 from armcontour.arms import Arm, Limits
 from armcontour.motion import JointPath, Stretch, Trajectory
+from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import law_peaks, needs_speed, path_law, segment_speeds, tool_path_of
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
     """Uniform tool speed from the first instant to the last, whatever the joints' limits.
 
-    Velocities jump at corners and at both ends; the joint limits are not looked at, as in Sec. IV
-    of the paper.
+    Velocities jump at corners and at both ends; limits of joint velocity and acceleration are not
+    looked at, as in Sec. IV of the paper. Torques and the tool's turning are, but for the jumps.
 
     Raises:
         InvalidInput: No assigned velocity.
+        NotRealizable: A torque or the tool's turning would break its limit.
     """
     path = tool_path_of(joint_path, "conventional")
     speeds = segment_speeds(path, needs_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)
+    refuse_broken(
+        [law],
+        arm,
+        limits,
+        ("joint_torque", "angular_speed", "angular_acceleration"),
+        where="At uniform speed",
+        s=0.0,
+        t=0.0,
+        mends="a lower assigned velocity or the method optimal helps",
+    )
     peaks = law_peaks(law, arm)
     stretch = Stretch(
         name="whole path",

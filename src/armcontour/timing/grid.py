@@ -16,6 +16,10 @@ DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # More than this does not fit in memory.
 MOST_INTERVALS = 10_000_000
+# Next to a rest that is made finer, an interval has the square of this many parts, the next one
+# this many, and further ones fewer; all rests together get at most this share of the intervals.
+PARTS_AT_REST = 8
+SHARE_AT_RESTS = 0.25
 # Share of the intervals that is spread evenly over the length; the rest goes where the path turns.
 EVEN_SHARE = 0.5
 
@@ -128,3 +132,22 @@ def split(grid: Grid, parts: FloatArray) -> Grid:
     number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
     s = grid.s[of] + grid.width[of] * number / count[of]
     return Grid(grid.joint_path, np.append(s, grid.s[-1]), grid.piece[of])
+
+
+def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
+    """The grid with more points next to rests.
+
+    A motion from rest takes long for its first interval, however short. An interval may be the
+    wider the farther it is from a rest: they take about equal times then.
+    """
+    most = SHARE_AT_RESTS * len(grid) / max(3 * len(rests), 1)
+    parts = min(PARTS_AT_REST, int(np.sqrt(most)))
+    if parts < 2 or not len(rests):
+        return grid
+    at = np.sort(np.searchsorted(grid.s, rests))
+    i = np.arange(len(grid))
+    after = np.searchsorted(at, i, side="right")
+    left = np.where(after > 0, i - at[np.maximum(after - 1, 0)], len(grid))
+    right = np.where(after < len(at), at[np.minimum(after, len(at) - 1)] - 1 - i, len(grid))
+    away = np.minimum(left, right)
+    return split(grid, np.where(away == 0, parts**2, np.ceil(parts / np.sqrt(np.maximum(away, 1)))))

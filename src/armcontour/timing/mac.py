@@ -14,10 +14,10 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Law, Stretch, Trajectory
+from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import (
     law_peaks,
     needs_speed,
@@ -33,8 +33,14 @@ FEWEST_LAPS = 8
 MOST_LAPS = 10_000_000
 # Next to a rest the speed multiplies from knot to knot, and one lap there would be a coarse step.
 LAPS_AT_REST = 10
-# The middle path and the corners may exceed a joint limit by rounding only.
-ROUNDING = 1e-6
+# What every part is checked for: the method does not look at it everywhere, or at all.
+CHECKED = (
+    "joint_velocity",
+    "joint_acceleration",
+    "joint_torque",
+    "angular_speed",
+    "angular_acceleration",
+)
 
 
 @dataclass(slots=True)
@@ -207,30 +213,22 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
     """What there is to say of a part that starts at time `now`.
 
     Raises:
-        NotRealizable: A joint limit is broken; MAC itself never looks at the middle path, the
-            corners or joint velocities, so this is where its claim is checked.
+        NotRealizable: A limit is broken; MAC itself never looks at the middle path, the corners,
+            joint velocities, torques or the tool's turning, so this is where its claim is checked.
     """
+    refuse_broken(
+        part.laws,
+        arm,
+        limits,
+        CHECKED,
+        where=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m along "
+        "the path",
+        s=part.s[0],
+        t=now,
+        mends="the method mac does not look at it there; a lower assigned velocity or centripetal "
+        "acceleration, or the method optimal, helps",
+    )
     peaks = [law_peaks(law, arm) for law in part.laws]
-    for name, unit, order in (("joint_velocity", "rad/s", 1), ("joint_acceleration", "rad/s²", 2)):
-        allowed = or_unlimited(getattr(limits, name), arm.dof)
-        for found in peaks:
-            over = found.values[order] / allowed
-            j = int(np.argmax(over))
-            if over[j] > 1 + ROUNDING:
-                needed = float(found.values[order][j])
-                raise NotRealizable(
-                    f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
-                    f"along the path, joint {j + 1} would need {needed:.4g} {unit}, but its limit "
-                    f"is {allowed[j]:.4g} {unit}: the method mac does not look at it there; a "
-                    "lower assigned velocity or centripetal acceleration, or the method optimal, "
-                    "helps.",
-                    s=part.s[0],
-                    t=now,
-                    joint=j + 1,
-                    limit=name,
-                    needed=needed,
-                    allowed=float(allowed[j]),
-                )
     return Stretch(
         name=part.name,
         kind=part.kind,

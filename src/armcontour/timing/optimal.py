@@ -9,31 +9,37 @@ docs/concepts/optimal.md for the proof.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
+from armcontour.geometry import Path
 from armcontour.motion import JointPath, PathLaw, Trajectory, interval_times
 from armcontour.timing._reach import PLAY, reach, skews
 from armcontour.timing.constraints import (
+    AngularAcceleration,
+    AngularSpeed,
     Bounds,
     CentripetalAcceleration,
     Constraint,
     JointAcceleration,
     JointDerivatives,
+    JointTorque,
     JointVelocity,
     Rows,
     ToolAcceleration,
     ToolMetric,
     ToolSpeed,
+    turning_of,
 )
 from armcontour.timing.constraints._rows import margin_lost
-from armcontour.timing.grid import Grid, coarsened, given_grid, place_grid, split
+from armcontour.timing.grid import Grid, coarsened, finer_at_rests, given_grid, place_grid, split
 
 # Where the margin for what happens between the points costs more than this share of a limit, the
 # grid is made finer, at most this many times; each time a larger share will do, up to the last.
@@ -55,6 +61,18 @@ LARGEST_DIP = 0.25
 # The first pass takes every so manieth point, unless that leaves fewer intervals than this.
 COARSER = 2
 FEWEST_COARSE = 200
+# Where rows stand for a curve, the first pass is repeated with their tangents at its last plan:
+# each time squares the error of the speeds, and this much of ds² is within the first bracket.
+MOST_TANGENTS = 6
+NEAR_TANGENT = 1e-2
+# The first brackets around a plan have the headroom above; where a plan leaves its bracket, that is
+# widened by this ratio.
+WIDER = 1.5
+# A plan that keeps to its brackets is made again in brackets of this ratio around it, which cost
+# about 1e-6 of the duration, until that gains less than this; or plans left them this often.
+CLOSE = 1.02
+LEAST_GAIN = 1e-6
+MOST_MOVES = 4
 
 
 def plan_optimal(
@@ -73,7 +91,7 @@ def plan_optimal(
     Args:
         joint_path: A traced path, or a joint path of its own (which takes no tool limits).
         arm: The arm.
-        limits: All of them are kept; each path segment's own speed too.
+        limits: All of them are kept but for jerk and range; each path segment's own speed too.
         intervals: Number of grid intervals, about; 4000 by default.
         grid: Grid points [m] instead; the breaks of the joint path are added to them.
         start_speed: ds at the start [m/s].
@@ -91,7 +109,7 @@ def plan_optimal(
     else:
         placed = given_grid(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    law = _solve(placed, active, start_speed, end_speed)
+    law = _solve(placed, _Task(tuple(active), start_speed, end_speed, arm))
     return Trajectory(laws=(law,), method="optimal", path=joint_path.tool_path)
 
 
@@ -99,36 +117,83 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
     """The constraints that limits mean for a path.
 
     Raises:
-        InvalidInput: Tool limits without a tool path.
+        InvalidInput: Tool limits without a tool path or for a tool that has no orientation, or
+            torque limits of an arm without masses.
     """
     active: list[Constraint] = []
     if limits.joint_velocity is not None:
         active.append(JointVelocity(or_unlimited(limits.joint_velocity, joint_path.dof)))
     if limits.joint_acceleration is not None:
         active.append(JointAcceleration(*limits.acceleration_bounds(joint_path.dof)))
-    path = joint_path.tool_path
-    tool = (limits.speed, limits.tool_acceleration, limits.centripetal_acceleration)
-    if path is None:
-        if any(x is not None for x in tool):
+    if limits.joint_torque is not None:
+        active.append(JointTorque(arm, limits.joint_torque))
+    tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
+    if joint_path.tool_path is None:
+        if tool:
             raise InvalidInput(
                 "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
-                "with limits.replace(speed=None, tool_acceleration=None, "
-                "centripetal_acceleration=None)."
+                f"with limits.replace({', '.join(f'{x}=None' for x in tool)})."
             )
         return active
+    return active + _of_tool(joint_path, joint_path.tool_path, arm, limits)
+
+
+def _of_tool(joint_path: JointPath, path: Path, arm: Arm, limits: Limits) -> list[Constraint]:
+    """The constraints that limits of the tool mean, and segments' own speeds."""
+    active: list[Constraint] = []
     own = path.speeds
-    if np.isnan(own).all() and all(x is None for x in tool):
+    tool = (limits.speed, limits.tool_acceleration, limits.centripetal_acceleration)
+    if not np.isnan(own).all() or any(x is not None for x in tool):
+        metric = ToolMetric.of(joint_path, arm)
+        middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
+        speed = np.fmin(own[path.locate(middle)], np.inf if limits.speed is None else limits.speed)
+        if np.isfinite(speed).any():
+            active.append(ToolSpeed(speed, metric))
+        if limits.tool_acceleration is not None:
+            active.append(ToolAcceleration(limits.tool_acceleration, metric))
+        if limits.centripetal_acceleration is not None:
+            active.append(CentripetalAcceleration(limits.centripetal_acceleration, metric))
+    if limits.angular_speed is None and limits.angular_acceleration is None:
         return active
-    metric = ToolMetric.of(joint_path, arm)
-    middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
-    speed = np.fmin(own[path.locate(middle)], np.inf if limits.speed is None else limits.speed)
-    if np.isfinite(speed).any():
-        active.append(ToolSpeed(speed, metric))
-    if limits.tool_acceleration is not None:
-        active.append(ToolAcceleration(limits.tool_acceleration, metric))
-    if limits.centripetal_acceleration is not None:
-        active.append(CentripetalAcceleration(limits.centripetal_acceleration, metric))
+    turning = turning_of(arm)
+    if limits.angular_speed is not None:
+        active.append(AngularSpeed(limits.angular_speed, turning))
+    if limits.angular_acceleration is not None:
+        active.append(AngularAcceleration(limits.angular_acceleration, turning))
     return active
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What is to be planned on whatever grid.
+
+    Args:
+        active: The constraints.
+        start_speed: ds at the start [m/s].
+        end_speed: ds at the end [m/s].
+        arm: The arm, for messages.
+    """
+
+    active: tuple[Constraint, ...]
+    start_speed: float
+    end_speed: float
+    arm: Arm
+
+    @property
+    def curved(self) -> bool:
+        """Whether any rows stand for a curve."""
+        return any(x.curved for x in self.active)
+
+    @property
+    def bracketed(self) -> bool:
+        """Whether x is to be kept within brackets."""
+        return any(x.bracketed for x in self.active)
+
+    def rests(self, grid: Grid) -> FloatArray:
+        """Where the path is at rest [m]."""
+        start = grid.s[: 1 if self.start_speed == 0 else 0]
+        end = grid.s[len(grid) + (0 if self.end_speed == 0 else 1) :]
+        return np.concatenate([start, grid.joint_path.stops, end])
 
 
 class _Problem:
@@ -139,6 +204,7 @@ class _Problem:
         path: Derivatives of the joint path on it.
         active: The constraints.
         bounds: For what happens between the points; None leaves that out.
+        about: Without bounds: x per interval near which rows that stand for a curve are wanted.
     """
 
     def __init__(
@@ -147,6 +213,7 @@ class _Problem:
         path: JointDerivatives,
         active: Sequence[Constraint],
         bounds: Bounds | None = None,
+        about: FloatArray | None = None,
     ) -> None:
         n = len(grid)
         self.grid = grid
@@ -156,7 +223,10 @@ class _Problem:
         rows: list[Rows] = []
         for constraint in active:
             ceiling = constraint.ceiling(grid, path, bounds)
-            found = constraint.rows(grid, path, bounds)
+            if about is None:
+                found = constraint.rows(grid, path, bounds)
+            else:
+                found = constraint.rows_about(grid, path, about)
             disc = constraint.disc(grid, path, bounds)
             if ceiling is not None:
                 ceilings.append(ceiling.x)
@@ -256,9 +326,7 @@ class _Problem:
         return at
 
 
-def _solve(
-    grid: Grid, active: Sequence[Constraint], start_speed: float, end_speed: float
-) -> PathLaw:
+def _solve(grid: Grid, task: _Task) -> PathLaw:
     """The law on the grid, which is made finer where that is needed.
 
     A first pass without margins and without skew tells how large x and u get, and how u has to run
@@ -268,9 +336,11 @@ def _solve(
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
+    if task.bracketed:
+        grid = finer_at_rests(grid, task.rests(grid))
     for round_ in range(MOST_REFINEMENTS):
         most = min(LARGEST_MARGIN * MORE_EACH_TIME**round_, LARGEST_MARGIN_EVER)
-        found, lost = _on_grid(grid, active, start_speed, end_speed, most)
+        found, lost = _on_grid(grid, task, most)
         if found is not None:
             return found
         s = float(grid.s[int(np.argmax(lost))])
@@ -285,81 +355,133 @@ def _solve(
     )
 
 
-def _on_grid(
-    grid: Grid,
-    active: Sequence[Constraint],
-    start_speed: float,
-    end_speed: float,
-    most: float,
-) -> tuple[PathLaw | None, FloatArray]:
+def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, FloatArray]:
     """The law on a grid, or None where margins take more than `most`; and what they take, (n,).
 
     Raises:
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
-    headroom = HEADROOM
     steady = np.zeros(len(grid), dtype=bool)  # intervals that take no skew
-    fastest, slope = _first_pass(grid, active, start_speed, end_speed)
+    bracket = _first_pass(grid, task)
     for _ in range(MOST_TRIES):
-        skew = np.where(steady, 0.0, slope)
+        skew = np.where(steady, 0.0, bracket.slope)
         half_turn, sag = skew * grid.width / 2, np.abs(skew) * grid.width**2 / 4
-        largest = headroom * fastest + sag
         path = JointDerivatives.on(grid)
-        u = _largest_u(grid, path, active, largest) + 2 * np.abs(half_turn)
-        problem = _Problem(grid, path, active, Bounds(largest, u, skew))
+        largest, least = bracket.reach * bracket.most + sag, bracket.floor(sag)
+        u = _largest_u(grid, path, task, largest) + 2 * np.abs(half_turn)
+        if task.bracketed:
+            # Where x is kept between both, u is at most what takes it from one to the other.
+            u = np.minimum(u, (largest - least) / (2 * grid.width) + 3 * np.abs(half_turn))
+        bounds = Bounds(largest, u, skew, least)
+        problem = _Problem(grid, path, task.active, bounds)
         lost = problem.margin_lost(half_turn)
         if (lost > most).any():
             path.give_back()
             # Without skew they may do, where it alone is at fault or finer grids did not help.
             skewed = (lost > most) & (skew != 0) & ((lost >= 1) | (most > LARGEST_MARGIN))
             if not skewed.any():
-                return None, lost
+                return bracket.found, lost
             steady |= skewed
             continue
         try:
-            x = problem.solve(start_speed, end_speed)
+            x = problem.solve(task.start_speed, task.end_speed)
         except NotRealizable:
             # The first pass allowed it, so it is the margins that do not: a finer grid has less.
-            if len(grid) > FINE_ENOUGH:
+            if bracket.found is None and len(grid) > FINE_ENOUGH:
                 raise
-            return None, np.full(len(grid), 4 * LARGEST_MARGIN)
+            return bracket.found, np.full(len(grid), 4 * LARGEST_MARGIN)
         path.give_back()
         # With a growing u, x must not fall to 0 between two points.
         speed = np.sqrt(x)
         dips = 4 * sag * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
         if dips.any():
             steady |= dips
-        elif (np.maximum(x[:-1], x[1:]) <= largest - sag).all():
-            return _law(grid, x, skew), lost
+        elif (left := bracket.left(x, bounds, sag, task.bracketed)).any():
+            if bracket.found is not None and bracket.moves == MOST_MOVES:
+                return bracket.found, lost
+            bracket.widen(x, left if task.bracketed else np.ones_like(left))
         else:
-            fastest = np.maximum(fastest, np.maximum(x[:-1], x[1:]))
-            headroom *= 1.5
-    return None, np.maximum(lost, most)
+            law = _law(grid, x, skew)
+            if not task.bracketed or not bracket.gains(law):
+                return bracket.better(law), lost
+            bracket.close_in(x, law)
+    return bracket.found, np.maximum(lost, most)
 
 
-def _largest_u(
-    grid: Grid, path: JointDerivatives, active: Sequence[Constraint], x: FloatArray
-) -> FloatArray:
+@dataclass(slots=True)
+class _Bracket:
+    """Where x is expected on every interval.
+
+    Args:
+        most: The larger end x, (n,).
+        least: The smaller, (n,).
+        slope: How u has to run: its slope over s, (n,).
+        reach: The bracket goes beyond both by this ratio, (n,).
+        found: A law that keeps the limits and could be made faster.
+        moves: How often plans have left the bracket since then.
+    """
+
+    most: FloatArray
+    least: FloatArray
+    slope: FloatArray
+    reach: FloatArray
+    found: PathLaw | None = None
+    moves: int = 0
+
+    def floor(self, sag: FloatArray) -> FloatArray:
+        """The smallest x of the bracket."""
+        return np.maximum(self.least / self.reach - sag, 0.0)
+
+    def left(self, x: FloatArray, bounds: Bounds, sag: FloatArray, bracketed: bool) -> BoolArray:
+        """Where a plan leaves the bounds; between two points x leaves its chord by sag."""
+        over = np.maximum(x[:-1], x[1:]) > bounds.x - sag
+        if bracketed:
+            over |= np.maximum(np.minimum(x[:-1], x[1:]) - sag, 0.0) < bounds.least
+        return over
+
+    def widen(self, x: FloatArray, where: BoolArray) -> None:
+        """Let the bracket hold a plan too, and more around it, at some intervals."""
+        self.most[where] = np.maximum(self.most, np.maximum(x[:-1], x[1:]))[where]
+        self.least[where] = np.minimum(self.least, np.minimum(x[:-1], x[1:]))[where]
+        self.reach[where] *= WIDER
+        self.moves += 1
+
+    def close_in(self, x: FloatArray, law: PathLaw) -> None:
+        """A narrow bracket around a plan, whose law will do if there is nothing better."""
+        self.most, self.least = np.maximum(x[:-1], x[1:]), np.minimum(x[:-1], x[1:])
+        self.reach, self.found, self.moves = np.full(len(law.rates), CLOSE), law, 0
+
+    def gains(self, law: PathLaw) -> bool:
+        """Whether a law is faster than the one before it by enough to go on."""
+        return self.found is None or bool(law.breaks[-1] < self.found.breaks[-1] * (1 - LEAST_GAIN))
+
+    def better(self, law: PathLaw) -> PathLaw:
+        """The faster one of a law and the one before it."""
+        if self.found is None or law.breaks[-1] <= self.found.breaks[-1]:
+            return law
+        return self.found
+
+
+def _largest_u(grid: Grid, path: JointDerivatives, task: _Task, x: FloatArray) -> FloatArray:
     """Largest |dds| on every interval, given the largest x.
 
     Raises:
         InvalidInput: Nothing limits it.
     """
-    found = [constraint.largest_u(grid, path, x) for constraint in active]
+    found = [constraint.largest_u(grid, path, x) for constraint in task.active]
     bounds = [y for y in found if y is not None]
     if not bounds or not np.isfinite(np.min(bounds, axis=0)).all():
+        hint = task.arm.limits_hint
         raise InvalidInput(
-            "Nothing limits the acceleration along the path: give joint_acceleration or "
-            "tool_acceleration."
+            "Nothing limits the acceleration along the path: give joint_acceleration, "
+            f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
         )
     return np.asarray(np.min(bounds, axis=0))
 
 
-def _first_pass(
-    grid: Grid, active: Sequence[Constraint], start_speed: float, end_speed: float
-) -> tuple[FloatArray, FloatArray]:
-    """Largest x on every interval, about, and how u has to run there: its slope over s.
+def _first_pass(grid: Grid, task: _Task) -> _Bracket:
+    """Where x is on every interval, about, and how u has to run there.
 
     A plan without margins and without skew tells. A coarser grid does for that: what is taken from
     it is checked on the grid itself.
@@ -369,25 +491,30 @@ def _first_pass(
     """
     by = COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1
     try:
-        return _pass_on(grid, by, active, start_speed, end_speed)
+        return _pass_on(grid, by, task)
     except NotRealizable:
         # A coarse grid may refuse what the grid itself allows.
         if by == 1:
             raise
-        return _pass_on(grid, 1, active, start_speed, end_speed)
+        return _pass_on(grid, 1, task)
 
 
-def _pass_on(
-    grid: Grid, by: int, active: Sequence[Constraint], start_speed: float, end_speed: float
-) -> tuple[FloatArray, FloatArray]:
+def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
     """The first pass on about every so manieth point of a grid."""
     coarse, of = coarsened(grid, by)
     path = JointDerivatives.on(coarse)
-    plain = _Problem(coarse, path, active)
-    x = plain.solve(start_speed, end_speed)
+    plain = _Problem(coarse, path, task.active)
+    x = plain.solve(task.start_speed, task.end_speed)
+    for _ in range(MOST_TANGENTS if task.curved else 0):
+        about = (x[:-1] + x[1:]) / 2
+        plain = _Problem(coarse, path, task.active, about=about)
+        x = plain.solve(task.start_speed, task.end_speed)
+        if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
+            break
     skew = plain.skews(x)
     path.give_back()
-    return np.maximum(x[:-1], x[1:])[of], skew[of]
+    most, least = np.maximum(x[:-1], x[1:])[of], np.minimum(x[:-1], x[1:])[of]
+    return _Bracket(most, least, skew[of], np.full(len(grid), HEADROOM))
 
 
 def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:

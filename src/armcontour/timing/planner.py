@@ -8,11 +8,12 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour.arms import Arm, Limits
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
+from armcontour.timing.joint_range import refuse_out_of_range
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
 
@@ -32,6 +33,7 @@ def plan(
     method: str = "optimal",
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
+    ignore_jerk: bool = False,
     **options: Any,
 ) -> Trajectory:
     """Time a path: the realizable trajectory.
@@ -45,13 +47,14 @@ def plan(
         branch: For a tool path and an arm in the plane, the branch of its inverse kinematics.
         start: For a tool path and an arm in space, joint positions near to those to start in [rad];
             by default the configuration that is fastest along the path.
+        ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
             (see `plan_optimal`). For "mac": `knots` per line, command `period` [s].
 
     Raises:
         InvalidInput: An unknown method or option, or a limit that the method needs is missing.
-        Unreachable: A place of the path is out of reach or singular.
-        NotRealizable: The method cannot keep the limits on this path.
+        Unreachable: A place of the path is out of reach, out of a joint's range or singular.
+        NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
     """
     _checks.choice("method", method, METHODS)
     if not isinstance(path, Path | JointPath):
@@ -60,15 +63,27 @@ def plan(
     if isinstance(path, JointPath) and not (branch is None and start is None):
         given = "start" if branch is None else "branch"
         raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
+    if bounds.joint_jerk is not None and not ignore_jerk:
+        raise NotRealizable(
+            "No planner keeps limits of jerk yet: pass ignore_jerk=True (in a job, "
+            "ignore_jerk: true) to plan without them, or lift them with "
+            "limits.replace(joint_jerk=None).",
+            limit="joint_jerk",
+        )
+
+    def refuse(found: JointPath) -> None:
+        refuse_out_of_range(found, bounds)
+
     joint_path = (
         path
         if isinstance(path, JointPath)
-        else trace_fastest(path, arm, bounds, branch=branch, start=start)
+        else trace_fastest(path, arm, bounds, branch=branch, start=start, refuse=refuse)
     )
     if joint_path.dof != arm.dof:
         raise InvalidInput(
             f"The joint path has {joint_path.dof} joints, but the arm {arm.name} has {arm.dof}."
         )
+    refuse(joint_path)
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:

@@ -1,5 +1,10 @@
 """Constraints of the optimal planner: one class each, all answering to `Constraint`."""
 
+from armcontour.timing.constraints.angular import (
+    AngularAcceleration,
+    AngularSpeed,
+    turning_of,
+)
 from armcontour.timing.constraints.base import (
     Bounds,
     Ceiling,
@@ -9,6 +14,7 @@ from armcontour.timing.constraints.base import (
     Rows,
 )
 from armcontour.timing.constraints.joint_acceleration import JointAcceleration
+from armcontour.timing.constraints.joint_torque import JointTorque
 from armcontour.timing.constraints.joint_velocity import JointVelocity
 from armcontour.timing.constraints.second_order import SecondOrder
 from armcontour.timing.constraints.tool import (
@@ -19,6 +25,8 @@ from armcontour.timing.constraints.tool import (
 )
 
 __all__ = [
+    "AngularAcceleration",
+    "AngularSpeed",
     "Bounds",
     "Ceiling",
     "CentripetalAcceleration",
@@ -26,10 +34,12 @@ __all__ = [
     "Disc",
     "JointAcceleration",
     "JointDerivatives",
+    "JointTorque",
     "JointVelocity",
     "Rows",
     "SecondOrder",
     "ToolAcceleration",
     "ToolMetric",
     "ToolSpeed",
+    "turning_of",
 ]

@@ -86,11 +86,13 @@ class Bounds:
         x: Largest ds² [m²/s²], (n,).
         u: Largest |dds| [m/s²], (n,).
         skew: Slope of dds over s [1/s²], (n,).
+        least: Smallest ds², (n,) [m²/s²]; kept if any constraint is `bracketed`.
     """
 
     x: FloatArray
     u: FloatArray
     skew: FloatArray
+    least: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,10 +148,17 @@ class Constraint:
     Attributes:
         name: What people call it, such as "acceleration".
         joints: Whether there is one per joint, which explanations then name.
+        curved: Whether its rows stand for a curve in x: those of the first pass are made again for
+            the plan that comes out.
+        bracketed: Whether its rows hold only while x on every interval is from `bounds.least` to
+            `bounds.x`, or take much smaller margins then: the planner looks for brackets around its
+            plan, on a grid that is finer next to rests.
     """
 
     name = ""
     joints = False
+    curved = False
+    bracketed = False
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling | None:
         """Largest x at the starts and ends of all intervals.
@@ -165,6 +174,10 @@ class Constraint:
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows | None:
         """Linear constraints; arguments as in `ceiling`."""
         return None
+
+    def rows_about(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> Rows | None:
+        """Rows of the first pass for a plan near x, one per interval, (n,)."""
+        return self.rows(grid, path, None)
 
     def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc | None:
         """A round constraint; arguments as in `ceiling`."""

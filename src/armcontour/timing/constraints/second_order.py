@@ -11,16 +11,14 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
+from armcontour.timing.constraints.sampled import bulge, rise
 from armcontour.timing.grid import Grid
 
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
 
-# The rise above the chord is seen in the middle of an interval; it counts this many times.
-MARGIN = 2.0
-
 
 class SecondOrder(Constraint):
-    """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity; joint torque is of this form.
+    """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity.
 
     Args:
         name: What people call it.
@@ -60,20 +58,13 @@ class SecondOrder(Constraint):
         starts = self.coefficients(grid.s[:-1], "right")
         ends = self.coefficients(grid.s[1:], "left")
         a, b, c = (np.stack([x, y]) for x, y in zip(starts, ends, strict=True))
-        self._refuse_at_rest(grid, c)
-        bulge = np.zeros(c.shape[1:])
+        refuse_at_rest(grid, self.name, c, self.low, self.high, joints=self.joints)
+        margin = np.zeros(c.shape[1:])
         if bounds is not None:
             middle = self.coefficients((grid.s[:-1] + grid.s[1:]) / 2, "right")
-            # a, b and c rise as seen in the middle; products of two slopes come on top.
-            rise_a, rise_b, rise_c = (
-                MARGIN * np.abs(m - v.mean(axis=0)) for m, v in zip(middle, (a, b, c), strict=True)
-            )
-            mixed = np.abs(b[1] - b[0]) * grid.width[:, None] / 2
-            bulge = rise_a * bounds.u[:, None] + rise_b * bounds.x[:, None] + rise_c
-            bulge += mixed * bounds.u[:, None]
-            skew = np.abs(bounds.skew * grid.width)[:, None]
-            bulge += skew / 4 * (np.abs(a[1] - a[0]) + np.abs(b).max(axis=0) * grid.width[:, None])
-        return Rows(a, b, self.low - c, self.high - c, bulge)
+            rises = tuple(rise(grid, x, y) for x, y in zip((a, b, c), middle, strict=True))
+            margin = bulge(grid, a, b, rises, bounds)
+        return Rows(a, b, self.low - c, self.high - c, margin)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""
@@ -82,22 +73,48 @@ class SecondOrder(Constraint):
         with np.errstate(divide="ignore"):
             return np.asarray((room / np.abs(a)).min(axis=1))
 
-    def _refuse_at_rest(self, grid: Grid, c: FloatArray) -> None:
-        over = np.maximum(c - self.high, self.low - c)
-        if (over <= 0).all():
-            return
-        end, i, row = np.unravel_index(int(np.argmax(over)), over.shape)
-        value = float(c[end, i, row])
-        allowed = float(self.high[row] if value > self.high[row] else self.low[row])
-        s = float(grid.s[i + end])
-        joint = int(row) + 1 if self.joints else None
-        who = f"joint {joint} {self.name}" if joint else self.name
-        raise NotRealizable(
-            f"At {s:.6g} m along the path the {who} is {value:.4g} even at rest, but its limit is "
-            f"{allowed:.4g}: the arm cannot hold itself there.",
-            s=s,
-            joint=joint,
-            limit=self.name,
-            needed=value,
-            allowed=allowed,
-        )
+
+def refuse_at_rest(
+    grid: Grid,
+    name: str,
+    value: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    *,
+    joints: bool,
+    when: str = "even at rest",
+    cannot: str = "hold itself",
+) -> None:
+    """Refuse a quantity that breaks its bounds without any motion to speak of.
+
+    Args:
+        grid: The grid.
+        name: What people call it.
+        value: At the starts and ends of all intervals, (2, n, rows).
+        low: Lower bounds, (rows,).
+        high: Upper bounds, (rows,).
+        joints: Whether there is one row per joint.
+        when: When it has these values.
+        cannot: What the arm cannot do.
+
+    Raises:
+        NotRealizable: With the place, the joint, the value and the bound.
+    """
+    over = np.maximum(value - high, low - value)
+    if (over <= 0).all():
+        return
+    end, i, row = np.unravel_index(int(np.argmax(over)), over.shape)
+    needed = float(value[end, i, row])
+    allowed = float(high[row] if needed > high[row] else low[row])
+    s = float(grid.s[i + end])
+    joint = int(row) + 1 if joints else None
+    who = f"joint {joint} {name}" if joint else name
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the {who} is {needed:.4g} {when}, but its limit is "
+        f"{allowed:.4g}: the arm cannot {cannot} there.",
+        s=s,
+        joint=joint,
+        limit=name,
+        needed=needed,
+        allowed=allowed,
+    )

@@ -1,0 +1,155 @@
+"""Limits of how the tool turns, for arms whose tool has an orientation.
+
+At ds = 1 the tool turns at a vector rate w(s), which forward kinematics gives; then its angular
+velocity is `w ds` and its angular acceleration `w u + w' x`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm
+from armcontour.arms.serial import SerialArm
+from armcontour.errors import InvalidInput
+from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives, Rows
+from armcontour.timing.constraints.sampled import Sampled, bulge, rise
+from armcontour.timing.grid import Grid
+
+# The length of a vector in a plane is bounded by a polygon of twice as many sides: it lies within
+# the circle of the limit and at most 1 - cos(pi / 64), 0.12 %, inside it.
+DIRECTIONS = 32
+# Vectors are taken to be parallel if this part of one is across the other.
+PARALLEL = 1e-9
+
+
+def oriented(arm: Arm) -> SerialArm:
+    """The arm, if its tool has an orientation.
+
+    Raises:
+        InvalidInput: It has none.
+    """
+    if not isinstance(arm, SerialArm):
+        raise InvalidInput(
+            f"The tool of the arm {arm.name} is a point without an orientation: lift its limits "
+            "with limits.replace(angular_speed=None, angular_acceleration=None)."
+        )
+    return arm
+
+
+def turning_of(arm: Arm) -> Sampled:
+    """The tool's rate of turning at ds = 1 and its derivative over s, (n, 2, 3).
+
+    Raises:
+        InvalidInput: The arm's tool has no orientation.
+    """
+    tool = oriented(arm)
+
+    def turning(q: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+        rate, bend = tool.tool_twist(q, first), tool.tool_twist_rate(q, first, second)
+        return np.stack([rate[:, 3:], bend[:, 3:]], axis=1)
+
+    return Sampled(turning)
+
+
+class AngularSpeed(Constraint):
+    """`|w|² x <= limit²`.
+
+    Args:
+        limit: Largest angular speed of the tool [rad/s].
+        turning: How the tool turns along the path, from `turning_of`.
+    """
+
+    name = "angular speed"
+
+    def __init__(self, limit: float, turning: Sampled) -> None:
+        self.limit, self._turning = limit, turning
+
+    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
+        """Drawn in by what `|w|² x` can rise between the ends."""
+        square = _square(self._turning.at_ends(grid))
+        with np.errstate(divide="ignore"):
+            if bounds is None:
+                return Ceiling(self.limit**2 / square)
+            middle = _square(self._turning.in_middles(grid))
+            none = np.zeros((*square.shape, 1))
+            rises = none[0], rise(grid, square, middle)[:, None], none[0]
+            lost = bulge(grid, none, square[..., None], rises, bounds)[:, 0] / self.limit**2
+            return Ceiling(self.limit**2 * np.maximum(1 - lost, 0.0) / square, lost)
+
+
+class AngularAcceleration(Constraint):
+    """`|w u + w' x| <= limit`, by a polygon in the plane of w and w'.
+
+    Args:
+        limit: Length of the angular acceleration vector [rad/s²].
+        turning: How the tool turns along the path, from `turning_of`.
+    """
+
+    name = "angular acceleration"
+
+    def __init__(self, limit: float, turning: Sampled) -> None:
+        self.limit, self._turning = limit, turning
+
+    def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
+        """One row per direction, each fixed all along its interval."""
+        ends = self._turning.at_ends(grid)
+        middle = self._turning.in_middles(grid)
+        planes = _planes(middle)
+        angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+        polygon = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        directions = polygon @ planes[:, :2]
+        a, b = np.moveaxis(ends @ np.swapaxes(directions, 1, 2), 2, 0)
+        radius = np.full(len(grid), self.limit)
+        margin = np.zeros(a.shape[1:])
+        if bounds is not None:
+            seen = np.moveaxis(middle @ np.swapaxes(directions, 1, 2), 1, 0)
+            rises = rise(grid, a, seen[0]), rise(grid, b, seen[1]), np.zeros_like(margin)
+            margin = bulge(grid, a, b, rises, bounds)
+            # The plane turns along the interval: what points out of it is set aside.
+            out = np.abs(ends @ planes[:, 2, :, None])[..., 0].max(axis=0)
+            out += rise(grid, ends, middle).sum(axis=2)
+            across = out[:, 0] * bounds.u + out[:, 1] * bounds.x
+            radius = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
+        bound = np.broadcast_to((radius * np.cos(np.pi / (2 * DIRECTIONS)))[:, None], a.shape)
+        return Rows(a, b, -bound, bound, margin)
+
+    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
+        """Largest |dds| on every interval, given the largest x there."""
+        w, dw = np.moveaxis(np.linalg.norm(self._turning.at_ends(grid)[0], axis=2), 1, 0)
+        with np.errstate(divide="ignore"):
+            return np.asarray((self.limit + dw * x) / w)
+
+    def usage(
+        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
+    ) -> FloatArray:
+        """Length of the vector over the limit, the larger of both ends, (n, 1)."""
+        w, dw = np.moveaxis(self._turning.at_ends(grid), 2, 0)
+        at = np.stack([x[:-1], x[1:]])[..., None]
+        vector = w * np.stack([u, u + skew * grid.width])[..., None] + dw * at
+        return np.asarray((np.linalg.norm(vector, axis=2) / self.limit).max(axis=0)[:, None])
+
+
+def _square(turning: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(turning[..., 0, :] ** 2, axis=-1))
+
+
+def _planes(turning: FloatArray) -> FloatArray:
+    """Two orthonormal vectors that span w and w', and one across them, (n, 3, 3).
+
+    Where there is no such plane, any that holds what there is.
+    """
+    w, dw = turning[:, 0], turning[:, 1]
+    still = (np.linalg.norm(w, axis=1) == 0)[:, None]
+    along = _unit(np.where(still, dw, w), np.array([1.0, 0.0, 0.0]))
+    # Of what is parallel but for rounding, the rest has no direction; some axis has.
+    rest = dw - np.sum(dw * along, axis=1)[:, None] * along
+    parallel = np.linalg.norm(rest, axis=1) <= PARALLEL * np.linalg.norm(dw, axis=1)
+    axis = np.eye(3)[np.argmin(np.abs(along), axis=1)]
+    across = _unit(np.cross(along, np.where(parallel[:, None], axis, rest)), along)
+    return np.stack([along, np.cross(across, along), across], axis=1)
+
+
+def _unit(vectors: FloatArray, otherwise: FloatArray) -> FloatArray:
+    size = np.linalg.norm(vectors, axis=1)[:, None]
+    return np.asarray(np.where(size > 0, vectors / np.where(size > 0, size, 1.0), otherwise))

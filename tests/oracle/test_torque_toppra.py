@@ -1,0 +1,278 @@
+"""Torque-limited plans of a UR5e: against toppra, judged by MuJoCo; and against true friction.
+
+`python tests/oracle/test_torque_toppra.py 200` goes through that many random splines, against
+toppra on a grid ten times as fine, and prints the worst.
+"""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.arms.chain import Payload
+from armcontour.arms.serial import SerialArm
+
+mujoco = pytest.importorskip("mujoco")
+pytest.importorskip("pinocchio")
+pytest.importorskip("toppra", reason="toppra has wheels for linux-x86_64 only")
+
+from toppra import SplineInterpolator, setup_logging  # noqa: E402
+from toppra.algorithm import TOPPRA  # noqa: E402
+from toppra.constraint import (  # noqa: E402
+    DiscretizationType,
+    JointTorqueConstraint,
+    JointVelocityConstraint,
+)
+
+setup_logging("CRITICAL")
+
+TEN_TIMES_FINER, FINE = 40_000, 10_000  # toppra's intervals; ours are 4000
+ALLOWED = 1e-3
+# toppra's interpolation plans inside the limits, and so comes down on the optimum from above.
+OWN_ERROR = 1e-4
+VISCOUS = np.array([12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An arm, perhaps with payload and dry friction, joint positions on its way, and limits."""
+
+    arm: SerialArm
+    points: np.ndarray
+    limits: ac.Limits
+
+
+def problem(seed: int) -> Problem:
+    """Of a UR5e: 3 to 7 joint positions, half of the seeds with Coulomb friction."""
+    rng = np.random.default_rng(seed)
+    arm = ac.load_arm("ur5e")
+    size = np.array([1.0, 1, 1, 0.2, 0.2, 0.2])
+    chain = arm.chain.replace(
+        payload=Payload(
+            mass=rng.uniform(0, 2),
+            center=rng.uniform(-0.05, 0.05, 3),
+            inertia=np.diag([0.01, 0.012, 0.015]),
+        ),
+        coulomb=rng.uniform(0, 5, 6) * size if seed % 2 else np.zeros(6),
+        armature=rng.uniform(0, 1, 6) * size,
+    )
+    limits = ac.Limits(
+        joint_torque=arm.limits.joint_torque * rng.uniform(0.6, 1, 6),
+        joint_velocity=arm.limits.joint_velocity * rng.uniform(0.3, 1, 6),
+    )
+    points = rng.uniform(-np.pi, np.pi, (int(rng.integers(3, 8)), 6))
+    return Problem(SerialArm(name="UR5e", chain=chain, limits=limits), points, limits)
+
+
+def model_of(chain: Any) -> Any:
+    """A chain as a model of MuJoCo, without its friction."""
+    text = close = ""
+    for k in range(len(chain)):
+        inertia = chain.inertias[k][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        text += (
+            f'<body pos="{_words(chain.positions[k])}" quat="{_quat(chain.rotations[k])}">'
+            f'<joint axis="{_words(chain.axes[k])}" armature="{float(chain.armature[k])!r}"/>'
+            f'<inertial pos="{_words(chain.centers[k])}" mass="{float(chain.masses[k])!r}" '
+            f'fullinertia="{_words(inertia)}"/>'
+        )
+        close += "</body>"
+    load = chain.payload
+    if load is not None and load.mass:
+        text += (
+            f'<body pos="{_words(chain.tip.position)}" quat="{_quat(chain.tip.rotation)}">'
+            f'<inertial pos="{_words(load.center)}" mass="{load.mass!r}" '
+            f'diaginertia="{_words(np.diag(load.inertia))}"/></body>'
+        )
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler angle="radian"/>'
+        f'<option gravity="{_words(chain.gravity)}"/><worldbody>{text}{close}</worldbody></mujoco>'
+    )
+
+
+def _words(numbers: Any) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _quat(rotation: np.ndarray) -> str:
+    return _words(Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]])
+
+
+def inverse_dynamics(chain: Any) -> Any:
+    """Torque of one state by MuJoCo, friction apart."""
+    model = model_of(chain)
+    data = mujoco.MjData(model)
+
+    def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        return data.qfrc_inverse.copy()
+
+    return torque
+
+
+def largest_ratios(
+    planned: ac.Trajectory, given: Problem, places: int, seed: int = 0
+) -> dict[str, float]:
+    """Torque, by MuJoCo and with friction, and velocity over their limits, at random times.
+
+    At rest, friction takes any value up to Coulomb's: the one that helps most.
+    """
+    (law,) = planned.laws
+    n = len(law.breaks) - 1
+    share = np.column_stack([np.zeros(n), np.random.default_rng(seed).random((n, places))])
+    t = np.append((law.breaks[:-1, None] + share * np.diff(law.breaks)[:, None]), law.breaks[-1])
+    i = np.append(np.repeat(np.arange(n), places + 1), n - 1)
+    q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
+    chain = given.arm.chain
+    solve = inverse_dynamics(chain)
+    torque = np.array([solve(*x) for x in zip(q, dq, ddq, strict=True)]) + chain.viscous * dq
+    still = np.abs(dq) < 1e-6
+    dry = np.where(
+        still, -np.clip(torque, -chain.coulomb, chain.coulomb), chain.coulomb * np.sign(dq)
+    )
+    return {
+        "torque": float((np.abs(torque + dry) / given.limits.joint_torque).max()),
+        "velocity": float((np.abs(dq) / given.limits.joint_velocity).max()),
+    }
+
+
+def peer(given: Problem, intervals: int) -> float:
+    """Duration by toppra on that many intervals of a path parameter from 0 to 1."""
+    chords = np.linalg.norm(np.diff(given.points, axis=0), axis=1)
+    at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
+    path = SplineInterpolator(at, given.points, bc_type="natural")
+    torque, velocity = given.limits.joint_torque, given.limits.joint_velocity
+    constraints = [
+        JointVelocityConstraint(np.column_stack([-velocity, velocity])),
+        JointTorqueConstraint(
+            inverse_dynamics(given.arm.chain),
+            np.column_stack([-torque, torque]),
+            given.arm.chain.coulomb,
+            DiscretizationType.Interpolation,
+        ),
+    ]
+    instance = TOPPRA(
+        constraints,
+        path,
+        gridpoints=np.linspace(0, 1, intervals + 1),
+        solver_wrapper="seidel",
+        parametrizer="ParametrizeConstAccel",
+    )
+    return float(instance.compute_trajectory(0, 0).duration)
+
+
+def compare(
+    seed: int, intervals: int = TEN_TIMES_FINER, places: int = 10
+) -> tuple[float, dict[str, float]]:
+    """Our duration over toppra's, and the largest ratios of our plan."""
+    given = problem(seed)
+    planned = ac.plan(ac.JointPath.spline(given.points), given.arm, given.limits)
+    return planned.duration / peer(given, intervals), largest_ratios(planned, given, places)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_as_fast_as_a_fine_reference_and_within_torque(seed):
+    ratio, found = compare(seed, FINE)
+    assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
+    assert max(found.values()) <= 1 + 1e-9
+    assert max(found.values()) > 0.999
+
+
+@pytest.mark.parametrize("seed", [58, 81])
+def test_as_fast_as_a_reference_ten_times_finer(seed):
+    ratio, found = compare(seed)
+    assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
+    assert max(found.values()) <= 1 + 1e-9
+
+
+def with_friction(seed):
+    given = problem(seed)
+    chain = given.arm.chain.replace(viscous=VISCOUS)
+    arm = SerialArm(name="dragged", chain=chain, limits=given.limits)
+    return Problem(arm, given.points, given.limits)
+
+
+def with_true_friction(given, n):
+    """Duration of the fastest plan by the friction itself, not by lines: x by x, stage by stage.
+
+    For a given x every torque is linear in u, friction included; so the allowed u are an interval,
+    and the largest x that leads on is found by trying many and halving. Limits hold at the starts
+    of n equal stages only.
+    """
+    path = ac.JointPath.spline(given.points)
+    s = np.linspace(0, path.length, n + 1)
+    q, d, dd = path(s), path(s, 1), path(s, 2)
+    solve, none = inverse_dynamics(given.arm.chain), np.zeros(6)
+    c = np.array([solve(x, none, none) for x in q])
+    a = np.array([solve(x, none, v) for x, v in zip(q, d, strict=True)]) - c
+    b = np.array([solve(x, v, w) for x, v, w in zip(q, d, dd, strict=True)]) - c
+    chain, limits, width = given.arm.chain, given.limits, path.length / n
+    dry = chain.coulomb * np.sign(d)
+    ceiling = ((limits.joint_velocity / np.maximum(np.abs(d), 1e-12)) ** 2).min(axis=1)
+
+    def range_of_u(i, x):
+        rest = b[i] * x[:, None] + c[i] + dry[i] + chain.viscous * d[i] * np.sqrt(x)[:, None]
+        one, two = (-limits.joint_torque - rest) / a[i], (limits.joint_torque - rest) / a[i]
+        return np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
+
+    def leads_on(i, x, most):
+        low, high = range_of_u(i, x)
+        return (low <= high) & (x + 2 * width * low <= most) & (x + 2 * width * high >= 0)
+
+    most = np.zeros(n + 1)
+    for i in range(n - 1, -1, -1):
+        low, high = 0.0, ceiling[i]
+        for _ in range(4):
+            x = np.linspace(low, high, 60)
+            last = int(np.flatnonzero(leads_on(i, x, most[i + 1]))[-1])
+            low, high = x[last], x[min(last + 1, 59)]
+        most[i] = low
+    x = np.zeros(n + 1)
+    for i in range(n):
+        x[i + 1] = min(x[i] + 2 * width * range_of_u(i, x[i : i + 1])[1][0], most[i + 1])
+    speed = np.sqrt(x)
+    return float(np.sum(2 * width / (speed[1:] + speed[:-1])))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_viscous_friction_is_kept_and_costs_what_it_must(seed):
+    given = with_friction(seed)
+    path = ac.JointPath.spline(given.points)
+    planned = ac.plan(path, given.arm, given.limits)
+    found = largest_ratios(planned, given, 10)
+    assert max(found.values()) <= 1 + 1e-9
+    assert found["torque"] > 0.9999
+    # The lines that stand for friction cost nothing to speak of.
+    finer = ac.plan(path, given.arm, given.limits, intervals=40_000)
+    assert planned.duration == pytest.approx(finer.duration, rel=2e-4)
+    # The reference is of first order in its stages.
+    assert finer.duration == pytest.approx(with_true_friction(given, 6000), rel=1e-3)
+    free = ac.plan(path, problem(seed).arm, given.limits)
+    assert planned.duration > free.duration
+
+
+def main(count: int) -> None:
+    """Run the first so many problems and print what is worst."""
+    rows = []
+    with ProcessPoolExecutor() as pool:
+        for seed, (ratio, found) in enumerate(pool.map(compare, range(count))):
+            rows.append((ratio - 1, found["torque"] - 1, found["velocity"] - 1))
+            if abs(ratio - 1) > 5e-4 or max(found.values()) > 1 + 1e-9:
+                print(seed, *(f"{x:+.2e}" for x in rows[-1]), flush=True)
+    worst = np.array(rows)
+    print(
+        f"{count} problems; duration over toppra's 1 {worst[:, 0].min():+.1e} to "
+        f"1 {worst[:, 0].max():+.1e}, median {np.median(worst[:, 0]):+.1e}; "
+        f"largest torque 1 {worst[:, 1].max():+.1e}, velocity 1 {worst[:, 2].max():+.1e}"
+    )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)

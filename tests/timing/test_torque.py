@@ -1,0 +1,204 @@
+"""Torque limits: friction, gravity, payload, and what the rows are made of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.arms.chain import Payload
+from armcontour.arms.serial import SerialArm
+from armcontour.timing.constraints.friction import chord, tangent
+from armcontour.timing.constraints.sampled import Sampled, rise
+from armcontour.timing.grid import Grid, coarsened, finer_at_rests, place_grid
+
+pytest.importorskip("pinocchio")
+
+VISCOUS = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
+COULOMB = np.array([8.0, 8.0, 5.0, 1.5, 1.5, 1.0])
+# Every joint turns round somewhere.
+POINTS = np.random.default_rng(7).uniform(-2, 2, (5, 6))
+
+
+def ur5e(**changes):
+    arm = ac.load_arm("ur5e")
+    return SerialArm(name="UR5e", chain=arm.chain.replace(**changes), limits=arm.limits)
+
+
+def torque_only(arm, **more):
+    return ac.Limits(joint_torque=arm.limits.joint_torque, **more)
+
+
+def judged(planned, arm, limits):
+    found = ac.check(planned, arm, limits, points=30)
+    assert not found.violated, found.worst
+    return found
+
+
+@pytest.mark.parametrize("viscous", [0, 1])
+@pytest.mark.parametrize("coulomb", [0, 1])
+def test_friction_is_kept_where_joints_turn_round(viscous, coulomb):
+    arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
+    limits = torque_only(arm, joint_velocity=arm.limits.joint_velocity)
+    path = ac.JointPath.spline(POINTS)
+    planned = ac.plan(path, arm, limits)
+    assert judged(planned, arm, limits)["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
+    rate = planned(np.linspace(0, planned.duration, 1000), 1)
+    assert (rate.min(axis=0) < 0).all() and (rate.max(axis=0) > 0).all()
+
+
+@pytest.mark.parametrize("intervals", [10, 50, 300])
+def test_limits_hold_on_coarse_grids(intervals):
+    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
+    limits = torque_only(arm)
+    planned = ac.plan(ac.JointPath.spline(POINTS), arm, limits, intervals=intervals)
+    judged(planned, arm, limits)
+
+
+def test_stops_and_speeds_at_the_ends():
+    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
+    steps = np.diff(POINTS, axis=0)
+    breaks = np.concatenate([[0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    coefficients = np.zeros((len(steps), 6, 6))
+    coefficients[:, 0], coefficients[:, 1] = POINTS[:-1], steps
+    path = ac.JointPath(breaks=breaks, coefficients=coefficients)
+    limits = torque_only(arm)
+    planned = ac.plan(path, arm, limits, start_speed=0.1, end_speed=0.05)
+    judged(planned, arm, limits)
+    (law,) = planned.laws
+    assert law.speeds[[0, -1]] == pytest.approx([0.1, 0.05])
+    assert (law.speeds[np.searchsorted(law.s, path.stops)] == 0).all()
+
+
+def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
+    arm = ur5e(viscous=VISCOUS)
+    path = ac.JointPath.spline([(0.0, -0.5, 0.3, 0, 0, 0), (0.5, 0.4, 0.5, 0, 0, 0)])
+    q = path(np.linspace(0, path.length, 1000))
+    holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0)
+    limits = ac.Limits(joint_torque=holding * 1.001 + 0.01)
+    judged(ac.plan(path, arm, limits), arm, limits)
+
+
+def test_gravity_beyond_the_limit_is_refused(refuses):
+    arm = ur5e(payload=Payload(mass=15.0))
+    path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
+    refuses(
+        lambda: ac.plan(path, arm, torque_only(arm)),
+        ac.NotRealizable,
+        "joint 2 torque is",
+        "even at rest",
+        "cannot hold itself",
+        joint=2,
+        limit="torque",
+        allowed=-150.0,
+    )
+
+
+def test_friction_beyond_the_limit_is_refused(refuses):
+    arm = ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
+    path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
+    refuses(
+        lambda: ac.plan(path, arm, torque_only(arm)),
+        ac.NotRealizable,
+        "joint 6 torque is 29",
+        "in the slowest motion, with friction",
+        "cannot move there",
+        joint=6,
+        allowed=28.0,
+    )
+
+
+def test_a_payload_slows_the_arm():
+    path = ac.JointPath.spline(POINTS)
+    durations = [
+        ac.plan(path, arm, torque_only(arm)).duration
+        for arm in (ur5e(), ur5e(payload=Payload(mass=2.0)), ur5e(payload=Payload(mass=4.0)))
+    ]
+    assert durations[0] < durations[1] < durations[2]
+
+
+def test_a_plan_says_which_torque_binds():
+    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
+    limits = torque_only(arm)
+    planned = ac.plan(ac.JointPath.spline(POINTS), arm, limits)
+    found = ac.explain(planned, arm, limits).bindings
+    binding = [x for x in found if x.limit != "nothing"]
+    assert {x.name for x in binding} <= {f"joint {k} torque" for k in range(1, 7)}
+    length = sum(x.s[1] - x.s[0] for x in binding)
+    assert length > 0.98 * (found[-1].s[1] - found[0].s[0])
+    assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
+
+
+def test_an_arm_without_masses_has_no_torques(refuses):
+    bare = ac.load_arm("ur5e")
+    arm = SerialArm(
+        name="bare",
+        chain=bare.chain.replace(masses=None, centers=None, inertias=None),
+        limits=bare.limits,
+        limits_hint="load_arm takes a joint_limits.yaml",
+    )
+    path = ac.JointPath.spline(POINTS)
+    refuses(lambda: ac.plan(path, arm), ac.InvalidInput, "masses of the arm bare are not known")
+    refuses(
+        lambda: ac.plan(path, arm, ac.Limits()),
+        ac.InvalidInput,
+        "joint_torque",
+        "; load_arm takes a joint_limits.yaml",
+    )
+
+
+def test_lines_enclose_the_root():
+    rng = np.random.default_rng(0)
+    least, most = np.sort(10 ** rng.uniform(-8, 4, (2, 2000)), axis=0)
+    least[::10] = 0
+    cap = np.sqrt(most)[:, None] * 10 ** rng.uniform(-4, 1, (2000, 3))
+    above, below = tangent(least[:, None], most[:, None], cap), chord(least[:, None], most[:, None])
+    x = least + np.linspace(0, 1, 101)[:, None] ** 2 * (most - least)
+    root = np.sqrt(x)[..., None]
+    assert (above.offset <= cap).all()
+    assert (above.offset + above.slope * x[..., None] >= root * (1 - 1e-12)).all()
+    assert (below.offset + below.slope * x[..., None] <= root * (1 + 1e-12)).all()
+
+
+def test_every_place_is_computed_once():
+    path = ac.JointPath.spline(POINTS)
+    places = []
+
+    def function(q, first, second):
+        places.append(len(q))
+        return np.stack([q, first, second], axis=1)
+
+    grid = place_grid(path, 100)
+    seen = Sampled(function)
+    seen.at_ends(coarsened(grid, 2)[0])
+    ends = seen.at_ends(grid)
+    # The four pieces' ends are seen from both sides.
+    assert sum(places) == len(grid) + 4
+    assert ends[1, -1, 0] == pytest.approx(path(path.length))
+    assert ends[0, :, 2] == pytest.approx(path.on_interval(grid.piece, grid.s[:-1], 2))
+    assert ends[1, :, 2] == pytest.approx(path.on_interval(grid.piece, grid.s[1:], 2))
+    other = ac.JointPath.spline(2 * POINTS)
+    assert seen.in_middles(place_grid(other, 10)).shape == (10, 3, 6)
+
+
+def test_neighbours_tell_what_an_inflection_hides():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
+    grid = Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int))
+    cube = (grid.s - 0.5) ** 3
+    middle = ((grid.s[:-1] + grid.s[1:]) / 2 - 0.5) ** 3
+    found = rise(grid, np.stack([cube[:-1], cube[1:]]), middle)
+    inside = np.linspace(0, 1, 50)[:, None]
+    value = (grid.s[:-1] + inside * grid.width - 0.5) ** 3
+    off = np.abs(value - (cube[:-1] + inside * np.diff(cube))).max(axis=0)
+    assert (off <= found).all()
+
+
+def test_a_grid_is_finer_next_to_rests():
+    path = ac.JointPath.spline(POINTS)
+    grid = place_grid(path, 4000)
+    finer = finer_at_rests(grid, np.array([0.0, path.length]))
+    assert finer.width[0] == pytest.approx(grid.width[0] / 64)
+    assert finer.width[-1] == pytest.approx(grid.width[-1] / 64)
+    assert np.isin(grid.s, finer.s).all() and len(finer) < 1.1 * len(grid)
+    assert finer_at_rests(grid, np.empty(0)) is grid
+    assert finer_at_rests(grid, path.breaks.repeat(100)) is grid
