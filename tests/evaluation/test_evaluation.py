@@ -195,3 +195,26 @@ def test_the_objective_has_its_own_error(arm, objective, rounded):
 def test_refused(arm, path, options, words, refuses):
     done = by_hand(arm, T, ALONG)
     refuses(lambda: ac.evaluate(done, path, **options), ac.InvalidInput, *words)
+
+
+def test_a_tool_that_is_turned_is_off_by_that_angle() -> None:
+    arm = ac.load_arm("ur5e")
+    down = np.diag([1.0, -1.0, -1.0])
+    line = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)]).oriented(down)
+    planned = ac.plan(line, arm, arm.limits.replace(speed=0.1))
+    turned = ac.TaughtData(
+        period=4e-3,
+        q=planned(np.arange(0.0, planned.duration, 4e-3)) + np.array([0, 0, 0, 0, 0, 0.01]),
+        trajectory=planned,
+        method="none",
+    )
+    executed = ac.execute(turned, ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0)))
+    error = ac.evaluate(executed, line).angular_error
+    assert error is not None
+    assert error.rms == pytest.approx(0.01, rel=1e-3)
+    # The tool turned about its own axis, which does not count where only the axis is asked for.
+    free = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)]).oriented(
+        down, axis_only=True
+    )
+    error = ac.evaluate(executed, free).angular_error
+    assert error is not None and error.max < 2e-3

@@ -185,3 +185,24 @@ def drifts(
     for i in range(n):
         drift(origins[i], directions[i], pose[i], dq[i], out[i])
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def twists(
+    origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
+) -> FloatArray:
+    """Velocities and angular velocities of joint velocities, (n, 6), without the Jacobians."""
+    n, dof = dq.shape
+    out = np.zeros((n, 6))
+    for i in range(n):
+        for k in range(dof):
+            a, rate = directions[i, k], dq[i, k]
+            x = pose[i, 0, 3] - origins[i, k, 0]
+            y = pose[i, 1, 3] - origins[i, k, 1]
+            z = pose[i, 2, 3] - origins[i, k, 2]
+            out[i, 0] += rate * (a[1] * z - a[2] * y)
+            out[i, 1] += rate * (a[2] * x - a[0] * z)
+            out[i, 2] += rate * (a[0] * y - a[1] * x)
+            for j in range(3):
+                out[i, 3 + j] += rate * a[j]
+    return out

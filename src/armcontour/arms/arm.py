@@ -89,6 +89,12 @@ class Arm(ABC):
         coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
+    def tool_motion(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """Tool velocity [m/s] and acceleration [m/s²]."""
+        return self.tool_velocity(q, dq), self.tool_acceleration(q, dq, ddq)
+
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Torque of every joint's drive [N m]: bodies, drives, gravity, payload and friction.
 

@@ -134,7 +134,8 @@ class SerialArm(Arm):
         """Velocity and angular velocity of the tool, (n, 6)."""
         leading, (rows, rates) = self._rows(q, dq)
         pose, origins, directions = self._places(rows)
-        return _moved(origins, directions, pose, rates).reshape(*leading, 6)
+        found = _kernels().twists(origins, directions, pose, rates)
+        return np.asarray(found.reshape(*leading, 6))
 
     def tool_twist_rate(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
@@ -143,7 +144,7 @@ class SerialArm(Arm):
         leading, (rows, rates, seconds) = self._rows(q, dq, ddq)
         pose, origins, directions = self._places(rows)
         drift = _kernels().drifts(origins, directions, pose, rates)
-        found = drift + _moved(origins, directions, pose, seconds)
+        found = drift + _kernels().twists(origins, directions, pose, seconds)
         return np.asarray(found.reshape(*leading, 6))
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
@@ -155,6 +156,19 @@ class SerialArm(Arm):
     ) -> FloatArray:
         """Tool acceleration [m/s²]."""
         return self.tool_twist_rate(q, dq, ddq)[..., :3]
+
+    def tool_motion(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """Tool velocity [m/s] and acceleration [m/s²], from the same places of the joints."""
+        leading, (rows, rates, seconds) = self._rows(q, dq, ddq)
+        pose, origins, directions = self._places(rows)
+        kernels = _kernels()
+        velocity = kernels.twists(origins, directions, pose, rates)
+        drift = kernels.drifts(origins, directions, pose, rates)
+        acceleration = drift + kernels.twists(origins, directions, pose, seconds)
+        first, second = (x[:, :3].reshape(*leading, 3) for x in (velocity, acceleration))
+        return first, second
 
     def _with(self, chain: Chain) -> SerialArm:
         return SerialArm(
@@ -199,11 +213,3 @@ def _kernels() -> Any:
 
 def _stacked(frame: Frame) -> FloatArray:
     return _checks.locked(np.column_stack([frame.rotation, frame.position]))
-
-
-def _moved(
-    origins: FloatArray, directions: FloatArray, pose: FloatArray, rates: FloatArray
-) -> FloatArray:
-    """Twists of joint velocities, (n, 6)."""
-    jacobians = _kernels().jacobians(origins, directions, pose)
-    return np.asarray(np.einsum("nij,nj->ni", jacobians, rates))

@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorProfile:
-    """A distance over time.
+    """A distance over time, or an angle: then in rad for m, but for arc lengths.
 
     Args:
         t: Times [s], (n,).

@@ -12,13 +12,14 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.arms import Limits
+from armcontour.arms import Limits, SerialArm
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
 from armcontour.evaluation.corners import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile
-from armcontour.geometry import Path
+from armcontour.frames import log
+from armcontour.geometry import Path, angle_between
 from armcontour.motion import Execution
 
 # The tool is at rest below this speed [m/s].
@@ -41,6 +42,8 @@ class Evaluation:
         contour_error: Distance from the tool to the path [m].
         tracking_error: Distance from the tool to where it should be at that time [m].
         objective_error: Distance from the tool to the objective path, if one was given [m].
+        angular_error: Angle between the tool's orientation, or its axis where only that counts, and
+            the one at the nearest place of the path [rad]; None without an orientation.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
         speed_ratio: The same over the assigned velocity; NaN without one.
@@ -62,6 +65,7 @@ class Evaluation:
     contour_error: ErrorProfile
     tracking_error: ErrorProfile
     objective_error: ErrorProfile | None
+    angular_error: ErrorProfile | None
     corners: tuple[CornerDeviation, ...]
     speed: float
     speed_ratio: float
@@ -132,6 +136,7 @@ def evaluate(
             if off_objective is None
             else ErrorProfile.over_time(t, off_objective.distance, off_objective.s, end)
         ),
+        angular_error=_angular_error(executed, path, t, found.s, end),
         corners=() if objective is None else corner_deviations(tool[t <= end], objective),
         speed=float(speed.max()),
         speed_ratio=float(speed.max()) / (np.nan if bounds.speed is None else bounds.speed),
@@ -143,6 +148,20 @@ def evaluate(
         demand_ratio=executed.peak_demand / allowed,
         saturated=executed.saturated_time / max(end, float(t[-1])),
     )
+
+
+def _angular_error(
+    executed: Execution, path: Path, t: FloatArray, s: FloatArray, end: float
+) -> ErrorProfile | None:
+    """Angle between the tool's orientation, or its axis, and the path's at the nearest place."""
+    if path.orientation is None or not isinstance(executed.arm, SerialArm):
+        return None
+    wanted, turned = path.orientation(s), executed.arm.pose(executed.q)[1]
+    if path.orientation.axis_only:
+        angle = angle_between(turned[:, :, 2], wanted[:, :, 2])
+    else:
+        angle = np.linalg.norm(log(wanted @ np.swapaxes(turned, 1, 2)), axis=1)
+    return ErrorProfile.over_time(t, angle, s, end)
 
 
 def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:

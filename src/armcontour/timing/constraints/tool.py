@@ -50,8 +50,7 @@ class ToolMetric:
         s = joint_path.breaks[:-1] + share * np.diff(joint_path.breaks)
         i = np.broadcast_to(np.arange(pieces), s.shape).ravel()
         q, dq, ddq = (joint_path.on_interval(i, s.ravel(), order) for order in (0, 1, 2))
-        velocity = arm.tool_velocity(q, dq)
-        acceleration = arm.tool_acceleration(q, dq, ddq)
+        velocity, acceleration = arm.tool_motion(q, dq, ddq)
         speed = np.linalg.norm(velocity, axis=1)
         direction = velocity / speed[:, None]
         along = np.sum(acceleration * direction, axis=1)
