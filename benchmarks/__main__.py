@@ -1,11 +1,11 @@
-"""Measure everything and print one table, and one of what the planners answered."""
+"""Measure everything and print one table, and two of what the planners answered."""
 
 from __future__ import annotations
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import optimal, polyline, projection, start_up
+from benchmarks import kinematics, optimal, polyline, projection, square, start_up
 
 
 def main() -> None:
@@ -13,10 +13,13 @@ def main() -> None:
     console = Console(width=140)
     plans, judged, notes = optimal.measure()
     polylines, more = polyline.measure()
+    solved, guessed = kinematics.measure()
+    squares, around, settings = square.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
-    for measured in [*start_up.measure(), *projection.measure(), *plans, *polylines]:
+    smaller = [*start_up.measure(), *projection.measure()]
+    for measured in [*smaller, *plans, *polylines, *solved, *squares]:
         table.add_row(
             measured.what,
             f"{measured.ours * 1e3:.3g}",
@@ -34,7 +37,17 @@ def main() -> None:
             str(answer.points), answer.who, f"{answer.duration:.6f}", f"{answer.violation:.1e}"
         )
     console.print(answers)
-    for note in [*notes, *more]:
+    drawn = Table(title="plans of the square", title_justify="left")
+    for name in ("planner", "duration [s]", "corner error [mm]", "off the square [mm]"):
+        drawn.add_column(name)
+    for name in ("tool speed [m/s]", "joint limits used", "through its samples"):
+        drawn.add_column(name)
+    for plan in around:
+        lengths = f"{plan.corner * 1e3:.3f}", f"{plan.off * 1e3:.3f}"
+        shares = f"{plan.speed:.4f}", f"{plan.law:.3f}", f"{plan.executed:.3f}"
+        drawn.add_row(plan.who, f"{plan.duration:.4f}", *lengths, *shares)
+    console.print(drawn)
+    for note in [*notes, *more, *guessed, *settings]:
         console.print(note)
 
 

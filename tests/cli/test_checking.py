@@ -156,3 +156,44 @@ def test_help_imports_nothing_heavy(tmp_path: FilePath) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
     assert done.returncode == 0
+
+
+def test_an_arm_from_a_description_with_its_limits(tmp_path: FilePath) -> None:
+    data = FilePath(__file__).parents[1] / "arms" / "data"
+    t = np.linspace(0, 1, 51)
+    q = np.outer(3 * t**2 - 2 * t**3, [1.0, 0.2, 0.2, 0.2])
+    np.savetxt(
+        tmp_path / "log.csv",
+        np.column_stack([t, q]),
+        "%.9f",
+        ",",
+        header="t [s],pan [rad],tilt [rad],elbow [rad],roll [rad]",
+        comments="",
+    )
+    arm = (
+        "--arm",
+        str(data / "robot.urdf"),
+        "--tip",
+        "tcp",
+        "--base",
+        "base_link",
+        "--joint-limits",
+    )
+    done = check(tmp_path, "log.csv", *arm, str(data / "joint_limits.yaml"), "--json")
+    assert done.returncode in (0, 1), done.stderr
+    found = json.loads(done.stdout)
+    velocity = next(x for x in found["limits"] if x["name"] == "joint_velocity")
+    # The file's 90 deg/s, not the description's 2 rad/s.
+    assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
+
+
+def test_the_jobs_own_arm_is_the_default(folder: FilePath) -> None:
+    named = check(folder, "planned.csv", "--arm", "pmk3s", "--path", "job.yaml", "--json")
+    default = check(folder, "planned.csv", "--path", "job.yaml", "--json")
+    assert json.loads(default.stdout) == json.loads(named.stdout)
+    without = check(folder, "planned.csv")
+    assert without.returncode == 2
+    assert "Name the arm with --arm" in without.stderr
+    both = check(folder, "planned.csv", "--path", "job.yaml", "--tip", "tcp")
+    assert both.returncode == 2
+    assert "--tip, --base and --joint-limits go with --arm" in both.stderr

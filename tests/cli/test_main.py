@@ -97,6 +97,28 @@ def test_an_unwritable_folder_is_refused_before_the_work(tmp_path: FilePath) -> 
     assert "Cannot write to the folder" in done.stderr
 
 
+def test_an_experiment_has_its_columns_and_files(tmp_path: FilePath) -> None:
+    runs = {"one": {}, "two": {"compensation": {"method": "none"}}}
+    job = {**JOB, "runs": runs, "experiment": {"runs": ["one"]}}
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
+    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "experiment" in done.stdout
+    assert "Masses: Both links are assumed" in done.stdout
+    files = json.loads((tmp_path / "out" / "summary.json").read_text())["files"]
+    assert {"one/taught.csv", "one/planned.csv", "one/torque.csv"} <= set(files)
+    header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
+    assert header == "t [s],joint 1 [N m],joint 2 [N m]"
+
+
+def test_arms_are_listed_with_what_is_assumed(tmp_path: FilePath) -> None:
+    lines = armcontour("arms", cwd=tmp_path).stdout.splitlines()
+    assert "ur5e: UR5e, 6 joints, masses known" in lines
+    assert "panda: Panda, 7 joints, masses known" in lines
+    assert any(x.startswith("    assumed: Both links are assumed") for x in lines)
+    assert max(len(x) for x in lines) <= 100
+
+
 def test_lists_arms_version_and_schema(tmp_path: FilePath) -> None:
     assert "pmk3s: PMK-3s, 2 joints" in armcontour("arms", cwd=tmp_path).stdout
     assert armcontour("--version", cwd=tmp_path).stdout.startswith("armcontour 0.")

@@ -209,12 +209,12 @@ def test_a_tool_that_is_turned_is_off_by_that_angle() -> None:
         method="none",
     )
     executed = ac.execute(turned, ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0)))
-    error = ac.evaluate(executed, line).angular_error
+    error = ac.evaluate(executed, line).orientation_error
     assert error is not None
     assert error.rms == pytest.approx(0.01, rel=1e-3)
     # The tool turned about its own axis, which does not count where only the axis is asked for.
     free = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)]).oriented(
         down, axis_only=True
     )
-    error = ac.evaluate(executed, free).angular_error
+    error = ac.evaluate(executed, free).orientation_error
     assert error is not None and error.max < 2e-3

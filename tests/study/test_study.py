@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.study import STEPS, Rounding, Run
+from armcontour.frames import from_rpy, log
+from armcontour.study import STEPS, Experiment, Rounding, Run, path_of, steps_of
+from armcontour.study.quantities import (
+    angular_speed,
+    has_bodies,
+    planned_torques,
+)
+from armcontour.tracing.tracer import traces
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +142,173 @@ def test_runs_of_the_same_name_are_refused(job, refuses):
             "at least one run",
             "every run its own name",
         )
+
+
+def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
+    settings = Experiment(noise=1e-6, seed=3)
+    this = dataclasses.replace(job.runs[0], experiment=settings)
+    told = []
+    study = ac.run(
+        dataclasses.replace(job, runs=(this, job.runs[1])),
+        progress=lambda run, step: told.append((run, step)),
+    )
+    found = study.runs["proposed"]
+    plant = ac.RigidBodyPlant(job.arm, job.plant_servo, this.limits, noise=1e-6, seed=3)
+    execution = ac.execute(found.taught, plant)
+    evaluation = ac.evaluate(
+        execution, found.path, objective=job.path, limits=this.limits, until=this.until
+    )
+    assert found.experiment is not None
+    np.testing.assert_array_equal(found.experiment.execution.q, execution.q)
+    assert found.experiment.evaluation.contour_error.rms == evaluation.contour_error.rms
+    assert found.evaluation.contour_error.rms != evaluation.contour_error.rms
+    assert (found.experiment.plant.noise, found.experiment.plant.seed) == (1e-6, 3)
+    assert study.runs["conventional"].experiment is None
+    assert told == [
+        *(("proposed", x) for x in (*STEPS, "experiment")),
+        *(("conventional", x) for x in STEPS),
+    ]
+    assert steps_of(this) == (*STEPS, "experiment")
+
+
+def test_an_experiment_with_slow_drives_has_as_many_results_as_there_are(job):
+    this = dataclasses.replace(job.runs[0], experiment=Experiment(step=2e-3))
+    found = ac.run(dataclasses.replace(job, runs=(this,))).runs["proposed"]
+    assert np.diff(found.experiment.execution.t).max() == pytest.approx(2e-3)
+
+
+def test_an_experiment_that_fails_says_so_with_its_run(job, refuses):
+    this = dataclasses.replace(job.runs[0], experiment=Experiment(step=-1.0))
+    refuses(
+        lambda: ac.run(dataclasses.replace(job, runs=(this,))),
+        ac.InvalidInput,
+        "Run proposed: experiment: step must be above zero",
+    )
+
+
+@pytest.fixture(scope="module")
+def in_space():
+    """A line of the UR5e, as quick as it gets."""
+    arm = ac.load_arm("ur5e")
+    limits = arm.limits.replace(speed=0.25)
+    path = ac.Path.polyline([[0.4, 0.0, 0.2], [0.5, 0.05, 0.2]]).oriented([1.0, 0.0, 0.0, 0.0])
+    this = Run(
+        name="one",
+        timing="optimal",
+        compensation="none",
+        limits=limits,
+        rounding=None,
+        period=4e-3,
+    )
+    servo = ac.ServoModel(kp=25.0, kv=150.0).for_joints(6)
+    return ac.Job(
+        name="line",
+        title="A line",
+        arm=arm,
+        path=path,
+        servo=servo,
+        plant_servo=servo,
+        runs=(this,),
+    )
+
+
+def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space):
+    (this,) = in_space.runs
+    found = ac.run(in_space).runs["one"].trajectory
+    planned = ac.plan(in_space.path, in_space.arm, this.limits)
+    np.testing.assert_array_equal(found(0.0), planned(0.0))
+    assert found.duration == planned.duration
+    others = traces(in_space.path, in_space.arm)
+    other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
+    asked = dataclasses.replace(in_space, start=other(0.0) + 0.01)
+    np.testing.assert_allclose(ac.run(asked).runs["one"].trajectory(0.0), other(0.0), atol=1e-6)
+
+
+def test_runs_that_differ_behind_tracing_are_traced_once(in_space):
+    (this,) = in_space.runs
+    slow = dataclasses.replace(this, name="slow", limits=this.limits.replace(speed=0.1))
+    again = dataclasses.replace(this, name="again", compensation="pole_placement")
+    study = ac.run(dataclasses.replace(in_space, runs=(this, slow, again)))
+    assert study.runs["again"].joint_path is study.runs["one"].joint_path
+    assert study.runs["slow"].joint_path is not study.runs["one"].joint_path
+
+
+def test_limits_of_jerk_are_kept_or_ignored_but_never_forgotten(in_space, refuses):
+    (this,) = in_space.runs
+    jerky = dataclasses.replace(this, limits=this.limits.replace(joint_jerk=100.0).for_joints(6))
+    refuses(
+        lambda: ac.run(dataclasses.replace(in_space, runs=(jerky,))),
+        ac.NotRealizable,
+        "Run one: ",
+        "ignore_jerk: true",
+    )
+    ignoring = dataclasses.replace(jerky, ignore_jerk=True)
+    found = ac.run(dataclasses.replace(in_space, runs=(ignoring,))).runs["one"]
+    assert found.trajectory.duration > 0
+
+
+def test_a_start_for_another_arm_is_refused(in_space, refuses):
+    refuses(
+        lambda: dataclasses.replace(in_space, start=np.zeros(2)),
+        ac.InvalidInput,
+        "start has 2 values",
+    )
+
+
+def test_the_angular_tolerance_reaches_the_rounding(in_space):
+    (this,) = in_space.runs
+    turned = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]]).oriented(
+        from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]])
+    )
+    rounding = Rounding(tolerance=1e-2, angular_tolerance=1e-3)
+    job = dataclasses.replace(in_space, path=turned)
+    corners = path_of(job, dataclasses.replace(this, rounding=rounding)).corners
+    assert corners.angular_error[0] == pytest.approx(1e-3, rel=1e-6)
+    assert corners.shrunk[0]
+
+
+class TestQuantities:
+    def test_planned_torques_are_the_arms_on_both_sides_of_jumps(self, job):
+        found = ac.run(job).runs["proposed"]
+        torques = planned_torques(found)
+        assert torques is not None
+        plan, arm = found.trajectory, job.arm
+        t = 1.234
+        np.testing.assert_allclose(
+            [np.interp(t, torques.t, x) for x in torques.values.T],
+            arm.torque(plan(t), plan(t, 1), plan(t, 2)),
+            rtol=1e-3,
+        )
+        both = [
+            np.abs(arm.torque(*(plan(plan.breaks[1:-1], k, side=x) for k in range(3))))
+            for x in ("left", "right")
+        ]
+        assert (torques.peak >= np.maximum(*both).max(axis=0)).all()
+
+    def test_no_bodies_no_torques(self, job):
+        bare = dataclasses.replace(job, runs=job.runs[1:], arm=ac.load_arm("pmk3s"))
+        bare.arm.chain = bare.arm.chain.replace(masses=None)
+        found = ac.run(bare).runs["conventional"]
+        assert planned_torques(found) is None
+        assert not has_bodies(bare.arm)
+        assert angular_speed(found.execution) is None
+        assert found.evaluation.orientation_error is None
+
+    def test_orientation_error_is_the_angle_to_what_is_asked_for(self, in_space):
+        found = ac.run(in_space).runs["one"]
+        right = found.evaluation.orientation_error
+        tilted = in_space.path.oriented(from_rpy([np.pi - 0.1, 0.0, 0.2]))
+        wrong = ac.evaluate(found.execution, tilted).orientation_error
+        assert right.max < 1e-4
+        turn = from_rpy([np.pi, 0, 0]).T @ from_rpy([np.pi - 0.1, 0.0, 0.2])
+        np.testing.assert_allclose(wrong.values, np.linalg.norm(log(turn)), atol=2e-4)
+        axis = in_space.path.oriented(from_rpy([np.pi - 0.1, 0.0, 0.2]), axis_only=True)
+        free = ac.evaluate(found.execution, axis).orientation_error
+        np.testing.assert_allclose(free.values, 0.1, atol=2e-4)
+
+    def test_angular_speed_is_the_turning_of_the_tool(self, in_space):
+        turned = in_space.path.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0.4]]))
+        found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
+        rates = angular_speed(found.execution)
+        angle = np.trapezoid(rates, found.execution.t)
+        assert angle == pytest.approx(0.4, rel=1e-3)

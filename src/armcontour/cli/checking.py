@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armcontour.evaluation import Check, LimitUse
     from armcontour.geometry import Path
+    from armcontour.study import Job
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -18,6 +19,12 @@ UNITS = {
     "joint_acceleration": "rad/s²",
     "joint_deceleration": "rad/s²",
     "joint_velocity": "rad/s",
+    "joint_torque": "N m",
+    "joint_jerk": "rad/s³",
+    "joint_lower": "rad",
+    "joint_upper": "rad",
+    "angular_speed": "rad/s",
+    "angular_acceleration": "rad/s²",
     "speed": "m/s",
     "tool_acceleration": "m/s²",
     "centripetal_acceleration": "m/s²",
@@ -27,21 +34,27 @@ UNITS = {
 
 def check_file(
     trajectory: FilePath,
-    arm_name: str,
+    arm_name: str | None,
     limits_file: FilePath | None,
     job_file: FilePath | None,
     *,
     run_name: str | None = None,
+    tip: str | None = None,
+    base: str | None = None,
+    joint_limits: FilePath | None = None,
     as_json: bool = False,
 ) -> bool:
     """Check a trajectory file, print what was found, and say whether every limit is kept.
 
     Args:
         trajectory: CSV file.
-        arm_name: Built-in arm, or its file.
+        arm_name: Built-in arm, or its file; by default the job's, with its tool and payload.
         limits_file: Limits; by default the arm's own.
         job_file: The job whose path the tool was to follow.
         run_name: The run of that job.
+        tip: Link at the end of an arm from a robot description.
+        base: Link of it that stands still.
+        joint_limits: A `joint_limits.yaml` of MoveIt for the arm.
         as_json: Whether to print JSON and not a table.
 
     Raises:
@@ -50,11 +63,21 @@ def check_file(
     from armcontour.arms import load_arm
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
-    from armcontour.io import read_limits, read_trajectory
+    from armcontour.io import read_job, read_limits, read_trajectory
 
-    arm = load_arm(arm_name)
+    job = None if job_file is None else read_job(job_file)
+    if arm_name is not None:
+        arm = load_arm(arm_name, tip=tip, base=base, joint_limits=joint_limits)
+    elif job is None:
+        raise InvalidInput("Name the arm with --arm, or with --path a job that has one.")
+    elif any(x is not None for x in (tip, base, joint_limits)):
+        raise InvalidInput(
+            "--tip, --base and --joint-limits go with --arm: the job's arm has its own."
+        )
+    else:
+        arm = job.arm
     limits, deviation = (arm.limits, None) if limits_file is None else read_limits(limits_file, arm)
-    path = None if job_file is None else _path(job_file, run_name)
+    path = None if job is None else _path(job, run_name)
     if deviation is not None and path is None:
         raise InvalidInput(
             f"{limits_file} limits the deviation from a path: name its job with --path."
@@ -70,22 +93,20 @@ def check_file(
     return not found.violated
 
 
-def _path(job_file: FilePath, run_name: str | None) -> Path:
+def _path(job: Job, run_name: str | None) -> Path:
     """The path of a job, with the corners of its run rounded.
 
     Without a run's name it is the rounded path, if the job's runs round corners in one way only.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io import read_job
     from armcontour.study import path_of
 
-    job = read_job(job_file)
     if run_name is not None:
         for run in job.runs:
             if run.name == run_name:
                 return path_of(job, run)
         names = ", ".join(x.name for x in job.runs)
-        raise InvalidInput(f"{job_file} has no run {run_name!r}: its runs are {names}.")
+        raise InvalidInput(f"The job {job.name} has no run {run_name!r}: its runs are {names}.")
     rounding = {
         (x.rounding, x.limits.centripetal_acceleration): x
         for x in job.runs
@@ -94,7 +115,8 @@ def _path(job_file: FilePath, run_name: str | None) -> Path:
     if len(rounding) > 1:
         names = ", ".join(x.name for x in rounding.values())
         raise InvalidInput(
-            f"The runs of {job_file} round corners differently: choose one with --run ({names})."
+            f"The runs of the job {job.name} round corners differently: choose one with --run "
+            f"({names})."
         )
     return path_of(job, next(iter(rounding.values()))) if rounding else job.path
 
@@ -106,7 +128,14 @@ def _plain(found: Check) -> dict[str, Any]:
     return {
         "kept": not found.violated,
         "worst": None if found.worst is None else found.worst.name,
-        "limits": [{**asdict(x), "verdict": _verdict(x, found.tolerance)} for x in found.uses],
+        "limits": [
+            {
+                # A joint may have a range that is open.
+                **{k: known(v) if isinstance(v, float) else v for k, v in asdict(x).items()},
+                "verdict": _verdict(x, found.tolerance),
+            }
+            for x in found.uses
+        ],
         "not_judged": list(found.not_judged),
         "path_deviation": None if found.path_deviation is None else asdict(found.path_deviation),
         "start": found.start,
@@ -141,7 +170,7 @@ def _print(found: Check) -> None:
             f"{x.ratio:.6f}",
             f"{x.slack:.1g}",
             f"{x.value:.6g} {unit}",
-            f"{x.limit:.6g} {unit}",
+            f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
             f"{x.t:.6g}",
             "" if x.joint is None else str(x.joint),
             _verdict(x, found.tolerance),

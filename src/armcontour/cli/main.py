@@ -48,7 +48,7 @@ def run(
     force: Force = False,
     open_report: Open = False,
 ) -> None:
-    """Run a job: writes summary.json, report.html, and taught.csv and planned.csv per run."""
+    """Run a job: writes summary.json, report.html, and per run its trajectories (CSV)."""
     from armcontour.cli.running import run_job
     from armcontour.io import read_job
 
@@ -66,7 +66,13 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
 @app.command()
 def check(
     trajectory: Annotated[FilePath, typer.Argument(help="Time-stamped joint trajectory (CSV).")],
-    arm: Annotated[str, typer.Option("--arm", help="Built-in arm, or an arm file (YAML).")],
+    arm: Annotated[
+        str | None,
+        typer.Option(
+            "--arm",
+            help="Built-in arm, or an arm file (.yaml, .urdf, .xacro); by default the job's.",
+        ),
+    ] = None,
     limits: Annotated[
         FilePath | None,
         typer.Option("--limits", help="Limits file (YAML); by default the arm's own limits."),
@@ -78,23 +84,42 @@ def check(
     run_name: Annotated[
         str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
     ] = None,
+    tip: Annotated[
+        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
+    ] = None,
+    base: Annotated[
+        str | None, typer.Option("--base", help="Link of such an arm that stands still.")
+    ] = None,
+    joint_limits: Annotated[
+        FilePath | None,
+        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
     """Judge any joint trajectory against limits; exit code 1 if one is violated."""
     from armcontour.cli.checking import check_file
 
-    kept = check_file(trajectory, arm, limits, path, run_name=run_name, as_json=as_json)
+    kept = check_file(
+        trajectory,
+        arm,
+        limits,
+        path,
+        run_name=run_name,
+        tip=tip,
+        base=base,
+        joint_limits=joint_limits,
+        as_json=as_json,
+    )
     raise typer.Exit(0 if kept else 1)
 
 
 @app.command()
 def arms() -> None:
-    """List the built-in arms."""
-    from armcontour.arms import arm_names, load_arm
+    """List the built-in arms, with what is assumed of them."""
+    from armcontour.cli.listing import listed_arms
 
-    for name in arm_names():
-        arm = load_arm(name)
-        typer.echo(f"{name}: {arm.name}, {arm.dof} joints ({arm.source})")
+    for line in listed_arms():
+        typer.echo(line)
 
 
 @app.command()

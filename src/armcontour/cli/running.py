@@ -8,7 +8,11 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from armcontour.evaluation import Evaluation
     from armcontour.study import Job, Study
+
+# Columns of text where the output goes to a file or another program.
+WIDTH = 120
 
 
 def built_in_job() -> Job:
@@ -37,7 +41,7 @@ def run_job(
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     # Only then the heavy part, so that the folder and the job are refused at once.
-    from armcontour.io import ResultFolder, planned_csv, summary, taught_csv
+    from armcontour.io import ResultFolder, planned_csv, summary, taught_csv, torque_csv
 
     job = read()
     console = Console(stderr=True)
@@ -54,9 +58,10 @@ def run_job(
         ) as progress,
     ):
         from armcontour.report import render_report
-        from armcontour.study import STEPS, run
+        from armcontour.study import run, steps_of
+        from armcontour.study.quantities import has_bodies
 
-        task = progress.add_task("starting", total=len(job.runs) * len(STEPS) + 2)
+        task = progress.add_task("starting", total=sum(len(steps_of(x)) for x in job.runs) + 2)
 
         def step(name: str, what: str) -> None:
             progress.update(task, description=f"{name}: {what}", advance=1)
@@ -65,8 +70,10 @@ def run_job(
         progress.update(task, description="writing the report", advance=1)
         for name, result in study.runs.items():
             folder.write(f"{name}/taught.csv", taught_csv(result.taught, job.arm.joint_names))
-            planned = planned_csv(result.trajectory, result.run.period)
-            folder.write(f"{name}/planned.csv", planned)
+            plan, period = result.trajectory, result.run.period
+            folder.write(f"{name}/planned.csv", planned_csv(plan, period, job.arm.joint_names))
+            if has_bodies(job.arm):
+                folder.write(f"{name}/torque.csv", torque_csv(plan, job.arm, period))
         folder.write("report.html", render_report(study))
         folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()
@@ -82,26 +89,36 @@ def _print_results(study: Study, report: FilePath) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from armcontour.study.quantities import assumed
+
+    tried = any(x.experiment is not None for x in study.runs.values())
+    headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
+    if tried:
+        headings += ["experiment: RMS error [mm]", "largest [mm]"]
     table = Table(title=escape(study.job.title), title_justify="left")
-    for name in (
-        "run",
-        "motion [s]",
-        "at rest [s]",
-        "RMS error [mm]",
-        "largest [mm]",
-        "demand / limit",
-    ):
-        table.add_column(name, justify="left" if name == "run" else "right")
+    table.add_column("run")
+    for name in headings:
+        table.add_column(name, justify="right")
     for name, result in study.runs.items():
         e = result.evaluation
-        table.add_row(
-            name,
+        cells = [
             f"{e.duration:.4f}",
             f"{e.settled:.3f}",
-            f"{e.contour_error.rms * 1e3:.4f}",
-            f"{e.contour_error.max * 1e3:.4f}",
+            *_errors(e),
             f"{e.demand_ratio.max():.4f}",
-        )
+        ]
+        if tried:
+            seen = result.experiment
+            cells += ["", ""] if seen is None else _errors(seen.evaluation)
+        table.add_row(name, *cells)
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
     console.print(table)
+    if tried and (rests_on := assumed(study.job.arm)):
+        console.print(f"Masses: {rests_on}", highlight=False, markup=False)
     console.print(f"Report: {report.as_uri()}", soft_wrap=True, highlight=False)
+
+
+def _errors(e: Evaluation) -> list[str]:
+    return [f"{e.contour_error.rms * 1e3:.4f}", f"{e.contour_error.max * 1e3:.4f}"]

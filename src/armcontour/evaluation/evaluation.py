@@ -42,8 +42,8 @@ class Evaluation:
         contour_error: Distance from the tool to the path [m].
         tracking_error: Distance from the tool to where it should be at that time [m].
         objective_error: Distance from the tool to the objective path, if one was given [m].
-        angular_error: Angle between the tool's orientation, or its axis where only that counts, and
-            the one at the nearest place of the path [rad]; None without an orientation.
+        orientation_error: Angle between the tool's orientation (or its axis, where only that
+            counts) and the one at the nearest place of the path [rad]; None without one.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
         speed_ratio: The same over the assigned velocity; NaN without one.
@@ -65,7 +65,7 @@ class Evaluation:
     contour_error: ErrorProfile
     tracking_error: ErrorProfile
     objective_error: ErrorProfile | None
-    angular_error: ErrorProfile | None
+    orientation_error: ErrorProfile | None
     corners: tuple[CornerDeviation, ...]
     speed: float
     speed_ratio: float
@@ -136,7 +136,7 @@ def evaluate(
             if off_objective is None
             else ErrorProfile.over_time(t, off_objective.distance, off_objective.s, end)
         ),
-        angular_error=_angular_error(executed, path, t, found.s, end),
+        orientation_error=_orientation_error(executed, path, t, found.s, end),
         corners=() if objective is None else corner_deviations(tool[t <= end], objective),
         speed=float(speed.max()),
         speed_ratio=float(speed.max()) / (np.nan if bounds.speed is None else bounds.speed),
@@ -150,7 +150,7 @@ def evaluate(
     )
 
 
-def _angular_error(
+def _orientation_error(
     executed: Execution, path: Path, t: FloatArray, s: FloatArray, end: float
 ) -> ErrorProfile | None:
     """Angle between the tool's orientation, or its axis, and the path's at the nearest place."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ SAME_ORIENTATION = 1e-9
 # [rad/m], at which a metre of path turns the tool by no more than one orientation's play.
 SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
+# Of an arc length, in parts of it.
+ROUNDING = 1e-15
 LINEAR = _checks.locked([0.0, 1.0, 0.0, 0.0])
 
 
@@ -39,6 +41,9 @@ class Orientation:
         axis_only: Only the tool axis, the third column, counts: turning about it is free.
         follows: The orientation follows the tangent of its path.
 
+    Attributes:
+        fixed: The tool does not turn on any piece.
+
     Raises:
         InvalidInput: Arrays that do not fit.
     """
@@ -51,6 +56,7 @@ class Orientation:
     g: FloatArray
     axis_only: bool = False
     follows: bool = False
+    fixed: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.starts)
@@ -66,6 +72,7 @@ class Orientation:
             if array.shape != shape or not np.isfinite(array).all():
                 raise InvalidInput(f"{name} of an orientation must be finite, of shape {shape}.")
             object.__setattr__(self, name, array)
+        object.__setattr__(self, "fixed", not (self.first.any() or self.second.any()))
         if n == 0 or self.breaks[0] != 0 or not (np.diff(self.breaks) > 0).all():
             raise InvalidInput("The breaks of an orientation must start at 0 and increase.")
 
@@ -123,12 +130,16 @@ class Orientation:
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
         """Rotation matrices at distance `u` behind the start of piece `i`."""
+        if self.fixed:
+            return np.array(self.starts[i])
         turn = exp(_value(self.f[i], u)[..., None] * self.first[i])
         back = exp(_value(self.g[i], u)[..., None] * self.second[i])
         return np.asarray(back @ turn @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rate of turning and its derivative at distance `u` behind the start of piece `i`."""
+        if self.fixed:
+            return np.zeros((*np.shape(u), 3)), np.zeros((*np.shape(u), 3))
         g, dg, ddg = (_value(self.g[i], u, order)[..., None] for order in range(3))
         df, ddf = (_value(self.f[i], u, order)[..., None] for order in (1, 2))
         second = self.second[i]
@@ -152,16 +163,21 @@ class Orientation:
     @property
     def kinks(self) -> FloatArray:
         """Amount by which the rate jumps at every inner break [rad/m], 0 for rounding, (n - 1,)."""
+        if self.fixed:
+            return np.zeros(len(self) - 1)
         i = np.arange(len(self) - 1)
-        before, _ = self.rates_on_piece(i, np.diff(self.breaks)[:-1])
-        after, _ = self.rates_on_piece(i + 1, np.zeros(len(i)))
+        before, ending = self.rates_on_piece(i, np.diff(self.breaks)[:-1])
+        after, beginning = self.rates_on_piece(i + 1, np.zeros(len(i)))
         step = after - before
         if self.axis_only:
             axis = self.on_piece(i + 1, np.zeros(len(i)))[:, :, 2]
             step = step - np.sum(step * axis, axis=1, keepdims=True) * axis
         kink = np.linalg.norm(step, axis=1)
         size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-        return np.asarray(np.where(kink > SAME_RATE * size + RATE_FLOOR, kink, 0.0))
+        # On a tight corner a rate changes by much within the last digit of an arc length.
+        change = np.linalg.norm(ending, axis=1) + np.linalg.norm(beginning, axis=1)
+        play = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * change
+        return np.asarray(np.where(kink > play, kink, 0.0))
 
     @property
     def stops(self) -> FloatArray:

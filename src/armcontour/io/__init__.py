@@ -3,7 +3,7 @@
 from armcontour.io.job_file import json_schema, parse_job, read_job
 from armcontour.io.limits_file import read_limits
 from armcontour.io.results import ResultFolder
-from armcontour.io.summary import planned_csv, summary, taught_csv
+from armcontour.io.summary import planned_csv, summary, taught_csv, torque_csv
 from armcontour.io.trajectory_file import TrajectoryFile, parse_trajectory, read_trajectory
 
 __all__ = [
@@ -18,4 +18,5 @@ __all__ = [
     "read_trajectory",
     "summary",
     "taught_csv",
+    "torque_csv",
 ]

@@ -8,7 +8,8 @@ from pydantic import ValidationError
 
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
-from armcontour.io.job_file import LimitsModel, first_problem
+from armcontour.io.job_model import LimitsModel
+from armcontour.io.problems import first_problem
 from armcontour.io.units import Length
 from armcontour.io.yaml_text import load
 

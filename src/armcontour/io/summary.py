@@ -12,10 +12,19 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._version import __version__
-from armcontour.evaluation import ErrorProfile
+from armcontour.arms import Arm
+from armcontour.evaluation import ErrorProfile, Evaluation
 from armcontour.geometry import RoundedPath
-from armcontour.motion import TaughtData, Trajectory
-from armcontour.study import RunResult, Study
+from armcontour.motion import Execution, TaughtData, Trajectory
+from armcontour.study import ExperimentResult, RunResult, Study
+from armcontour.study.quantities import (
+    Torques,
+    angular_speed,
+    applied_torques,
+    assumed,
+    has_bodies,
+    planned_torques,
+)
 
 UNITS = {
     "length": "m",
@@ -36,6 +45,16 @@ UNITS = {
     "period": "s",
     "t": "s",
     "s": "m",
+    "start": "rad",
+    "turn": "rad",
+    "angular_error": "rad",
+    "orientation_error": "rad",
+    "angular_speed": "rad/s",
+    "torque": "N m",
+    "torque_ratio": "share of the limit",
+    "step": "s",
+    "noise": "rad",
+    "nominal_inertia": "kg m^2",
 }
 
 
@@ -51,7 +70,13 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
         "armcontour": __version__,
         "job": job.name,
         "title": job.title,
-        "arm": {"name": job.arm.name, "source": job.arm.source},
+        "arm": {
+            "name": job.arm.name,
+            "source": job.arm.source,
+            "joints": job.arm.joint_names,
+            "masses_known": has_bodies(job.arm),
+            "assumed": assumed(job.arm) or None,
+        },
         "units": UNITS,
         "runs": {name: _run(result) for name, result in study.runs.items()},
         "files": list(files),
@@ -70,20 +95,34 @@ def taught_csv(taught: TaughtData, joint_names: Sequence[str]) -> str:
     return _csv([f"{name} [rad]" for name in joint_names], [taught.t, taught.q])
 
 
-def planned_csv(trajectory: Trajectory, period: float) -> str:
+def planned_csv(trajectory: Trajectory, period: float, joint_names: Sequence[str] = ()) -> str:
     """The realizable trajectory as CSV: t, then q, dq and ddq of every joint.
 
     Args:
         trajectory: The trajectory.
         period: Time between rows; the last row is the end [s].
+        joint_names: Names of the joints; numbers by default, and where a name is but a number.
     """
     x = trajectory.sample(period)
+    called = [name.removeprefix("joint ") for name in joint_names]
     names = [
-        f"{quantity} {j + 1} [{unit}]"
+        f"{quantity} {name} [{unit}]"
         for quantity, unit in (("q", "rad"), ("dq", "rad/s"), ("ddq", "rad/s^2"))
-        for j in range(trajectory.dof)
+        for name in called or range(1, trajectory.dof + 1)
     ]
     return _csv(names, [x.t, x.q, x.dq, x.ddq])
+
+
+def torque_csv(trajectory: Trajectory, arm: Arm, period: float) -> str:
+    """Torques of the realizable trajectory as CSV: t, then the torque of every joint's drive.
+
+    Args:
+        trajectory: The trajectory.
+        arm: The arm, with bodies.
+        period: Time between rows; the last row is the end [s].
+    """
+    x = trajectory.sample(period)
+    return _csv([f"{name} [N m]" for name in arm.joint_names], [x.t, arm.torque(x.q, x.dq, x.ddq)])
 
 
 def _csv(names: Sequence[str], columns: Sequence[FloatArray]) -> str:
@@ -94,37 +133,16 @@ def _csv(names: Sequence[str], columns: Sequence[FloatArray]) -> str:
 
 
 def _run(result: RunResult) -> dict[str, Any]:
-    e = result.evaluation
-    path = result.path
+    path, arm = result.path, result.execution.arm
     found: dict[str, Any] = {
         "timing": result.run.timing,
         "compensation": result.run.compensation,
         "period": result.run.period,
+        "ignore_jerk": result.run.ignore_jerk,
+        "start": dict(zip(arm.joint_names, result.trajectory(0.0), strict=True)),
         "length": path.length,
-        "duration": e.duration,
-        "settled": e.settled,
-        "until": e.until,
-        "contour_error": _error(e.contour_error),
-        "tracking_error": _error(e.tracking_error),
-        "objective_error": None if e.objective_error is None else _error(e.objective_error),
-        "speed": e.speed,
-        "speed_ratio": e.speed_ratio,
-        "speed_overshoot": e.speed_overshoot,
-        "path_velocity": e.path_velocity,
-        "utilisation": e.utilisation,
-        "limit_ratios": e.limit_ratios,
-        "demand": e.demand,
-        "demand_ratio": e.demand_ratio,
-        "saturated": e.saturated,
-        "cornering": [
-            {
-                "joint": c.joint,
-                "point": c.point,
-                "rounding": c.rounding,
-                "overshoot": c.overshoot,
-            }
-            for c in e.corners
-        ],
+        **_judged(result.evaluation),
+        **_turned(result.execution, result.evaluation),
         "switching_points": result.trajectory.switching_points,
         "stretches": [
             {
@@ -139,6 +157,11 @@ def _run(result: RunResult) -> dict[str, Any]:
         ],
         "merged_points": path.merged,
     }
+    torques = planned_torques(result)
+    if torques is not None:
+        found.update(_torques(torques, result))
+    if result.experiment is not None:
+        found["experiment"] = _experiment(result, result.experiment)
     if result.explanation is not None:
         why = result.explanation
         found["explanation"] = {
@@ -168,6 +191,7 @@ def _run(result: RunResult) -> dict[str, Any]:
                 "turn": c.turn[i],
                 "radius": c.radius[i],
                 "error": c.error[i],
+                "angular_error": c.angular_error[i],
                 "tangent": c.tangent[i],
                 "shrunk": bool(c.shrunk[i]),
                 "full_stop": bool(c.stopped[i]),
@@ -176,6 +200,76 @@ def _run(result: RunResult) -> dict[str, Any]:
             for i in range(len(c))
         ]
     return found
+
+
+def _judged(e: Evaluation) -> dict[str, Any]:
+    return {
+        "duration": e.duration,
+        "settled": e.settled,
+        "until": e.until,
+        "contour_error": _error(e.contour_error),
+        "tracking_error": _error(e.tracking_error),
+        "objective_error": None if e.objective_error is None else _error(e.objective_error),
+        "speed": e.speed,
+        "speed_ratio": e.speed_ratio,
+        "speed_overshoot": e.speed_overshoot,
+        "path_velocity": e.path_velocity,
+        "utilisation": e.utilisation,
+        "limit_ratios": e.limit_ratios,
+        "demand": e.demand,
+        "demand_ratio": e.demand_ratio,
+        "saturated": e.saturated,
+        "cornering": [
+            {
+                "joint": c.joint,
+                "point": c.point,
+                "rounding": c.rounding,
+                "overshoot": c.overshoot,
+            }
+            for c in e.corners
+        ],
+    }
+
+
+def _turned(execution: Execution, evaluation: Evaluation) -> dict[str, Any]:
+    """How the tool turned, in space."""
+    speed, error = angular_speed(execution), evaluation.orientation_error
+    found: dict[str, Any] = {}
+    if speed is not None:
+        found["angular_speed"] = speed.max()
+    if error is not None:
+        found["orientation_error"] = _error(error)
+    return found
+
+
+def _torques(torques: Torques, result: RunResult) -> dict[str, Any]:
+    """Torques beside their limits, and what they rest on."""
+    limit = result.run.limits.joint_torque
+    return {
+        "torque": {
+            "peak": torques.peak,
+            "limit": limit,
+            "assumed": assumed(result.execution.arm) or None,
+        },
+        "torque_ratio": None if limit is None else torques.peak / limit,
+    }
+
+
+def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, Any]:
+    plant, done = experiment.plant, experiment.execution
+    found: dict[str, Any] = {
+        "plant": type(plant).__name__,
+        "step": plant.step,
+        "gravity_feedforward": plant.gravity_feedforward,
+        "friction": plant.friction,
+        "noise": plant.noise,
+        "seed": plant.seed,
+        "nominal_inertia": plant.nominal_inertia,
+        **_judged(experiment.evaluation),
+        **_turned(done, experiment.evaluation),
+    }
+    applied = applied_torques(experiment)
+    return found if applied is None else {**found, **_torques(applied, result)}
 
 
 def _error(profile: ErrorProfile) -> dict[str, float]:

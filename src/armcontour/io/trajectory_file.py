@@ -24,6 +24,8 @@ _NAME = re.compile(
     re.IGNORECASE,
 )
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
+# A quantity of a joint that is called by its name.
+_CALLED = re.compile(r"(?P<kind>ddq|dq|q)[ _](?P<name>.+)", re.IGNORECASE)
 _NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?"
 )
@@ -70,7 +72,7 @@ def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> Tr
 
     Args:
         file: The file.
-        joint_names: Other names for the positions of joint 1, 2, ...
+        joint_names: Other names of joint 1, 2, ..., alone for positions or behind `q`, `dq`, `ddq`.
 
     Raises:
         InvalidInput: Anything else; names the file and the line.
@@ -170,8 +172,12 @@ def _column(name: str, joint_names: Sequence[str], where: str) -> _Column:
     bracketed = _BRACKETS.fullmatch(name)
     bare = bracketed["name"] if bracketed else name
     match = _NAME.fullmatch(name)
+    called = _CALLED.fullmatch(bare)
     if bare in joint_names:
         kind, joint, unit = "q", joint_names.index(bare) + 1, bracketed and bracketed["unit"]
+    elif called and called["name"] in joint_names:
+        kind, joint = called["kind"].lower(), joint_names.index(called["name"]) + 1
+        unit = bracketed and bracketed["unit"]
     elif match and (match["joint"] is None) == (KINDS[match["kind"].lower()] == "t"):
         kind, joint = KINDS[match["kind"].lower()], int(match["joint"] or 0)
         unit = match["unit"] if match["unit"] is not None else match["suffix"]

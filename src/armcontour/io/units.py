@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 # A number, then a unit: products, quotients and one-digit powers of names.
 QUANTITY = re.compile(
     r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*(1\s*/\s*)?[^\W\d_]\w*"
-    r"(\s*(\*\*|\^)\s*-?\d|[²³]|\s*[*/·]\s*[^\W\d_]\w*)*\s*|"
+    r"(\s*(\*\*|\^)\s*-?\d|[²³]|(\s*[*/·]\s*|\s+)[^\W\d_]\w*)*\s*|"
     r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*°\s*"
 )
 
@@ -21,7 +21,10 @@ QUANTITY = re.compile(
 def _registry() -> Any:
     from pint import UnitRegistry
 
-    return UnitRegistry(cache_folder=None)
+    registry: Any = UnitRegistry(cache_folder=None)
+    # What data sheets write for the unit of torque.
+    registry.define("newton_meter = newton * meter = Nm")
+    return registry
 
 
 def parse(value: Any, unit: str) -> float:
@@ -78,6 +81,18 @@ def parse(value: Any, unit: str) -> float:
     return result
 
 
+def _position(value: Any) -> Any:
+    """The position of a joint as it is written, refused if it is neither an angle nor a length."""
+    if isinstance(value, str):
+        try:
+            parse(value, "m")
+            return value
+        except ValueError:
+            pass
+    parse(value, "rad")
+    return value
+
+
 def _quantity(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
     schema = {
         "description": f"A number in {unit}, or text with a unit such as '{example}'.",
@@ -95,3 +110,21 @@ JointVelocity = Annotated[float, *_quantity("rad/s", "1.5 rad/s")]
 JointAcceleration = Annotated[float, *_quantity("rad/s^2", "0.72 rad/s^2")]
 Duration = Annotated[float, *_quantity("s", "4 ms")]
 Gain = Annotated[float, *_quantity("1/s", "25 1/s")]
+Torque = Annotated[float, *_quantity("N m", "150 N m")]
+JointJerk = Annotated[float, *_quantity("rad/s^3", "4000 rad/s^3")]
+AngularSpeed = Annotated[float, *_quantity("rad/s", "90 deg/s")]
+AngularAcceleration = Annotated[float, *_quantity("rad/s^2", "720 deg/s^2")]
+Mass = Annotated[float, *_quantity("kg", "2 kg")]
+Inertia = Annotated[float, *_quantity("kg m^2", "0.002 kg m^2")]
+# Which of the two it must be is up to its joint.
+JointPosition = Annotated[
+    float | str,
+    BeforeValidator(_position),
+    WithJsonSchema(
+        {
+            "description": "A number in rad (in m of a joint that slides), or text with a unit.",
+            "anyOf": [{"type": "number"}, {"type": "string"}],
+            "examples": ["10 deg", "20 mm"],
+        }
+    ),
+]

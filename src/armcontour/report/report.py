@@ -22,10 +22,13 @@ def render_report(study: Study) -> str:
         sections.overview(study),
         sections.published(study),
         sections.paths(study),
+        sections.space(study),
         sections.joint_space(study),
         sections.tool_speed(study),
         sections.bindings(study),
+        sections.joints(study),
         sections.accelerations(study),
+        sections.torques(study),
         sections.contour_error(study),
         sections.time_stamps(study),
     ]
@@ -36,7 +39,11 @@ def render_report(study: Study) -> str:
 
     def drawing(figure: object, number: str) -> Markup:
         html = figure.to_html(  # type: ignore[attr-defined]
-            full_html=False, include_plotlyjs=False, div_id=f"figure-{number}", config=config
+            full_html=False,
+            include_plotlyjs=False,
+            div_id=f"figure-{number}",
+            config=config,
+            auto_play=False,
         )
         return Markup(html)
 

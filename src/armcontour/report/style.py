@@ -13,6 +13,11 @@ from armcontour._checks import FloatArray
 RUN_COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 PATH_COLOUR = "#888888"
 LIMIT_COLOUR = "#000000"
+PLANNED_COLOUR = "#D55E00"
+EXECUTED_COLOUR = "#0072B2"
+EXPERIMENT_COLOUR = "#009E73"
+# An experiment has its run's colour.
+EXPERIMENT_DASH = "dot"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
 # More points than this in one curve are not seen, but loaded.
 MOST_POINTS = 3000
@@ -31,16 +36,17 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
-def thinned(t: FloatArray, *curves: FloatArray) -> list[FloatArray]:
-    """Times and curves with at most about `MOST_POINTS` points, every peak kept.
+def thinned(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
+    """Times and curves with at most about `most` points, every peak kept.
 
     Args:
         t: (n,).
         curves: (n,) each; the extremes of each are kept in every stretch of time.
+        most: Number of points.
     """
     n = len(t)
-    bins = MOST_POINTS // (2 * max(1, len(curves)))
-    if n <= MOST_POINTS:
+    bins = most // (2 * max(1, len(curves)))
+    if n <= most:
         return [t, *curves]
     size = int(np.ceil(n / bins))
     kept = {0, n - 1}
@@ -70,14 +76,14 @@ def finish(figure: Any, *, title: str, height: int = 460) -> Any:
 
 
 def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
-    """A curve."""
+    """A curve; drawn in single precision, which halves the page and is not seen."""
     import plotly.graph_objects as go
 
     dash = more.pop("dash", "solid")
     width = more.pop("width", 2)
     return go.Scatter(
-        x=x,
-        y=y,
+        x=np.asarray(x, dtype=np.float32),
+        y=np.asarray(y, dtype=np.float32),
         name=name,
         mode="lines",
         line={"color": colour, "dash": dash, "width": width},

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from armcontour import _checks
+from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
@@ -19,6 +21,26 @@ class Rounding:
     tolerance: float | None = None
     speed: float | None = None
     acceleration: float | None = None
+    angular_tolerance: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """The arm's rigid bodies, on which a run is executed too: options of `RigidBodyPlant`.
+
+    Args:
+        step: Cycle of the drives [s].
+        gravity_feedforward: Whether the controller adds the torque against gravity.
+        friction: Whether the arm's friction acts.
+        noise: Standard deviation of measured joint positions [rad].
+        seed: Of the noise.
+    """
+
+    step: float = 2.5e-4
+    gravity_feedforward: bool = True
+    friction: bool = True
+    noise: float = 0.0
+    seed: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +57,8 @@ class Run:
         timing_options: Options of the timing method.
         compensation_options: Options of the compensation method.
         until: End of the time that errors cover [s]; None is until the tool rests.
+        ignore_jerk: Plan in spite of limits of jerk.
+        experiment: How it is executed on the arm's rigid bodies too; None leaves that out.
     """
 
     name: str
@@ -46,6 +70,8 @@ class Run:
     timing_options: Mapping[str, Any] = field(default_factory=dict)
     compensation_options: Mapping[str, Any] = field(default_factory=dict)
     until: float | None = None
+    ignore_jerk: bool = False
+    experiment: Experiment | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,14 +103,16 @@ class Job:
         title: For people.
         arm: The arm.
         path: The objective path.
-        branch: Branch of the arm's inverse kinematics; None is its first.
+        branch: Branch of the inverse kinematics of an arm in the plane; None is its first.
+        start: For an arm in space: joint positions near to those to start in [rad], (dof,); None
+            is the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
         plant_servo: The gains of the simulated servo.
         runs: At least one, with different names.
         published: Figures to compare with.
 
     Raises:
-        InvalidInput: No run, or two of the same name.
+        InvalidInput: No run, two of the same name, or a start for another number of joints.
     """
 
     name: str
@@ -95,9 +123,13 @@ class Job:
     plant_servo: ServoModel
     runs: tuple[Run, ...]
     branch: str | None = None
+    start: FloatArray | None = None
     published: Published | None = None
 
     def __post_init__(self) -> None:
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
+        if self.start is not None:
+            start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
+            object.__setattr__(self, "start", _checks.locked(start))

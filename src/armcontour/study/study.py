@@ -2,22 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
 from types import MappingProxyType
 
+import numpy as np
+
+from armcontour.arms import Limits
 from armcontour.compensation import compensate
 from armcontour.errors import ArmContourError
 from armcontour.evaluation import Evaluation, evaluate
-from armcontour.execution import ServoPlant, execute
+from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.study.job import Job, Run
-from armcontour.timing import Explanation, explain, plan
-from armcontour.tracing import trace
+from armcontour.timing import (
+    Explanation,
+    explain,
+    plan,
+    refuse_jerk,
+    refuse_out_of_range,
+    trace_fastest,
+)
 
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
+EXPERIMENT = "experiment"
+# Largest time between two results of an experiment [s], unless its drives are slower.
+RESOLUTION = 1e-3
 Progress = Callable[[str, str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExperimentResult:
+    """What a run came to on the arm's rigid bodies.
+
+    Args:
+        plant: The bodies and drives.
+        execution: What the joints did.
+        evaluation: What that was worth.
+    """
+
+    plant: RigidBodyPlant
+    execution: Execution
+    evaluation: Evaluation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +61,7 @@ class RunResult:
         taught: The taught data.
         execution: What the joints did.
         evaluation: What that was worth.
+        experiment: The same on the arm's rigid bodies, if the run has an experiment.
     """
 
     run: Run
@@ -43,6 +72,7 @@ class RunResult:
     taught: TaughtData
     execution: Execution
     evaluation: Evaluation
+    experiment: ExperimentResult | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,15 +93,16 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    results = {}
+    results: dict[str, RunResult] = {}
     for x in job.runs:
-        try:
-            results[x.name] = _run(job, x, progress or (lambda run, step: None))
-        except ArmContourError as error:
-            # The same error with the run's name before its sentence.
-            error.args = (f"Run {x.name}: {error}",)
-            raise
+        with _named(f"Run {x.name}"):
+            results[x.name] = _run(job, x, progress or (lambda run, step: None), results.values())
     return Study(job=job, runs=MappingProxyType(results))
+
+
+def steps_of(this: Run) -> tuple[str, ...]:
+    """The steps that a run takes, in order."""
+    return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
 
 
 def path_of(job: Job, this: Run) -> Path:
@@ -86,16 +117,29 @@ def path_of(job: Job, this: Run) -> Path:
         tolerance=this.rounding.tolerance,
         speed=this.rounding.speed,
         acceleration=acceleration,
+        angular_tolerance=this.rounding.angular_tolerance,
     )
 
 
-def _run(job: Job, this: Run, progress: Progress) -> RunResult:
+def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
     progress(this.name, "rounding")
-    path = path_of(job, this)
+    # Runs that differ in what comes behind tracing share what is before: with joints to spare
+    # tracing takes seconds.
+    same = next((x for x in earlier if _traced_alike(x.run, this)), None)
+    path = path_of(job, this) if same is None else same.path
+    # Before tracing, which can take seconds.
+    refuse_jerk(this.limits, this.ignore_jerk)
     progress(this.name, "tracing")
-    joint_path = trace(path, job.arm, branch=job.branch)
+    joint_path = _traced(job, this, path) if same is None else same.joint_path
     progress(this.name, "timing")
-    trajectory = plan(joint_path, job.arm, this.limits, method=this.timing, **this.timing_options)
+    trajectory = plan(
+        joint_path,
+        job.arm,
+        this.limits,
+        method=this.timing,
+        ignore_jerk=this.ignore_jerk,
+        **this.timing_options,
+    )
     progress(this.name, "compensation")
     taught = compensate(
         trajectory,
@@ -107,6 +151,12 @@ def _run(job: Job, this: Run, progress: Progress) -> RunResult:
     progress(this.name, "execution")
     executed = execute(taught, ServoPlant(job.arm, job.plant_servo, this.limits))
     progress(this.name, "evaluation")
+    evaluation = evaluate(executed, path, objective=job.path, limits=this.limits, until=this.until)
+    experiment = None
+    if this.experiment is not None:
+        progress(this.name, EXPERIMENT)
+        with _named("experiment"):
+            experiment = _experiment(job, this, taught, path)
     return RunResult(
         run=this,
         path=path,
@@ -117,7 +167,52 @@ def _run(job: Job, this: Run, progress: Progress) -> RunResult:
         ),
         taught=taught,
         execution=executed,
+        evaluation=evaluation,
+        experiment=experiment,
+    )
+
+
+def _traced(job: Job, this: Run, path: Path) -> JointPath:
+    """The joint path of the configuration that is fastest under the run's limits."""
+    return trace_fastest(
+        path,
+        job.arm,
+        this.limits,
+        branch=job.branch,
+        start=job.start,
+        refuse=lambda found: refuse_out_of_range(found, this.limits),
+    )
+
+
+def _traced_alike(first: Run, second: Run) -> bool:
+    """Whether two runs have the same path and limits."""
+    return first.rounding == second.rounding and all(
+        np.array_equal(getattr(first.limits, x.name), getattr(second.limits, x.name))
+        for x in fields(Limits)
+    )
+
+
+def _experiment(job: Job, this: Run, taught: TaughtData, path: Path) -> ExperimentResult:
+    """The same taught data on the arm's rigid bodies, by the real servo's gains."""
+    assert this.experiment is not None
+    options = asdict(this.experiment)
+    plant = RigidBodyPlant(job.arm, job.plant_servo, this.limits, **options)
+    # Results closer than the drives' cycle there are none.
+    executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step))
+    return ExperimentResult(
+        plant=plant,
+        execution=executed,
         evaluation=evaluate(
             executed, path, objective=job.path, limits=this.limits, until=this.until
         ),
     )
+
+
+@contextmanager
+def _named(what: str) -> Iterator[None]:
+    """Put what was being done before the sentence of an error."""
+    try:
+        yield
+    except ArmContourError as error:
+        error.args = (f"{what}: {error}",)
+        raise

@@ -2,7 +2,8 @@
 
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
-from armcontour.timing.planner import METHODS, plan
+from armcontour.timing.joint_range import refuse_out_of_range
+from armcontour.timing.planner import METHODS, plan, refuse_jerk
 
 __all__ = [
     "METHODS",
@@ -11,5 +12,7 @@ __all__ = [
     "Shortfall",
     "explain",
     "plan",
+    "refuse_jerk",
+    "refuse_out_of_range",
     "trace_fastest",
 ]

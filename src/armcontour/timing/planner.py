@@ -63,13 +63,7 @@ def plan(
     if isinstance(path, JointPath) and not (branch is None and start is None):
         given = "start" if branch is None else "branch"
         raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
-    if bounds.joint_jerk is not None and not ignore_jerk:
-        raise NotRealizable(
-            "No planner keeps limits of jerk yet: pass ignore_jerk=True (in a job, "
-            "ignore_jerk: true) to plan without them, or lift them with "
-            "limits.replace(joint_jerk=None).",
-            limit="joint_jerk",
-        )
+    refuse_jerk(bounds, ignore_jerk)
 
     def refuse(found: JointPath) -> None:
         refuse_out_of_range(found, bounds)
@@ -94,3 +88,18 @@ def plan(
     if method == "mac":
         return plan_mac(joint_path, arm, bounds, **options)
     return plan_conventional(joint_path, arm, bounds)
+
+
+def refuse_jerk(limits: Limits, ignored: bool) -> None:
+    """Refuse limits of jerk unless they are ignored on purpose.
+
+    Raises:
+        NotRealizable: There are such limits.
+    """
+    if limits.joint_jerk is not None and not ignored:
+        raise NotRealizable(
+            "No planner keeps limits of jerk yet: pass ignore_jerk=True (in a job, "
+            "ignore_jerk: true) to plan without them, or lift them with "
+            "limits.replace(joint_jerk=None).",
+            limit="joint_jerk",
+        )

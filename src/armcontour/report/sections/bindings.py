@@ -12,6 +12,8 @@ from armcontour.timing import Explanation
 
 # A run's places below the assigned velocity are listed up to this number.
 MOST_NOTES = 8
+# Told apart beside the colours.
+PATTERNS = ("", "/", "x", ".")
 
 
 def bindings(study: Study) -> Section | None:
@@ -77,7 +79,11 @@ def _strip(result: RunResult, why: Explanation) -> Any:
                 base=[x.s[0] for x in of],
                 x=[x.s[1] - x.s[0] for x in of],
                 marker={
-                    "color": PATH_COLOUR if name == "nothing" else RUN_COLOURS[k % len(RUN_COLOURS)]
+                    "color": PATH_COLOUR
+                    if name == "nothing"
+                    else RUN_COLOURS[k % len(RUN_COLOURS)],
+                    # Many joints have more limits than there are colours.
+                    "pattern": {"shape": PATTERNS[k // len(RUN_COLOURS) % len(PATTERNS)]},
                 },
                 customdata=[[*x.s, *x.t] for x in of],
                 hovertemplate=(

@@ -8,7 +8,10 @@ import numpy as np
 
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.style import (
+    EXECUTED_COLOUR,
+    EXPERIMENT_DASH,
     LIMIT_COLOUR,
+    PLANNED_COLOUR,
     finish,
     line,
     run_colours,
@@ -18,9 +21,12 @@ from armcontour.report.style import (
     thinned,
 )
 from armcontour.study import RunResult, Study
+from armcontour.study.quantities import angular_speed, assumed
 
 # What is smaller than this on the logarithmic axis of errors is drawn there [mm].
 SMALLEST_ERROR = 1e-6
+# The axis of angular speeds goes as far as this at least [deg/s].
+SLOWEST_TURN = 1.0
 
 
 def tool_speed(study: Study) -> Section:
@@ -54,12 +60,14 @@ def tool_speed(study: Study) -> Section:
         key="speed",
         title="Tool speed",
         text=text,
-        figures=(finish(figure, title="Tool speed over time"),),
+        figures=(finish(figure, title="Tool speed over time"), *_angular_speed(study)),
     )
 
 
-def accelerations(study: Study) -> Section:
-    """Joint accelerations of every run, with limits and saturation marked."""
+def accelerations(study: Study) -> Section | None:
+    """Joint accelerations of every run of an arm in the plane, with limits and saturation."""
+    if study.job.path.dimension != 2:
+        return None
     return Section(
         key="accelerations",
         title="Joint accelerations",
@@ -83,14 +91,85 @@ def contour_error(study: Study) -> Section:
         t, values = thinned(e.t, e.values * 1e3)
         label = f"{name}: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
         figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
+        if result.experiment is not None:
+            e = result.experiment.evaluation.contour_error
+            t, values = thinned(e.t, e.values * 1e3)
+            label = f"{name}, experiment: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
+            look = {"dash": EXPERIMENT_DASH, "width": 1.5}
+            values = np.maximum(values, SMALLEST_ERROR)
+            figure.add_trace(line(t, values, label, colours[name], **look))
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="contour error [mm]", type="log", exponentformat="power")
+    text = "Distance from the executed tool to the path of its run, on a logarithmic scale."
+    notes: tuple[str, ...] = ()
+    if any(x.experiment is not None for x in study.runs.values()):
+        text += (
+            " Dotted: the experiment, the same set-points on the arm's rigid bodies, whose drives "
+            "nobody tuned to the job."
+        )
+        rests_on = assumed(study.job.arm)
+        notes = (f"About the masses of the experiment: {rests_on}",) if rests_on else ()
     return Section(
         key="contour-error",
         title="Contour error",
-        text="Distance from the executed tool to the path of its run, on a logarithmic scale.",
-        figures=(finish(figure, title="Contour error over time", height=500),),
+        text=text,
+        figures=(
+            finish(figure, title="Contour error over time", height=500),
+            *_orientation_error(study),
+        ),
+        notes=notes,
     )
+
+
+def _angular_speed(study: Study) -> list[Any]:
+    """How fast the tool turns, as executed, in space."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
+    limits: dict[float, float] = {}
+    for name, result in study.runs.items():
+        speed = angular_speed(result.execution)
+        if speed is None:
+            return []
+        t, values = thinned(result.execution.t, np.degrees(speed))
+        figure.add_trace(line(t, values, name, colours[name], width=widths[name]))
+        if result.run.limits.angular_speed is not None:
+            longest = limits.get(result.run.limits.angular_speed, 0.0)
+            limits[result.run.limits.angular_speed] = max(longest, result.trajectory.duration)
+    for value, time in sorted(limits.items()):
+        limit = np.degrees([value, value])
+        label = f"limit {limit[0]:g} deg/s"
+        figure.add_trace(line([0, time], limit, label, LIMIT_COLOUR, dash="dash", width=1))
+    figure.update_xaxes(title="time [s]")
+    # A tool that keeps its orientation is not to be shown as noise.
+    top = max(SLOWEST_TURN, *(1.05 * float(np.max(x.y)) for x in figure.data))
+    figure.update_yaxes(title="angular speed [deg/s]", range=[0, top])
+    return [finish(figure, title="Angular speed of the tool over time", height=400)]
+
+
+def _orientation_error(study: Study) -> list[Any]:
+    """How far the tool was turned from how it is to be held, where that is said."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    colours = run_colours(study.runs)
+    for name, result in study.runs.items():
+        done = [(name, result.evaluation, "solid")]
+        if result.experiment is not None:
+            done.append((f"{name}, experiment", result.experiment.evaluation, EXPERIMENT_DASH))
+        for label, evaluation, dash in done:
+            e = evaluation.orientation_error
+            if e is None:
+                continue
+            t, values = thinned(e.t, np.degrees(e.values))
+            label += f": largest {np.degrees(e.max):.4f} deg"
+            figure.add_trace(line(t, values, label, colours[name], dash=dash))
+    if not figure.data:
+        return []
+    figure.update_xaxes(title="time [s]")
+    figure.update_yaxes(title="orientation error [deg]", rangemode="tozero")
+    return [finish(figure, title="Orientation error over time", height=420)]
 
 
 def time_stamps(study: Study) -> Section | None:
@@ -124,14 +203,15 @@ def _accelerations(name: str, result: RunResult) -> Any:
         t, ddq = thinned(x.t, x.ddq[:, j])
         first = j == 0
         figure.add_trace(
-            line(t, ddq, "executed", "#0072B2", showlegend=first, legendgroup="executed"), **row
+            line(t, ddq, "executed", EXECUTED_COLOUR, showlegend=first, legendgroup="executed"),
+            **row,
         )
         figure.add_trace(
             line(
                 t_plan,
                 planned[:, j],
                 "planned",
-                "#D55E00",
+                PLANNED_COLOUR,
                 dash="dot",
                 width=1.5,
                 showlegend=first,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from armcontour.report.section import Section, Tile
 from armcontour.study import RunResult, Study
+from armcontour.study.quantities import assumed, planned_torques
 
 
 def overview(study: Study) -> Section:
@@ -56,7 +57,38 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
                 note=f"largest {e.speed * 1e3:.1f} mm/s, mean {e.path_velocity * 1e3:.1f} mm/s",
             )
         )
+    tiles += _torque(result)
+    if result.experiment is not None:
+        e = result.experiment.evaluation
+        tiles.append(
+            Tile(
+                label="experiment: contour error, RMS",
+                value=f"{e.contour_error.rms * 1e3:.4f} mm",
+                note=f"largest {e.contour_error.max * 1e3:.4f} mm, on rigid bodies{_rests(result)}",
+            )
+        )
     return tuple(tiles)
+
+
+def _torque(result: RunResult) -> list[Tile]:
+    """The largest share of a drive's torque that the plan takes, where both are known."""
+    limit, plan = result.run.limits.joint_torque, planned_torques(result)
+    if limit is None or plan is None:
+        return []
+    share = plan.peak / limit
+    worst = int(share.argmax())
+    note = f"joint {worst + 1}: {plan.peak[worst]:.4g} of {limit[worst]:.4g} N m, planned"
+    return [
+        Tile(
+            label="drive torque / limit",
+            value=_ratio(float(share[worst])),
+            note=note + _rests(result),
+        )
+    ]
+
+
+def _rests(result: RunResult) -> str:
+    return "; masses: see Drive torques" if assumed(result.execution.arm) else ""
 
 
 def _ratio(value: float) -> str:

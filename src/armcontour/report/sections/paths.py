@@ -7,21 +7,20 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import Path, RoundedPath
+from armcontour.geometry import Path
 from armcontour.report.section import Section, marked_run
+from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 from armcontour.study import RunResult, Study
 
 # Places along a path that draw it smoothly; arcs and joints between segments are always met.
 DRAWN_PLACES = 800
-# An enlarged corner shows this many corner errors around it.
-ZOOM = 4.0
-# This many corners are enlarged, the first ones.
-MOST_CORNERS = 4
 
 
-def paths(study: Study) -> Section:
-    """Cartesian path and its corners."""
+def paths(study: Study) -> Section | None:
+    """Cartesian path and its corners in the plane; None in space."""
+    if study.job.path.dimension != 2:
+        return None
     return Section(
         key="paths",
         title="Path of the tool",
@@ -29,12 +28,14 @@ def paths(study: Study) -> Section:
             "The objective path, the rounded path, and what the tool did in each run. The enlarged "
             "corners show the gap between corner point and arc: the corner error."
         ),
-        figures=(_cartesian(study), *_corners(study)),
+        figures=(_cartesian(study), *corners(study)),
     )
 
 
-def joint_space(study: Study) -> Section:
-    """Planned and executed joint positions."""
+def joint_space(study: Study) -> Section | None:
+    """Planned and executed joint positions of an arm in the plane; None in space."""
+    if study.job.path.dimension != 2:
+        return None
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -112,98 +113,3 @@ def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: s
             marker={"color": colour, "size": 8, "symbol": "diamond", "line": {"width": 1}},
         )
     )
-
-
-def _corners(study: Study) -> list[Any]:
-    """One row of enlarged corners, if any run has rounded ones."""
-    import plotly.graph_objects as go
-    from plotly.subplots import make_subplots
-
-    rounded = [x for x in study.runs.values() if isinstance(x.path, RoundedPath)]
-    if not rounded or not isinstance(rounded[0].path, RoundedPath):
-        return []
-    corners = rounded[0].path.corners
-    shown = np.flatnonzero(corners.radius > 0)[:MOST_CORNERS]
-    if not len(shown):
-        return []
-    figure = make_subplots(
-        rows=1,
-        cols=len(shown),
-        subplot_titles=[
-            f"corner {k + 1}<br>r = {corners.radius[k] * 1e3:.2f} mm, "
-            f"error {corners.error[k] * 1e3:.2f} mm"
-            for k in shown
-        ],
-    )
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
-    objective, path = drawn(study.job.path) * 1e3, drawn(rounded[0].path) * 1e3
-    for column, k in enumerate(shown, start=1):
-        center, half = corners.point[k] * 1e3, ZOOM * corners.error[k] * 1e3
-        first = column == 1
-        figure.add_trace(
-            line(
-                objective[:, 0],
-                objective[:, 1],
-                "objective path",
-                PATH_COLOUR,
-                width=6,
-                opacity=0.5,
-                showlegend=first,
-                legendgroup="objective",
-            ),
-            row=1,
-            col=column,
-        )
-        figure.add_trace(
-            line(
-                path[:, 0],
-                path[:, 1],
-                "rounded path",
-                "#000000",
-                dash="dash",
-                width=1.5,
-                showlegend=first,
-                legendgroup="rounded",
-            ),
-            row=1,
-            col=column,
-        )
-        for name, result in study.runs.items():
-            tool = result.execution.tool * 1e3
-            near = (np.abs(tool[:, :2] - center[:2]) < 3 * half).all(axis=1)
-            # Gaps where the tool is elsewhere, so that no line joins two visits.
-            points = np.where(near[:, None], tool[:, :2], np.nan)[_kept(near)]
-            figure.add_trace(
-                go.Scatter(
-                    x=points[:, 0],
-                    y=points[:, 1],
-                    name=name,
-                    mode="lines",
-                    line={"color": colours[name], "width": widths[name]},
-                    showlegend=first,
-                    legendgroup=name,
-                ),
-                row=1,
-                col=column,
-            )
-        figure.update_xaxes(
-            title="x [mm]", range=[center[0] - half, center[0] + half], row=1, col=column
-        )
-        axis = "x" if column == 1 else f"x{column}"
-        figure.update_yaxes(
-            title="y [mm]" if first else None,
-            range=[center[1] - half, center[1] + half],
-            scaleanchor=axis,
-            row=1,
-            col=column,
-        )
-    finish(figure, title="Corners enlarged", height=540)
-    figure.update_layout(margin={"t": 100})
-    return [figure]
-
-
-def _kept(near: Any) -> Any:
-    """Indices of the near points and of one neighbour of each run of them."""
-    edge = near | np.roll(near, 1) | np.roll(near, -1)
-    kept = np.flatnonzero(edge)
-    return kept[:: max(1, len(kept) // 3000)]

@@ -1,0 +1,181 @@
+"""Inverse kinematics and path derivatives at 2,000 places, against forward kinematics of pinocchio.
+
+The UR5e follows the rounded square, once with its tool held in one way and once with a way of its
+own at every corner. Ours is what tracing does at its knots: the path's poses and rates, Newton's
+method to the joint positions, dq_ds and d2q_ds2. The peer calls `pin.framesForwardKinematics` once
+a place from a Python loop, on a model with 18 frames,
+fewer than that of a description with meshes.
+
+Newton's method starts from a guess. Tracing guesses knots from quintics through the knots beside
+them; here all places are guessed from quintics through the first knots, the farthest apart that
+tracing has. Two more lines have worse guesses: the joint positions of the place before, off by more
+than any of tracing, and those of the first knot before, which tracing never has and have no bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+import armcontour as ac
+from armcontour._checks import FloatArray
+from armcontour.arms import _newton
+from armcontour.motion import quintic
+from armcontour.tracing.cells import Knots, first_knots
+from armcontour.tracing.numeric import Numeric
+from armcontour.tracing.poses import poses_at, rates_at
+from armcontour.tracing.ways import Way
+from benchmarks import ur5e
+from benchmarks.measured import Measured, paired
+
+PLACES = 2000
+RUNS = 41
+FAR = "the knot before"
+TURN = 0.3  # rad, between corners of the second path
+ANGULAR_TOLERANCE = 0.02  # rad
+# What is returned is right within these.
+TOOL, TURNED, DERIVATIVES = 1e-10, 1e-10, 1e-8  # m, rad, of rates in m, rad and 1/m
+
+
+@dataclass(frozen=True)
+class Task:
+    """Places of a path: intervals that begin there, guesses, and what finds the rest."""
+
+    solver: Numeric
+    knots: Knots
+    guesses: dict[str, FloatArray]
+    path: ac.Path
+
+
+def measure() -> tuple[list[Measured], list[str]]:
+    """Times, and notes on the guesses and on what part the path has."""
+    import pinocchio as pin
+
+    arm = ur5e.load()
+    model = pin.buildModelFromXML(ur5e.urdf(arm, 1.0))
+    data = model.createData()
+    measured, notes = [], []
+    for name, path in paths().items():
+        task = prepared(arm, path)
+        exact = task.solver.ends(task.knots, task.knots.u0, task.guesses["quintics"])[0]
+
+        def peer(q: FloatArray = exact) -> None:
+            for row in q:
+                pin.framesForwardKinematics(model, data, row)
+
+        evaluate = partial(_evaluate, task)
+        ours, theirs = paired(evaluate, peer, RUNS)
+        peer_name = f"{PLACES:,} forward kinematics, pinocchio"
+        for guessed, guess in task.guesses.items():
+            off, moved = verified(arm, model, task, guess)
+            solve = partial(task.solver.ends, task.knots, task.knots.u0, guess)
+            times = paired(solve, peer, RUNS)
+            what = f"IK and derivatives, {name}, from {guessed}"
+            bar = "-" if guessed == FAR else "< 10"
+            measured.append(Measured(what, times[0], peer_name, times[1], bar))
+            notes.append(
+                f"{what}: guesses off by {np.median(moved):.1e} rad, at most {moved.max():.1e}; "
+                f"tool within {off:.1e} m."
+            )
+        what = f"of it, poses and rates of the path, {name}"
+        measured.append(Measured(what, ours, peer_name, theirs, "-"))
+        notes.append(_of_tracing(arm, path, name))
+    return measured, notes
+
+
+def paths() -> dict[str, ac.Path]:
+    """The square with its tool held in one way, and in a way at every corner."""
+    from scipy.spatial.transform import Rotation
+
+    turns = TURN * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1], [0, 0, 0]])
+    turned = Rotation.from_rotvec(turns).as_matrix() @ ur5e.DOWN
+    error = ur5e.CORNER_ERROR
+    return {
+        "one orientation": ac.round_corners(ur5e.square(), tolerance=error),
+        "turning": ac.round_corners(
+            ur5e.square(turned), tolerance=error, angular_tolerance=ANGULAR_TOLERANCE
+        ),
+    }
+
+
+def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
+    """Places even in arc length, and guesses for them."""
+    assert path.orientation is not None
+    s = path.length * (np.arange(PLACES) + 0.5) / PLACES
+    segment = path.locate(s)
+    u = s - path.breaks[segment]
+    knots = Knots(segment, path.orientation.locate(s), u, u, s)
+    first = first_knots(path)
+    traced = ac.trace(path, arm)
+    q = traced(np.append(first.s0, path.length))
+    solver = Numeric(path, arm, 6, first, Way(q, 0.0), 1e-10)
+    begin, end = (solver.ends(first, at, None) for at in (first.u0, first.u1))
+    coefficients = quintic(first.u1 - first.u0, begin, end)
+    i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)
+    x = (s - first.s0[i]) / (first.u1 - first.u0)[i]
+    quintics = np.einsum("ikj,ik->ij", coefficients[i], x[:, None] ** np.arange(6))
+    guesses = {
+        "quintics": quintics,
+        "the place before": traced(np.append(0.0, s[:-1])),
+        FAR: q[i],
+    }
+    return Task(solver, knots, guesses, path)
+
+
+def verified(
+    arm: ac.SerialArm, model: object, task: Task, guess: FloatArray
+) -> tuple[float, FloatArray]:
+    """How far the tool is from the path by pinocchio [m], and how far every guess was off [rad].
+
+    Raises:
+        AssertionError: Something is not right.
+    """
+    import pinocchio as pin
+
+    knots = task.knots
+    q, dq_ds, d2q_ds2 = task.solver.ends(knots, knots.u0, guess)
+    poses, rates = _evaluate(task)
+    data, frame = model.createData(), model.getFrameId(ur5e.TOOL)
+    places = np.empty((PLACES, 3, 4))
+    for k, row in enumerate(q):
+        pin.framesForwardKinematics(model, data, row)
+        places[k] = data.oMf[frame].homogeneous[:3]
+    off = float(np.linalg.norm(places[:, :, 3] - poses[:, :, 3], axis=1).max())
+    turned = float(np.abs(places[:, :, :3] - poses[:, :, :3]).max())
+    first = arm.tool_twist(q, dq_ds) - rates[:, [0, 2]].reshape(PLACES, 6)
+    second = arm.tool_twist_rate(q, dq_ds, d2q_ds2) - rates[:, [1, 3]].reshape(PLACES, 6)
+    wrong = max(float(np.abs(x).max() / (1 + np.abs(rates).max())) for x in (first, second))
+    if off > TOOL or turned > TURNED or wrong > DERIVATIVES:
+        raise AssertionError(f"Not right: {off:.1e} m, {turned:.1e} rad, rates {wrong:.1e}.")
+    return off, np.abs(q - guess).max(axis=1)
+
+
+def _evaluate(task: Task) -> tuple[FloatArray, FloatArray]:
+    knots = task.knots
+    return poses_at(task.path, knots, knots.u0), rates_at(task.path, knots, knots.u0)
+
+
+def _of_tracing(arm: ac.SerialArm, path: ac.Path, name: str) -> str:
+    """How far guesses are off when the path is traced."""
+    offs: list[FloatArray] = []
+    newton: Callable[..., tuple[FloatArray, FloatArray]] = _newton.newton
+
+    def listening(*arguments: object) -> tuple[FloatArray, FloatArray]:
+        found = newton(*arguments)
+        offs.append(found[1])
+        return found
+
+    _newton.newton = listening
+    try:
+        traced = ac.trace(path, arm)
+    finally:
+        _newton.newton = newton
+    # The first two are of knots that were followed, and so are exact.
+    off = np.concatenate([np.zeros(1), *offs[2:]])
+    return (
+        f"Tracing it, {name}: {len(traced.breaks)} knots, {len(off) - 1} of them guessed, off by "
+        f"at most {off.max():.1e} rad."
+    )

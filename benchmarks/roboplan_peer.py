@@ -1,0 +1,79 @@
+"""roboplan's Cartesian planner, in a Python of its own: it plans and times itself on demand.
+
+It is told what to do by one line of JSON at a time on its standard input, and answers each by one.
+"""
+
+import json
+import sys
+import time
+
+import numpy as np
+from roboplan.cartesian_planning import (
+    CartesianPathPlanner,
+    CartesianPlannerOptions,
+    CartesianSpeedMode,
+)
+from roboplan.core import (
+    CartesianPath,
+    JointConfiguration,
+    Scene,
+    loadJointLimitsConfig,
+    loadUrdfSceneDescription,
+)
+
+
+class Peer:
+    """One arm, one start, and planners by name."""
+
+    def __init__(self, urdf, limits, base, tool, start):
+        self.scene = Scene("benchmark", loadUrdfSceneDescription(urdf, []))
+        self.scene.importJointLimitsFromConfig(loadJointLimitsConfig(limits))
+        self.scene.addGroupFromChain("arm", base, tool)
+        self.base, self.tool = base, tool
+        self.start = JointConfiguration()
+        self.start.positions = np.array(start)
+        self.prepared, self.planned = {}, {}
+
+    def prepare(self, name, poses, mode, options):
+        """A planner for poses (n, 4, 4), and its first plan; it is kept, so this is not timed."""
+        frames = [np.asfortranarray(x, dtype=float) for x in poses]
+        options = CartesianPlannerOptions(
+            group_name="arm", speed_mode=getattr(CartesianSpeedMode, mode), **options
+        )
+        path = CartesianPath([self.base], [self.tool], [frames])
+        self.prepared[name] = CartesianPathPlanner(self.scene, options), path
+        return self.time(name, 0)
+
+    def time(self, name, runs):
+        """Seconds of the processor that plans take, after one that is not timed."""
+        planner, path = self.prepared[name]
+        taken = []
+        for _ in range(runs + 1):
+            begin = time.process_time()
+            self.planned[name] = planner.plan(path, self.start)
+            taken.append(time.process_time() - begin)
+        return taken[1:]
+
+    def answer(self, name):
+        """What was planned last: times, positions, velocities, accelerations."""
+        found = self.planned[name]
+        values = found.times, found.positions, found.velocities, found.accelerations
+        return [np.asarray(x).tolist() for x in values]
+
+
+def main():
+    """Obey until there are no more lines."""
+    peer = None
+    for line in sys.stdin:
+        what, arguments = json.loads(line)
+        try:
+            if what == "arm":
+                peer, found = Peer(**arguments), None
+            else:
+                found = getattr(peer, what)(**arguments)
+            print(json.dumps([found, None]), flush=True)
+        except Exception as error:
+            print(json.dumps([None, str(error)]), flush=True)
+
+
+main()

@@ -1,0 +1,117 @@
+"""The arm of a job file."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, load_arm
+from armcontour.arms.chain import Payload
+from armcontour.arms.text import read_bytes
+from armcontour.arms.tree import read_tree
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame, from_rpy, rotations
+from armcontour.io.job_model import ArmModel, FrameModel, PayloadModel, RotationModel
+from armcontour.io.units import parse
+
+ARM_FILES = (".yaml", ".yml", ".urdf", ".xacro")
+# Where xx, xy, xz, yy, yz and zz stand in a symmetric matrix.
+TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
+
+
+def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
+    """The arm that a job names; its files are looked for in the job's folder.
+
+    Raises:
+        InvalidInput: No such arm, or keys that do not go together.
+    """
+    if isinstance(model, str):
+        return load_arm(str(folder / model) if model.endswith(ARM_FILES) else model)
+    if (model.name is None) == (model.file is None):
+        raise InvalidInput("arm takes either name, a built-in arm, or file.")
+    options: dict[str, Any] = {
+        key: getattr(model, key) for key in ("tip", "base") if getattr(model, key) is not None
+    }
+    if model.locked is not None:
+        options["locked"] = _locked(model, folder)
+    if model.joint_limits is not None:
+        options["joint_limits"] = folder / model.joint_limits
+    if model.tool is not None:
+        options["tool"] = _frame("arm.tool", model.tool)
+    if model.work is not None:
+        options["work"] = _frame("arm.work", model.work)
+    if model.payload is not None:
+        options["payload"] = _payload(model.payload)
+    if model.file is not None and not model.file.endswith(ARM_FILES):
+        raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
+    return load_arm(str(model.name) if model.file is None else folder / model.file, **options)
+
+
+def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
+    """The rotation matrix that a model gives, if it gives one.
+
+    Args:
+        key: For messages.
+        model: The model.
+
+    Raises:
+        InvalidInput: Two rotations, or a quaternion that is none.
+    """
+    if model.rpy is not None and model.quaternion is not None:
+        raise InvalidInput(f"{key} takes either rpy or quaternion, not both.")
+    if model.quaternion is not None:
+        return rotations(f"{key}.quaternion", model.quaternion)
+    return None if model.rpy is None else from_rpy(model.rpy)
+
+
+def _frame(key: str, model: FrameModel) -> Frame:
+    turned = rotation_of(key, model)
+    return Frame(
+        position=np.array(model.position or [0.0, 0.0, 0.0]),
+        rotation=np.eye(3) if turned is None else turned,
+    )
+
+
+def _locked(model: ArmModel, folder: FilePath) -> dict[str, float]:
+    """Where joints are held still: an angle of one that turns [rad], a length of one that slides.
+
+    Raises:
+        InvalidInput: A quantity of the other kind.
+    """
+    slides: dict[str, bool] = {}
+    if model.file is not None and model.file.endswith(".urdf"):
+        file = folder / model.file
+        tree = read_tree(str(file), read_bytes(file, "robot description"))
+        slides = {name: joint.kind == "prismatic" for name, joint in tree.joints.items()}
+    found = {}
+    for name, value in (model.locked or {}).items():
+        try:
+            found[name] = _held_at(value, slides.get(name))
+        except ValueError as error:
+            raise InvalidInput(f"arm.locked.{name}: {error}.") from None
+    return found
+
+
+def _held_at(value: float | str, slides: bool | None) -> float:
+    """A joint's position [rad or m]; of a joint whose kind is not known, as it is written."""
+    if slides is None:
+        try:
+            return parse(value, "m")
+        except ValueError:
+            slides = False
+    return parse(value, "m" if slides else "rad")
+
+
+def _payload(model: PayloadModel) -> Payload:
+    values: dict[str, Any] = {}
+    if model.center is not None:
+        values["center"] = np.array(model.center)
+    if model.inertia is not None:
+        values["inertia"] = np.array(model.inertia)[TENSOR]
+    try:
+        return Payload(mass=model.mass, **values)
+    except InvalidInput as error:
+        raise InvalidInput(f"arm.payload: {error}") from None

@@ -1,0 +1,264 @@
+"""What a job file may say: these models are the published schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictInt
+
+from armcontour.io.units import (
+    Acceleration,
+    Angle,
+    AngularAcceleration,
+    AngularSpeed,
+    Duration,
+    Gain,
+    Inertia,
+    JointAcceleration,
+    JointJerk,
+    JointPosition,
+    JointVelocity,
+    Length,
+    Mass,
+    Speed,
+    Torque,
+)
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
+Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
+RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+PublishedName = Literal["contour_error_rms", "contour_error_max", "duration", "settled"]
+
+
+class Model(BaseModel):
+    """What all parts of a file share: no unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RotationModel(Model):
+    """Either `rpy` or `quaternion`."""
+
+    rpy: Angles | None = Field(
+        default=None, description="roll, pitch and yaw about fixed x, y and z"
+    )
+    quaternion: Quaternion | None = Field(default=None, description="x, y, z, w")
+
+
+class FrameModel(RotationModel):
+    """A place and how it is turned; what is not given is zero."""
+
+    position: Place | None = None
+
+
+class PayloadModel(Model):
+    """What the tip carries, in the frame of the tip."""
+
+    mass: Mass
+    center: Place | None = Field(default=None, description="centre of mass")
+    inertia: Annotated[list[Inertia], Field(min_length=6, max_length=6)] | None = Field(
+        default=None, description="xx, xy, xz, yy, yz, zz about the centre of mass; else a point"
+    )
+
+
+class ArmModel(Model):
+    """An arm by `name` or `file`, and how it is equipped. Files are looked for beside the job."""
+
+    name: str | None = Field(default=None, description="a built-in arm")
+    file: str | None = Field(default=None, description="a .urdf, .xacro or .yaml file")
+    tip: str | None = Field(default=None, description="link at the end; .urdf and .xacro only")
+    base: str | None = Field(
+        default=None, description="link that stands still; .urdf and .xacro only"
+    )
+    joint_limits: str | None = Field(default=None, description="a joint_limits.yaml of MoveIt")
+    tool: FrameModel | None = Field(default=None, description="the tool in the frame of the tip")
+    work: FrameModel | None = Field(
+        default=None, description="the frame of the path in the frame of the base"
+    )
+    payload: PayloadModel | None = None
+    locked: dict[str, JointPosition] | None = Field(
+        default=None, description="joints that are held still, and where; .urdf and .xacro only"
+    )
+
+
+class SegmentModel(Model):
+    """A line `to` a point, an arc `via` a point `to` another, or one around a `center`."""
+
+    to: Point | None = None
+    via: Point | None = None
+    center: Point | None = None
+    angle: Angle | None = None
+    normal: list[Number] | None = None
+    speed: Speed | None = None
+    tolerance: Length | None = None
+    tag: str | None = None
+
+
+class SplineModel(Model):
+    """A cubic spline through `points`, run as arcs within `tolerance` of it."""
+
+    points: list[Point]
+    closed: StrictBool = Field(default=False, description="the last point repeats the first")
+    tolerance: Length = 1e-6
+
+
+class FollowModel(RotationModel):
+    """The tool at a fixed angle to the tangent: x of the path's frame is the tangent, z is `up`.
+
+    `rpy` or `quaternion` hold the tool in that frame; by default its axis points against `up`.
+    """
+
+    up: Direction
+
+
+class OrientationModel(RotationModel):
+    """How the tool is held: one of `rpy`, `quaternion`, `axis` and `follow_tangent`."""
+
+    axis: Direction | None = Field(
+        default=None, description="direction of the tool axis; turning about it is free"
+    )
+    follow_tangent: FollowModel | None = None
+    axis_only: StrictBool = Field(
+        default=False, description="only the tool axis counts; turning about it is free"
+    )
+
+
+class PathModel(Model):
+    """One of `points` of a polyline, `start` and `segments`, and `spline`."""
+
+    points: list[Point] | None = None
+    start: Point | None = None
+    segments: list[SegmentModel] | None = None
+    spline: SplineModel | None = None
+    orientation: OrientationModel | list[OrientationModel] | None = Field(
+        default=None, description="in space: once for the whole path, or one per waypoint"
+    )
+
+
+class LimitsModel(Model):
+    """Limits; those of the joints are the arm's own unless given here."""
+
+    speed: Speed | None = None
+    tool_acceleration: Acceleration | None = None
+    centripetal_acceleration: Acceleration | None = None
+    angular_speed: AngularSpeed | None = None
+    angular_acceleration: AngularAcceleration | None = None
+    joint_acceleration: JointAcceleration | list[JointAcceleration] | None = None
+    joint_deceleration: JointAcceleration | list[JointAcceleration] | None = Field(
+        default=None, description="in the negative direction, where it differs"
+    )
+    joint_velocity: JointVelocity | list[JointVelocity] | None = None
+    joint_torque: Torque | list[Torque] | None = None
+    joint_jerk: JointJerk | list[JointJerk] | None = None
+    joint_lower: Angle | list[Angle] | None = None
+    joint_upper: Angle | list[Angle] | None = None
+
+
+class CornersModel(Model):
+    """Case II: `tolerance`. Case I: `speed` and `acceleration`."""
+
+    tolerance: Length | None = None
+    speed: Speed | None = None
+    acceleration: Acceleration | None = None
+    angular_tolerance: Angle | None = Field(
+        default=None, description="largest angle by which the tool's orientation may be off"
+    )
+
+
+class ServoModelModel(Model):
+    """Gains of the joint servo, one for all joints or one per joint."""
+
+    kp: Gain | list[Gain]
+    kv: Gain | list[Gain]
+    interpolation: Literal["linear", "step"] = "linear"
+
+
+class ExperimentModel(Model):
+    """Runs executed on the arm's rigid bodies too, by drives that nobody tuned to the job."""
+
+    step: Duration = Field(default=2.5e-4, description="cycle of the drives")
+    gravity_feedforward: StrictBool = True
+    friction: StrictBool = True
+    noise: Angle = Field(default=0.0, description="standard deviation of measured positions")
+    seed: StrictInt = 0
+    runs: list[str] | None = Field(default=None, description="names of runs; all by default")
+
+
+class TimingModel(Model):
+    """How the path is timed."""
+
+    method: str = Field(default="optimal", description="optimal, mac or conventional")
+    knots: int | None = Field(default=None, description="mac: laps per line")
+    intervals: int | None = Field(default=None, description="optimal: intervals of the grid, about")
+
+
+class CompensationModel(Model):
+    """How the servo's delay is compensated."""
+
+    method: str = "pole_placement"
+    poles: list[Gain] | list[list[Gain]] | None = Field(
+        default=None, description="pole_placement: two regulator poles and the observer pole"
+    )
+
+
+class RunModel(Model):
+    """One way to do the job; what it does not say it takes from the job."""
+
+    timing: TimingModel = TimingModel()
+    compensation: CompensationModel = CompensationModel()
+    limits: LimitsModel = LimitsModel()
+    corners: CornersModel | Literal["sharp"] | None = None
+    command_interval: Duration | None = None
+    ignore_jerk: StrictBool | None = None
+    until: Duration | None = Field(default=None, description="end of the time that errors cover")
+
+
+class TimeStampsModel(Model):
+    """Published times of a run's switching points."""
+
+    run: str
+    values: list[Duration]
+
+
+class PublishedModel(Model):
+    """Published figures of the same job, to stand beside ours."""
+
+    source: str
+    runs: dict[str, dict[PublishedName, float | str]] = {}
+    time_stamps: TimeStampsModel | None = None
+    notes: list[str] = []
+
+
+class JobModel(Model):
+    """A job file."""
+
+    name: str
+    title: str | None = None
+    arm: str | ArmModel = Field(
+        description="a built-in arm, or a .yaml, .urdf or .xacro file; or a mapping"
+    )
+    branch: str | None = Field(default=None, description="of an arm in the plane")
+    start: list[Angle] | None = Field(
+        default=None, description="joint positions near to those to start in, of an arm in space"
+    )
+    path: PathModel
+    limits: LimitsModel = LimitsModel()
+    ignore_jerk: StrictBool = Field(default=False, description="plan in spite of limits of jerk")
+    corners: CornersModel | Literal["sharp"] = "sharp"
+    servo: ServoModelModel
+    plant: ServoModelModel | None = Field(
+        default=None, description="the real servo, where it differs from the nominal one"
+    )
+    experiment: ExperimentModel | None = None
+    command_interval: Duration = 4e-3
+    runs: dict[RunName, RunModel] = Field(min_length=1)
+    published: PublishedModel | None = None
+
+
+def given(model: BaseModel) -> dict[str, Any]:
+    """What a model says, without what it leaves out."""
+    return model.model_dump(exclude_none=True)

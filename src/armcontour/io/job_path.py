@@ -1,0 +1,125 @@
+"""The path of a job file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Arc, Demand, Line, Path
+from armcontour.io.job_arm import rotation_of
+from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
+
+WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
+
+
+def path_of(model: PathModel) -> Path:
+    """The objective path of a job, with the tool's orientation if it has one.
+
+    Raises:
+        InvalidInput: Keys that do not go together, or values that make no path.
+    """
+    path = _positions(model)
+    if model.orientation is None:
+        return path
+    if isinstance(model.orientation, OrientationModel):
+        return _held(path, model.orientation)
+    if model.spline is not None:
+        raise InvalidInput(
+            "path.orientation: a spline takes one orientation for its whole length, not a list."
+        )
+    return _at_waypoints(path, model.orientation)
+
+
+def _positions(model: PathModel) -> Path:
+    kinds = (model.points, model.segments, model.spline)
+    if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
+        raise InvalidInput("path takes either points, or start and segments, or spline.")
+    if model.points is not None:
+        return Path.polyline(_points("path", model.points))
+    if model.spline is not None:
+        x = model.spline
+        points = _points("path.spline", x.points)
+        return Path.spline(points, tolerance=x.tolerance, closed=x.closed)
+    assert model.start is not None and model.segments is not None
+    return _chain(model.start, model.segments)
+
+
+def _points(key: str, points: list[list[float]]) -> FloatArray:
+    if not points:
+        raise InvalidInput(f"the points of {key} are empty: a path needs at least two.")
+    if len({len(x) for x in points}) > 1:
+        raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
+    return np.array(points).reshape(len(points), -1)
+
+
+def _chain(start: list[float], models: list[SegmentModel]) -> Path:
+    if not models:
+        raise InvalidInput("path.segments is empty: a path needs at least one.")
+    segments: list[Line | Arc] = []
+    here = list(start)
+    for i, x in enumerate(models):
+        segments.append(_segment(here, x, f"path.segments.{i}"))
+        here = Path.from_segments(segments[-1:]).vertices[-1].tolist()
+    return Path.from_segments(segments)
+
+
+def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
+    demand = Demand(speed=x.speed, tolerance=x.tolerance, tag=x.tag)
+    around = (x.center, x.angle, x.normal)
+    if x.to is not None and all(y is None for y in around):
+        if x.via is None:
+            return Line(start=here, end=x.to, demand=demand)
+        try:
+            return Arc.through(here, x.via, x.to, demand=demand)
+        except InvalidInput as error:
+            raise InvalidInput(f"{key}: {error}") from None
+    if x.to is None and x.via is None and x.center is not None and x.angle is not None:
+        return Arc(start=here, center=x.center, angle=x.angle, normal=x.normal, demand=demand)
+    raise InvalidInput(
+        f"{key} takes either to (a line), or via and to (an arc through points), or center and "
+        "angle (an arc)."
+    )
+
+
+def _held(path: Path, x: OrientationModel) -> Path:
+    """The path with the tool held in one way all along."""
+    _refuse_ways("path.orientation", x)
+    if x.axis is not None:
+        return path.pointing(x.axis)
+    if x.follow_tangent is not None:
+        tool = rotation_of("path.orientation.follow_tangent", x.follow_tangent)
+        return path.following_tangent(x.follow_tangent.up, tool=tool, axis_only=x.axis_only)
+    return path.oriented(rotation_of("path.orientation", x), axis_only=x.axis_only)
+
+
+def _at_waypoints(path: Path, models: list[OrientationModel]) -> Path:
+    """The path with the tool held in a given way at every waypoint."""
+    for i, x in enumerate(models):
+        _refuse_ways(f"path.orientation.{i}", x)
+        if x.follow_tangent is not None:
+            raise InvalidInput(
+                f"path.orientation.{i}: follow_tangent holds for the whole path: give it alone, "
+                "not in a list."
+            )
+    if not models:
+        raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
+    axes = [x.axis for x in models if x.axis is not None]
+    if len(axes) == len(models):
+        return path.pointing(np.array(axes))
+    if axes or len({x.axis_only for x in models}) > 1:
+        raise InvalidInput(
+            "path.orientation: either all waypoints or none give axis, and all or none are "
+            "axis_only."
+        )
+    turned = [rotation_of(f"path.orientation.{i}", x) for i, x in enumerate(models)]
+    return path.oriented(np.array(turned), axis_only=models[0].axis_only)
+
+
+def _refuse_ways(key: str, x: OrientationModel) -> None:
+    """Refuse more or less than one way to hold the tool."""
+    found = [name for name in WAYS if getattr(x, name) is not None]
+    if len(found) != 1:
+        raise InvalidInput(
+            f"{key} takes one of {', '.join(WAYS)}, not {' and '.join(found) or 'none'}."
+        )

@@ -1,0 +1,132 @@
+"""Corners enlarged: in the plane as they are, in space in the plane of their two lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.geometry import Path, RoundedPath
+from armcontour.motion import Execution
+from armcontour.report.style import (
+    EXPERIMENT_DASH,
+    PATH_COLOUR,
+    finish,
+    line,
+    run_colours,
+    run_widths,
+)
+from armcontour.study import Study
+
+# An enlarged corner shows this many corner errors around it.
+ZOOM = 4.0
+# This many corners are enlarged, the first ones.
+MOST_CORNERS = 4
+# Between two results of an execution its tool is drawn at so many times.
+FINER = 6
+MOST_POINTS = 800
+# Points that draw the rounded path through a corner.
+PLACES = 200
+IN_PLANE = np.eye(2)
+
+
+def corners(study: Study) -> list[Any]:
+    """One row of enlarged corners, if any run has rounded ones."""
+    from plotly.subplots import make_subplots
+
+    path = next((x.path for x in study.runs.values() if isinstance(x.path, RoundedPath)), None)
+    if path is None:
+        return []
+    found = path.corners
+    shown = np.flatnonzero(found.radius > 0)[:MOST_CORNERS]
+    if not len(shown):
+        return []
+    figure = make_subplots(
+        rows=1,
+        cols=len(shown),
+        subplot_titles=[
+            f"corner {k + 1}<br>r = {found.radius[k] * 1e3:.2f} mm, "
+            f"error {found.error[k] * 1e3:.2f} mm"
+            for k in shown
+        ],
+    )
+    for column, k in enumerate(shown, start=1):
+        _corner(figure, study, path, int(k), column)
+    finish(figure, title="Corners enlarged", height=540)
+    figure.update_layout(margin={"t": 100})
+    return [figure]
+
+
+def _corner(figure: Any, study: Study, path: RoundedPath, k: int, column: int) -> None:
+    found, place = path.corners, {"row": 1, "col": column}
+    corner, half = found.point[k], ZOOM * float(found.error[k])
+    view = _view(path.objective, int(found.joint[k]))
+    # In the plane coordinates are the path's own, in space they count from the corner.
+    origin = np.zeros_like(corner) if path.dimension == 2 else corner
+
+    def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
+        at = (points - origin) @ view.T * 1e3
+        curve = line(
+            at[:, 0], at[:, 1], name, colour, showlegend=column == 1, legendgroup=name, **look
+        )
+        figure.add_trace(curve, **place)
+
+    joint = float(path.objective.breaks[found.joint[k]])
+    lines = _between(path.objective, joint, joint, 3 * half)
+    draw(lines, "objective path", PATH_COLOUR, width=6, opacity=0.5)
+    arc = _between(path, float(found.start[k]), float(found.end[k]), 3 * half)
+    draw(arc, "rounded path", "#000000", dash="dash", width=1.5)
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
+    for name, result in study.runs.items():
+        tool = _near(result.execution, corner, 3 * half)
+        draw(tool, name, colours[name], width=widths[name])
+        if result.experiment is not None:
+            tool = _near(result.experiment.execution, corner, 3 * half)
+            look = {"dash": EXPERIMENT_DASH, "width": 1.5}
+            draw(tool, f"{name}, experiment", colours[name], **look)
+    middle = (corner - origin) @ view.T * 1e3
+    names = ("x [mm]", "y [mm]") if path.dimension == 2 else ("along [mm]", "across [mm]")
+    ends = [middle - half * 1e3, middle + half * 1e3]
+    figure.update_xaxes(title=names[0], range=[float(x[0]) for x in ends], **place)
+    figure.update_yaxes(
+        title=names[1] if column == 1 else None,
+        range=[float(x[1]) for x in ends],
+        scaleanchor="x" if column == 1 else f"x{column}",
+        **place,
+    )
+
+
+def _view(path: Path, joint: int) -> FloatArray:
+    """What is to the right and up where a corner is drawn, (2, dimension).
+
+    In space: the direction in which the path arrives, and the side to which it turns.
+    """
+    if path.dimension == 2:
+        return IN_PLANE
+    before, after = path(path.breaks[joint], 1, side="left"), path.tangents[joint]
+    across = after - (after @ before) * before
+    return np.stack([before, across / np.linalg.norm(across)])
+
+
+def _between(path: Path, start: float, end: float, margin: float) -> FloatArray:
+    """A path from a margin before a start to a margin behind an end, its joints among them."""
+    low, high = max(start - margin, 0.0), min(end + margin, path.length)
+    joints = path.breaks[(path.breaks > low) & (path.breaks < high)]
+    return path(np.union1d(np.linspace(low, high, PLACES), joints))
+
+
+def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
+    """The tool where it is near a corner, finer than results are listed; gaps elsewhere."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    near = np.flatnonzero(np.all(np.abs(done.tool - corner) < distance, axis=1)[:-1])
+    curve = CubicHermiteSpline(done.t, done.q, done.dq)
+    gap = np.full((1, len(corner)), np.nan)
+    found = [gap]
+    for visit in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
+        if len(visit):
+            places = len(visit) * min(FINER, MOST_POINTS / len(near))
+            t = np.linspace(done.t[visit[0]], done.t[visit[-1] + 1], int(places) + 2)
+            found += [done.arm.forward(curve(t)), gap]
+    return np.concatenate(found)

@@ -1,0 +1,289 @@
+"""Joints of an arm in space: positions, velocities, accelerations, and torques of any arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms.limits import or_unlimited
+from armcontour.motion import Execution
+from armcontour.report.section import Section, Table
+from armcontour.report.style import (
+    EXECUTED_COLOUR,
+    EXPERIMENT_COLOUR,
+    LIMIT_COLOUR,
+    PLANNED_COLOUR,
+    finish,
+    line,
+    thinned,
+)
+from armcontour.study import RunResult, Study
+from armcontour.study.quantities import (
+    Torques,
+    applied_torques,
+    assumed,
+    planned_torques,
+)
+
+QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
+# Small figures need few points, and there are many of them.
+MOST_POINTS = 400
+# Digits behind the point of amounts in tables: what is left of nothing is nothing.
+ROUNDED = 6
+# A joint that moves by less stands still, and so does one that takes less of a limit.
+AT_REST = 1e-4
+# A limit is shown where this share of it is used; else it would flatten the curve.
+WORTH_SHOWING = 0.3
+# An experiment's spikes beyond this percentile do not set the scale.
+USUAL = 99.5
+
+
+def joints(study: Study) -> Section | None:
+    """All joints of every run, with ranges and limits; None for an arm in the plane."""
+    if study.job.path.dimension != 3:
+        return None
+    return Section(
+        key="joints",
+        title="Joints",
+        text=(
+            "Planned, executed and, where there is an experiment, on the arm's rigid bodies. Black "
+            "lines are limits; they are out of the picture where less than a third is used, and "
+            "stand in the tables."
+        ),
+        tables=tuple(_table(name, x) for name, x in study.runs.items()),
+        figures=tuple(_figure(name, x) for name, x in study.runs.items()),
+    )
+
+
+def torques(study: Study) -> Section | None:
+    """Drive torques of every run; None for an arm without bodies."""
+    found = [(name, x, planned_torques(x)) for name, x in study.runs.items()]
+    known = [(name, x, plan) for name, x, plan in found if plan is not None]
+    if not known:
+        return None
+    rests_on = assumed(study.job.arm)
+    return Section(
+        key="torques",
+        title="Drive torques",
+        text=(
+            "What the plan takes of every drive and, where there is an experiment, what the drives "
+            "gave; black lines are limits. Computed from the masses of the links."
+        ),
+        figures=tuple(_torques(name, x, plan) for name, x, plan in known),
+        notes=(f"About the masses: {rests_on}",) if rests_on else (),
+    )
+
+
+def _figure(name: str, result: RunResult) -> Any:
+    from plotly.subplots import make_subplots
+
+    names = result.execution.arm.joint_names
+    n = len(names)
+    figure = make_subplots(
+        rows=n,
+        cols=3,
+        shared_xaxes=True,
+        column_titles=list(QUANTITIES),
+        vertical_spacing=0.15 / n,
+        horizontal_spacing=0.06,
+    )
+    bounds = _bounds(result, n)
+    shapes: list[dict[str, Any]] = []
+    for order in range(3):
+        curves = _curves(result, order)
+        for j in range(n):
+            place = {"row": j + 1, "col": order + 1}
+            for label, (t, values, look) in curves.items():
+                few, y = thinned(t, values[:, j], most=MOST_POINTS)
+                first = order == 0 and j == 0
+                figure.add_trace(
+                    line(
+                        few,
+                        y,
+                        label,
+                        showlegend=first,
+                        legendgroup=label,
+                        **look,
+                    ),
+                    **place,
+                )
+            low, high = (float(x[j]) for x in bounds[order])
+            seen = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)
+            figure.update_yaxes(range=seen, nticks=5, **place)
+            shapes += _limits(j * 3 + order + 1, (low, high), seen)
+    for j, joint in enumerate(names):
+        title = {"text": joint, "font": {"size": 11}}
+        figure.update_yaxes(title=title, row=j + 1, col=1)
+    for column in range(3):
+        figure.update_xaxes(title="time [s]", row=n, col=column + 1)
+    figure.layout.shapes += tuple(shapes)
+    finish(figure, title=f"Run {name}: joints", height=130 * n + 170)
+    figure.update_layout(margin={"t": 90, "b": 90}, legend_traceorder="reversed", showlegend=True)
+    figure.update_xaxes(range=[0, _end(result)])
+    return figure
+
+
+def _end(result: RunResult) -> float:
+    """When the run and its experiment are over [s]."""
+    ends = [result.evaluation.until]
+    if result.experiment is not None:
+        ends.append(result.experiment.evaluation.until)
+    return max(ends)
+
+
+def _curves(
+    result: RunResult, order: int
+) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
+    """Times, values and look of what is drawn of one quantity."""
+    t = np.linspace(0, result.trajectory.duration, 4 * MOST_POINTS)
+    found: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
+    if result.experiment is not None:
+        done = result.experiment.execution
+        look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
+        found["experiment"] = (done.t, _state(done, order), look)
+    done = result.execution
+    found["executed"] = (done.t, _state(done, order), {"colour": EXECUTED_COLOUR})
+    dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": "dot"}
+    found["planned"] = (t, result.trajectory(t, order), dotted)
+    return found
+
+
+def _state(done: Execution, order: int) -> FloatArray:
+    return (done.q, done.dq, done.ddq)[order]
+
+
+def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Lower and upper bound of every joint's position, velocity and acceleration."""
+    limits = result.run.limits
+    fastest = or_unlimited(limits.joint_velocity, dof)
+    return [limits.joint_range(dof), (-fastest, fastest), limits.acceleration_bounds(dof)]
+
+
+def _range(
+    curves: list[tuple[str, FloatArray]], low: float, high: float, order: int
+) -> list[float]:
+    """What an axis shows: all of a curve but an experiment's spikes, and limits that are near."""
+    ends: list[float] = []
+    for name, values in curves:
+        if name == "experiment":
+            ends += np.percentile(values, [100 - USUAL, USUAL]).tolist()
+        else:
+            ends += [float(values.min()), float(values.max())]
+    bottom, top = min(ends), max(ends)
+    # A joint at rest is not to be shown as noise.
+    rest = max(AT_REST, AT_REST * high) if np.isfinite(high) else AT_REST
+    edge = 0.12 * (top - bottom) if top - bottom > rest else 0.01
+    bottom, top = bottom - edge, top + edge
+    size = max(abs(bottom), abs(top))
+    if order > 0 and np.isfinite(high) and size > WORTH_SHOWING * min(high, -low):
+        bottom, top = min(bottom, 1.15 * low), max(top, 1.15 * high)
+    return [bottom, top]
+
+
+def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dict[str, Any]]:
+    """Limits as lines across one small figure, if they lie in it."""
+    number = "" if axis == 1 else str(axis)
+    return [
+        {
+            "type": "line",
+            "xref": f"x{number} domain",
+            "yref": f"y{number}",
+            "x0": 0,
+            "x1": 1,
+            "y0": value,
+            "y1": value,
+            "line": {"color": LIMIT_COLOUR, "width": 1},
+        }
+        for value in ends
+        if seen[0] < value < seen[1]
+    ]
+
+
+def _table(name: str, result: RunResult) -> Table:
+    """What every joint was used for, as executed, beside its limits."""
+    done, arm, limits = result.execution, result.execution.arm, result.run.limits
+    low, high = limits.joint_range(arm.dof)
+    plan = planned_torques(result)
+    header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
+    amounts = [
+        (np.abs(done.dq).max(axis=0), limits.joint_velocity),
+        (np.abs(done.ddq).max(axis=0), limits.joint_acceleration),
+    ]
+    if plan is not None:
+        header.append("planned torque [N m]")
+        amounts.append((plan.peak, limits.joint_torque))
+    rows = []
+    for j, joint in enumerate(arm.joint_names):
+        own = f"{_angle(low[j])} to {_angle(high[j])}"
+        used = f"{done.q[:, j].min():.3f} to {done.q[:, j].max():.3f}"
+        rows.append((joint, own, used, *(_share(x, limit, j) for x, limit in amounts)))
+    return Table(header=tuple(header), rows=tuple(rows), caption=f"Run {name}: largest amounts")
+
+
+def _angle(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "free"
+
+
+def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
+    """An amount, and its share of the limit if there is one."""
+    amount = f"{round(float(values[j]), ROUNDED):.4g}"
+    if limit is None:
+        return amount
+    return f"{amount} of {limit[j]:.4g} ({values[j] / limit[j]:.0%})"
+
+
+def _torques(name: str, result: RunResult, plan: Torques) -> Any:
+    from plotly.subplots import make_subplots
+
+    names = result.execution.arm.joint_names
+    rows = -(-len(names) // 2)
+    figure = make_subplots(
+        rows=rows,
+        cols=2,
+        shared_xaxes=True,
+        subplot_titles=list(names),
+        vertical_spacing=0.22 / rows,
+        horizontal_spacing=0.09,
+    )
+    look: dict[str, Any] = {"colour": PLANNED_COLOUR, "width": 1.5}
+    curves = {"planned": (plan, look)}
+    if result.experiment is not None:
+        applied = applied_torques(result.experiment)
+        if applied is not None:
+            look = {"colour": EXPERIMENT_COLOUR, "width": 1.5}
+            curves = {"experiment: applied": (applied, look), **curves}
+    limit = or_unlimited(result.run.limits.joint_torque, len(names))
+    shapes: list[dict[str, Any]] = []
+    for j in range(len(names)):
+        place = {"row": j // 2 + 1, "col": j % 2 + 1}
+        for label, (found, look) in curves.items():
+            t, y = thinned(found.t, found.values[:, j], most=2 * MOST_POINTS)
+            figure.add_trace(
+                line(
+                    t,
+                    y,
+                    label,
+                    showlegend=j == 0,
+                    legendgroup=label,
+                    **look,
+                ),
+                **place,
+            )
+        ends = (-float(limit[j]), float(limit[j]))
+        every = [(label, x.values[:, j]) for label, (x, _) in curves.items()]
+        seen = _range([("", values) for _, values in every], *ends, 1)
+        figure.update_yaxes(range=seen, nticks=6, **place)
+        shapes += _limits(j + 1, ends, seen)
+        if j % 2 == 0:
+            figure.update_yaxes(title="torque [N m]", **place)
+    figure.layout.shapes += tuple(shapes)
+    for column in (1, 2):
+        last = rows if column <= len(names) - 2 * (rows - 1) else rows - 1
+        if last:
+            figure.update_xaxes(title="time [s]", showticklabels=True, row=last, col=column)
+    finish(figure, title=f"Run {name}: torques", height=200 * rows + 170)
+    figure.update_layout(margin={"t": 90, "b": 90}, legend_traceorder="reversed", showlegend=True)
+    figure.update_xaxes(range=[0, _end(result)])
+    return figure

@@ -1,0 +1,137 @@
+"""Summaries and tables of a study of an arm in space, with an experiment on its bodies."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from armcontour.arms import load_arm
+from armcontour.io import parse_job, parse_trajectory, planned_csv, summary, torque_csv
+from armcontour.study import Study, run
+
+JOB = {
+    "name": "corner",
+    "arm": {"name": "ur5e", "payload": {"mass": "1 kg"}},
+    "path": {
+        "points": [[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]],
+        "orientation": [{"rpy": [np.pi, 0, x]} for x in (0, 0, 0.2)],
+    },
+    "limits": {"speed": 0.25, "centripetal_acceleration": 1, "joint_jerk": 1000},
+    "corners": {"tolerance": "1 mm", "angular_tolerance": "0.05 deg"},
+    "ignore_jerk": True,
+    "servo": {"kp": 25, "kv": 150},
+    "experiment": {"runs": ["tried"], "noise": 1e-6, "seed": 5},
+    "runs": {"plain": {"compensation": {"method": "none"}}, "tried": {}},
+}
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return run(parse_job(yaml.safe_dump(JOB)))
+
+
+@pytest.fixture(scope="module")
+def found(study: Study) -> Any:
+    return json.loads(summary(study))
+
+
+def test_the_arm_says_what_is_assumed(found: Any) -> None:
+    arm = found["arm"]
+    assert arm["joints"][0] == "shoulder_pan_joint"
+    assert arm["masses_known"]
+    assert arm["assumed"] == load_arm("ur5e").chain.assumed  # type: ignore[union-attr]
+    for place in (found["runs"]["plain"]["torque"], found["runs"]["tried"]["experiment"]["torque"]):
+        assert place["assumed"] == arm["assumed"]
+
+
+def test_configuration_and_what_was_ignored(found: Any, study: Study) -> None:
+    for name, result in study.runs.items():
+        start = found["runs"][name]["start"]
+        assert list(start) == list(study.job.arm.joint_names)
+        assert list(start.values()) == result.trajectory(0.0).tolist()
+        assert found["runs"][name]["ignore_jerk"] is True
+
+
+def test_torques_beside_their_limits(found: Any, study: Study) -> None:
+    torque = found["runs"]["plain"]["torque"]
+    assert torque["limit"] == [150, 150, 150, 28, 28, 28]
+    np.testing.assert_allclose(
+        found["runs"]["plain"]["torque_ratio"], np.divide(torque["peak"], torque["limit"])
+    )
+    result = study.runs["tried"]
+    assert result.experiment is not None and result.experiment.execution.torque is not None
+    np.testing.assert_array_equal(
+        found["runs"]["tried"]["experiment"]["torque"]["peak"],
+        np.abs(result.experiment.execution.torque).max(axis=0),
+    )
+
+
+def test_how_the_tool_turned(found: Any) -> None:
+    run = found["runs"]["tried"]
+    assert run["angular_speed"] > 0.1
+    assert 0 < run["orientation_error"]["rms"] < run["orientation_error"]["max"] < 0.02
+    assert run["corners"][0]["angular_error"] == pytest.approx(np.radians(0.05), rel=1e-6)
+    units = found["units"]
+    assert (units["angular_error"], units["torque"], units["start"]) == ("rad", "N m", "rad")
+
+
+def test_the_experiment_stands_beside_the_servo(found: Any, study: Study) -> None:
+    assert "experiment" not in found["runs"]["plain"]
+    experiment = found["runs"]["tried"]["experiment"]
+    result = study.runs["tried"].experiment
+    assert result is not None
+    assert experiment["plant"] == "RigidBodyPlant"
+    assert (experiment["noise"], experiment["seed"]) == (1e-6, 5)
+    assert experiment["contour_error"]["rms"] == result.evaluation.contour_error.rms
+    assert experiment["contour_error"]["rms"] > found["runs"]["tried"]["contour_error"]["rms"]
+    assert experiment["settled"] == result.evaluation.settled
+
+
+def test_planned_joints_are_called_by_their_names_and_read_again(study: Study) -> None:
+    plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
+    text = planned_csv(plan, 4e-3, names)
+    assert text.startswith("t [s],q shoulder_pan_joint [rad],")
+    samples = parse_trajectory(text, names)
+    np.testing.assert_allclose(samples.q, plan(np.minimum(samples.t, plan.duration)), atol=1e-11)
+    assert samples.dq is not None and samples.ddq is not None
+    np.testing.assert_allclose(
+        samples.dq, plan(np.minimum(samples.t, plan.duration), 1), atol=1e-11
+    )
+
+
+def test_joints_that_are_only_numbered_keep_their_numbers(study: Study) -> None:
+    plan = study.runs["plain"].trajectory
+    numbered = [f"joint {j + 1}" for j in range(6)]
+    assert planned_csv(plan, 0.1, numbered) == planned_csv(plan, 0.1)
+    assert planned_csv(plan, 0.1).startswith("t [s],q 1 [rad],q 2 [rad]")
+
+
+def test_torques_as_a_table(study: Study) -> None:
+    plan, arm = study.runs["plain"].trajectory, study.job.arm
+    header, *rows = torque_csv(plan, arm, 0.05).splitlines()
+    assert header.split(",")[:2] == ["t [s]", "shoulder_pan_joint [N m]"]
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    t = table[3, 0]
+    np.testing.assert_allclose(table[3, 1:], arm.torque(plan(t), plan(t, 1), plan(t, 2)), atol=1e-9)
+
+
+def test_what_is_not_known_of_an_arm_is_not_there() -> None:
+    plain = {
+        **JOB,
+        "arm": "pmk3s",
+        "path": {"points": [[0.30, 0.20], [0.40, 0.20]]},
+        "corners": "sharp",
+        "limits": {"speed": 0.1},
+        "runs": {"plain": {}},
+    }
+    plain.pop("experiment")
+    job = parse_job(yaml.safe_dump(plain))
+    assert job.arm.chain is not None
+    job.arm.chain = job.arm.chain.replace(masses=None, assumed="")
+    found = json.loads(summary(run(job)))
+    assert not found["arm"]["masses_known"] and found["arm"]["assumed"] is None
+    assert not {"torque", "angular_speed", "experiment"} & set(found["runs"]["plain"])
