@@ -88,8 +88,10 @@ def rotations(name: str, values: Any) -> FloatArray:
             f"{name} must be rotation matrices (3 by 3) or quaternions (x, y, z, w), but has the "
             f"shape {array.shape}."
         )
-    off = np.abs(np.swapaxes(array, -1, -2) @ array - np.eye(3)).max(axis=(-2, -1))
-    if (off > ROTATION_TOLERANCE).any() or (np.linalg.det(array) < 0).any():
+    # No entry of a rotation exceeds 1: larger ones could overflow.
+    capped = np.clip(array, -2.0, 2.0)
+    off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
+    if (off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any():
         raise InvalidInput(
             f"{name} holds a matrix that is no rotation: its axes must be at right "
             "angles, of length 1 and right-handed."
@@ -165,6 +167,9 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit = np.where(size > 1e-12, axis / size, any_axis)
+    # At right angles to the first to the last digit: near half a turn, what is left counts twice.
+    unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a
+    unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
     return np.asarray(unit * angle)
 
 

@@ -15,6 +15,8 @@ from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
 
 # Orientations that differ by half a turn have no shortest rotation between them [rad].
 HALF_TURN = np.pi - 1e-6
+# Rotations closer than this differ by rounding [rad].
+NO_TURN = 1e-14
 # The tool's x axis along the path and its z axis, the tool axis, against `up`.
 POINTING_DOWN = _checks.locked(np.diag([1.0, -1.0, -1.0]))
 
@@ -40,6 +42,8 @@ def held(values: Any, lengths: FloatArray, merged: tuple[int, ...], axis_only: b
         )
     at = _per_waypoint("tool orientation", given, n, merged)
     turn = log(at[1:] @ np.swapaxes(at[:-1], 1, 2))
+    # Rounding of the given rotations is no turning, however short the segment.
+    turn[np.linalg.norm(turn, axis=1) < NO_TURN] = 0.0
     _refuse_half_turns(turn)
     return Orientation.even(lengths, at[:-1], turn / lengths[:, None], axis_only=axis_only)
 
@@ -65,11 +69,13 @@ def pointing(values: npt.ArrayLike, lengths: FloatArray, merged: tuple[int, ...]
         )
     axes = _per_waypoint("direction of the tool axis", unit, n, merged)
     turn = shortest(axes[:-1], axes[1:])
+    turn[np.linalg.norm(turn, axis=1) < NO_TURN] = 0.0
     _refuse_half_turns(turn)
     starts = np.empty((n, 3, 3))
+    steps = exp(turn)
     for i in range(n):
         starts[i] = start
-        start = exp(turn[i]) @ start
+        start = steps[i] @ start
     return Orientation.even(lengths, starts, turn / lengths[:, None], axis_only=True)
 
 
@@ -123,11 +129,11 @@ def following(
             point=path.starts[first + 1].tolist(),
         )
     starts = np.empty((n, 3, 3))
+    along, around = exp(rates * path.lengths[:, None]), exp(corners)
     for k in range(n):
         starts[k] = frame
-        frame = exp(rates[k] * path.lengths[k]) @ frame
         if k + 1 < n:
-            frame = exp(corners[k]) @ frame
+            frame = around[k] @ along[k] @ frame
     return Orientation.even(path.lengths, starts, rates, axis_only=axis_only, follows=True)
 
 

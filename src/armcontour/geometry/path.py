@@ -26,7 +26,8 @@ REPEATED_POINT = 1e-9
 TANGENT_TOLERANCE = 1e-9
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
 NOT_GIVEN = _checks.locked([])
-# Breaks of an orientation this near to a joint of its path are that joint, in path lengths.
+# Breaks of an orientation this near to a joint of its path are that joint, in metres and in path
+# lengths: what rounding of corners leaves out, and what adding lengths up rounds.
 SAME_BREAK = 1e-12
 
 
@@ -366,8 +367,8 @@ class Path:
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        slack = SAME_BREAK * self.length * len(self)
-        if abs(orientation.breaks[-1] - self.length) > slack:
+        slack = SAME_BREAK * (1 + self.length)
+        if abs(orientation.breaks[-1] - self.length) > slack * len(self):
             raise InvalidInput(
                 f"The orientation is for a path of {orientation.breaks[-1]:.9g} m, but the path is "
                 f"{self.length:.9g} m long."
@@ -375,7 +376,14 @@ class Path:
         nearest = np.clip(np.searchsorted(self.breaks, orientation.breaks), 1, len(self))
         low, high = self.breaks[nearest - 1], self.breaks[nearest]
         own = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
-        snapped = np.where(np.abs(own - orientation.breaks) <= slack, own, orientation.breaks)
+        off = np.abs(own - orientation.breaks)
+        # Of two near the same joint the nearer one is it.
+        first, again = np.append(np.inf, off[:-1]), np.append(off[1:], np.inf)
+        first[1:][own[1:] != own[:-1]] = np.inf
+        again[:-1][own[1:] != own[:-1]] = np.inf
+        nearer = (off < first) & (off <= again)
+        snapped = np.where((off <= slack) & nearer, own, orientation.breaks)
+        snapped[-1] = self.length
         return dataclasses.replace(orientation, breaks=snapped)
 
     def _refuse_gaps(self) -> None:

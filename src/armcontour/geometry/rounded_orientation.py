@@ -29,7 +29,8 @@ def kinked_joints(path: Path) -> IntArray:
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return np.zeros(0, dtype=np.intp)
-    if len(orientation) != len(path) or not np.array_equal(orientation.breaks, path.breaks):
+    fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
+    if not fits or orientation.second.any():
         raise InvalidInput(
             "The corners of this path, or its orientation, were rounded before: round the "
             "objective path."
@@ -55,7 +56,9 @@ def largest_tangent(path: Path, joint: IntArray, half: FloatArray, allowed: floa
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return np.full(len(joint), np.inf)
+    # A rate that goes on asks for nothing, though rounding makes two numbers of it.
     step = orientation.first[joint + 1] - orientation.first[joint]
+    step[orientation.kinks[joint] == 0] = 0.0
     off = _share_off(half) * np.linalg.norm(step, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(off > 0, allowed / off, np.inf))
@@ -116,12 +119,13 @@ def along_rounded(rounded: Path, objective: Path, segment: IntArray, allowed: fl
     rates = turning_of_tangents(rounded)
     starts = np.empty((len(rounded), 3, 3))
     here = own.starts[0]
+    turned = exp(rates * rounded.lengths[:, None])
     for k in range(len(rounded)):
         if k and segment[k] != segment[k - 1]:
             # On a corner's arc the frame has turned into the next segment's, but for rounding.
             here = own.starts[segment[k]]
         starts[k] = here
-        here = exp(rates[k] * rounded.lengths[k]) @ here
+        here = turned[k] @ here
     sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
     kinks = sharp.kinks
     with np.errstate(divide="ignore"):

@@ -94,7 +94,9 @@ class Arc:
             )
         u, v = b - a, c - a
         uu, vv, uv = u @ u, v @ v, u @ v
-        area = uu * vv - uv * uv  # of the parallelogram, squared
+        # Of the parallelogram, squared; not from the products above, which cancel where it is flat.
+        across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
+        area = across @ across
         if not area > (1e-9**2) * max(uu, vv) ** 2:
             raise InvalidInput(
                 f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "

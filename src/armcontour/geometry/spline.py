@@ -52,8 +52,10 @@ def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> Arcs:
     curve = CubicSpline(at, points, bc_type="periodic" if closed else "natural")
     begin, end = at[:-1], at[1:]
     for _ in range(MOST_HALVINGS):
-        first, second = _pair(curve, begin, end)
-        missed = _distance(curve, begin, end, first, second) > tolerance
+        # Where the spline turns back on the spot it has no tangent, and its arcs are not finite.
+        with np.errstate(all="ignore"):
+            first, second = _pair(curve, begin, end)
+            missed = _distance(curve, begin, end, first, second) > tolerance
         if not missed.any():
             return _in_turn(first, second)
         middle = (begin[missed] + end[missed]) / 2
@@ -76,30 +78,28 @@ def _pair(curve: object, begin: FloatArray, end: FloatArray) -> tuple[Arcs, Arcs
     c, b = _dot(chord, chord), _dot(chord, t0 + t1)
     a = 2 * (1 - _dot(t0, t1))
     root = np.sqrt(b * b + a * c)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.where(b > 0, c / (b + root), (root - b) / a)
+    d = np.where(b > 0, c / (b + root), (root - b) / a)
     q0, q1 = p0 + d[:, None] * t0, p1 - d[:, None] * t1
-    middle, along = (q0 + q1) / 2, _unit(q1 - q0)
-    return _arc(p0, t0, middle), _arc(middle, along, p1)
+    along = _unit(q1 - q0)
+    return _arc(p0, t0, along, d), _arc((q0 + q1) / 2, along, t1, d)
 
 
-def _arc(start: FloatArray, tangent: FloatArray, end: FloatArray) -> Arcs:
-    """Arcs from a point with a tangent to a point."""
-    chord = end - start
-    along = _dot(chord, tangent)
-    across = chord - along[:, None] * tangent
-    height = np.linalg.norm(across, axis=1)
-    size = np.linalg.norm(chord, axis=1)
-    half = np.arctan2(height, along)
+def _arc(start: FloatArray, tangent: FloatArray, onward: FloatArray, reach: FloatArray) -> Arcs:
+    """Arcs from a point with a tangent to another tangent, by their tangent lengths.
+
+    Made of tangents and not of points, so that the tangents are the same where two arcs meet,
+    however short they are.
+    """
+    half = np.arctan2(_length(onward - tangent), _length(onward + tangent))
     bent = half > STRAIGHT
-    curvature = np.where(bent, 2 * np.sin(half) / size, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inward = np.where(bent[:, None], across / height[:, None], 0.0)
+    across = onward - _dot(onward, tangent)[:, None] * tangent
+    inward = np.where(bent[:, None], _unit(across), 0.0)
     # An inward vector must be at right angles to the tangent to the last digit.
     inward = inward - _dot(inward, tangent)[:, None] * tangent
-    norm = np.linalg.norm(inward, axis=1, keepdims=True)
-    inward = np.where(norm > 0, inward / np.where(norm > 0, norm, 1.0), 0.0)
-    length = size / np.sinc(half / np.pi)
+    inward = np.where(bent[:, None], _unit(inward), 0.0)
+    share = np.tan(half) / reach
+    curvature = np.where(bent, share, 0.0)
+    length = np.where(bent, 2 * half / share, 2 * reach)
     return Arcs(start, tangent, inward, curvature, length)
 
 
@@ -111,8 +111,12 @@ def _distance(
     points = curve(at)  # type: ignore[operator]
     behind = np.sum((points - second.starts[:, None]) * second.tangents[:, None], axis=2) > 0
     apart = np.where(behind, _from_circle(points, second), _from_circle(points, first))
-    finite = np.isfinite(first.lengths) & np.isfinite(second.lengths)
-    return np.asarray(np.where(finite, apart.max(axis=1), np.inf))
+    worst = np.asarray(apart.max(axis=1))
+    for arcs in (first, second):
+        for name in Arcs.__slots__:
+            values = getattr(arcs, name).reshape(len(worst), -1)
+            worst[~np.isfinite(values).all(axis=1)] = np.inf
+    return np.where(np.isfinite(worst), worst, np.inf)
 
 
 def _from_circle(points: FloatArray, arcs: Arcs) -> FloatArray:
@@ -141,6 +145,10 @@ def _in_turn(first: Arcs, second: Arcs) -> Arcs:
 
 def _unit(v: FloatArray) -> FloatArray:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+def _length(v: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(v, axis=-1))
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:

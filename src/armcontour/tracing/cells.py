@@ -64,10 +64,10 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
         rate, _ = path.orientation.rates_on_piece(i, middle)
         turning = np.maximum(turning, 1.5 * np.linalg.norm(rate, axis=1))
     by_length, by_turn = (
-        np.ceil(width / (FIRST_STEP * extent)),
-        np.ceil(width * turning / FIRST_TURN),
+        np.ceil(finer * width / (FIRST_STEP * extent)),
+        np.ceil(finer * width * turning / FIRST_TURN),
     )
-    count = finer * np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
+    count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
     of = np.repeat(np.arange(len(cells)), count)
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     share = width[of] / count[of]

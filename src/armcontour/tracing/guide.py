@@ -15,14 +15,21 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import SerialArm, _newton
+from armcontour.motion import quintic
 
 # Beyond this share of half its range a joint is drawn back, with this weight against the way.
 INNER_RANGE = 0.7
 RANGE_WEIGHT = 30.0
+# A spline swings out where it leaves a chord by more than this share of the largest step beside it,
+# and by more than the floor [rad].
+SWING = 0.1
+SWING_FLOOR = 0.01
 # One round of smoothing moves no joint by more than about this [rad]; this many rounds at most.
 LARGEST_CHANGE = 0.3
 ROUNDS = 25
 SETTLED = 1e-4
+# What is added to the matrix of a round against its largest diagonal, where nothing draws a joint.
+DAMPING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +56,12 @@ class Guide:
             w: Free motions, (n, free, dof).
             stops: Those of s at which the tool stops.
         """
-        from scipy.interpolate import CubicSpline
-
         aligned = _aligned(w)
         values = np.concatenate([q, aligned.reshape(len(s), -1)], axis=1)
         bounds = np.concatenate([s[:1], stops, s[-1:]])
         cuts = np.searchsorted(s, bounds)
         splines = tuple(
-            CubicSpline(s[i : k + 1], values[i : k + 1])
+            _curve(s[i : k + 1], values[i : k + 1])
             for i, k in zip(cuts[:-1], cuts[1:], strict=True)
         )
         return cls(bounds, splines, q.shape[1])
@@ -81,19 +86,51 @@ class Guide:
         return values[:, :, self.dof :].reshape(len(s), 3, free, self.dof), values[:, :, : self.dof]
 
 
+def _curve(s: FloatArray, values: FloatArray) -> Any:
+    """A C² curve through values: the cubic spline, or one that cannot swing out as that can.
+
+    Where the tool turns much faster on a short stretch than beside it, the cubic spline swings out.
+    Then every interval gets a quintic without curvature at its ends, whose slopes there are no
+    larger than beside them.
+    """
+    from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
+
+    spline = CubicSpline(s, values)
+    steps, width = np.abs(np.diff(values, axis=0)), np.diff(s)
+    if len(s) < 3:
+        return spline
+    around = steps.copy()
+    around[1:] = np.maximum(around[1:], steps[:-1])
+    around[:-1] = np.maximum(around[:-1], steps[1:])
+    bounds = (SWING * around.max(axis=1) + SWING_FLOOR)[:, None]
+    for x in (0.25, 0.5, 0.75):
+        chord = values[:-1] + x * (values[1:] - values[:-1])
+        if (np.abs(spline(s[:-1] + x * width) - chord) > bounds).any():
+            break
+    else:
+        return spline
+    slopes = PchipInterpolator(s, values)(s, 1)
+    none = np.zeros_like(slopes[1:])
+    begin, end = (values[:-1], slopes[:-1], none), (values[1:], slopes[1:], none)
+    powers = np.arange(5, -1, -1)[:, None, None]
+    c = np.moveaxis(quintic(width, begin, end), 1, 0)[::-1] / width[:, None] ** powers
+    return PPoly(c, s)
+
+
 def free_motions(arm: SerialArm, poses: FloatArray, asked: int, q: FloatArray) -> FloatArray:
     """Joint motions that leave alone what is asked of the tool, (n, dof - asked, dof)."""
-    rows = arm.twist_jacobian(q)[:, :3]
-    turning = arm.twist_jacobian(q)[:, 3:]
-    if asked == 6:
-        rows = np.concatenate([rows, turning], axis=1)
-    elif asked == 5:
-        rows = np.concatenate([rows, np.swapaxes(poses[:, :, :2], 1, 2) @ turning], axis=1)
-    return np.asarray(np.linalg.svd(rows)[2][:, asked:])
+    return np.asarray(_newton.free_motions(*arm.arrays, q, poses, asked))
 
 
 def smoothed(
-    arm: SerialArm, s: FloatArray, poses: FloatArray, asked: int, q: FloatArray
+    arm: SerialArm,
+    s: FloatArray,
+    poses: FloatArray,
+    asked: int,
+    q: FloatArray,
+    *,
+    start_stays: bool = False,
+    rounds: int = ROUNDS,
 ) -> tuple[FloatArray, float]:
     """Joint positions at the same poses with a shorter way, inside the joints' ranges.
 
@@ -106,17 +143,25 @@ def smoothed(
         poses: (n, 3, 4).
         asked: What of them, as in `configurations`.
         q: Joint positions at the poses, (n, dof).
+        start_stays: Whether the first joint position is not to be moved.
+        rounds: So many at most.
 
     Returns:
         The joint positions, (n, dof), and the cost of their way.
     """
     velocity = arm.limits.joint_velocity
     pace = np.ones(arm.dof) if velocity is None else np.min(velocity) / velocity
-    steps = np.sqrt((s[-1] - s[0]) / np.diff(s))
-    cost = np.inf
-    for _ in range(ROUNDS):
+    # A step may be as long as its share of the path and of the way that there was: on a tight
+    # corner the joints have to go far on a short path, and that must not outweigh all else.
+    way = np.linalg.norm(np.diff(q, axis=0) * pace, axis=1)
+    share = np.diff(s) / (s[-1] - s[0])
+    if way.any():
+        share = share / 2 + way / way.sum() / 2
+    steps = 1 / np.sqrt(share)
+    cost = _cost(arm, q, pace, steps, s)
+    for _ in range(rounds):
         w = free_motions(arm, poses, asked, q)
-        change = _change(arm, q, w, pace, steps, s)
+        change = _change(arm, q, w, pace, steps, s, start_stays)
         size = float(np.abs(change).max())
         trial = q + min(1.0, LARGEST_CHANGE / max(size, 1e-12)) * change
         goal = trial.copy()
@@ -129,7 +174,7 @@ def smoothed(
         q, cost = trial, fresh
         if size < SETTLED:
             break
-    return q, cost if np.isfinite(cost) else _cost(arm, q, pace, steps, s)
+    return q, cost
 
 
 def _change(
@@ -139,24 +184,39 @@ def _change(
     pace: FloatArray,
     steps: FloatArray,
     s: FloatArray,
+    start_stays: bool,
 ) -> FloatArray:
     """The step of the free motions that makes the cost least, to first order, (n, dof)."""
-    from scipy.sparse import block_diag, csc_matrix, diags, eye, identity, kron
-    from scipy.sparse.linalg import spsolve
+    from scipy.linalg import solveh_banded
 
-    n, dof = q.shape
-    free = w.shape[1]
-    along = block_diag(list(np.swapaxes(w, 1, 2)), format="csc")  # (n dof, n free)
-    ahead = eye(n - 1, n, k=1) - eye(n - 1, n)
-    way = kron(diags(steps) @ ahead, diags(pace), format="csc")
+    n, free = w.shape[:2]
     excess, slope = _outside(arm, q, s)
-    bound = diags(slope.ravel())
-    rows = csc_matrix(way @ along), csc_matrix(bound @ along)
-    right = way @ q.ravel(), excess.ravel()
-    normal = rows[0].T @ rows[0] + rows[1].T @ rows[1]
-    normal = normal + 1e-6 * (1 + normal.diagonal().max()) * identity(n * free, format="csc")
-    found = spsolve(csc_matrix(normal), -(rows[0].T @ right[0] + rows[1].T @ right[1]))
-    return np.asarray((along @ found).reshape(n, dof))
+    square = steps[:, None] ** 2
+    # Half the gradient of the cost, and its matrix: blocks on the diagonal and next to it.
+    pull = slope * excess
+    way = square * pace**2 * np.diff(q, axis=0)
+    pull[:-1] -= way
+    pull[1:] += way
+    right = -np.einsum("nik,nk->ni", w, pull)
+    weight = slope**2
+    weight[:-1] += square * pace**2
+    weight[1:] += square * pace**2
+    own = np.einsum("nik,nk,njk->nij", w, weight, w)
+    across = -np.einsum("nik,nk,njk->nij", w[:-1], square * pace**2, w[1:])
+    diagonal = np.einsum("nii->ni", own)
+    diagonal += DAMPING * (1 + diagonal.max())
+    if start_stays:
+        right[0], own[0], across[0] = 0.0, np.eye(free), 0.0
+    bands = np.zeros((2 * free, n, free))
+    for i in range(free):
+        for j in range(i + 1):
+            bands[i - j, :, j] = own[:, i, j]
+        for j in range(free):
+            bands[free + i - j, :-1, j] = across[:, j, i]
+    found = solveh_banded(
+        bands.reshape(2 * free, -1), right.ravel(), lower=True, overwrite_ab=True, overwrite_b=True
+    )
+    return np.asarray(np.einsum("nik,ni->nk", w, found.reshape(n, free)))
 
 
 def _outside(arm: SerialArm, q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -180,6 +240,10 @@ def _cost(
 
 def _aligned(w: FloatArray) -> FloatArray:
     """The same spaces with bases that turn as little as they can from knot to knot."""
+    if w.shape[1] == 1:
+        against = np.sum(w[:-1] * w[1:], axis=2) < 0
+        signs = np.cumprod(np.where(against, -1.0, 1.0), axis=0)
+        return np.concatenate([w[:1], signs[:, :, None] * w[1:]])
     found = w.copy()
     for k in range(1, len(w)):
         u, _, v = np.linalg.svd(found[k - 1] @ w[k].T)

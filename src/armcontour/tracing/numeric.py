@@ -10,7 +10,7 @@ from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.cells import Knots
 from armcontour.tracing.guide import Guide, free_motions
-from armcontour.tracing.poses import poses_at, rates_at
+from armcontour.tracing.poses import poses_at, rates_at, turning_too_fast
 from armcontour.tracing.solver import Ends, Solver
 from armcontour.tracing.ways import Way
 
@@ -104,7 +104,8 @@ class Numeric(Solver[SerialArm]):
         s = float(knots.at(u)[i])
         point = self.path(s).tolist()
         raise Unreachable(
-            f"At {s:.6g} m of {self.path.length:.6g} m along the path, at "
+            turning_too_fast(self.path, s)
+            or f"At {s:.6g} m of {self.path.length:.6g} m along the path, at "
             f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular: move the "
             "path or the arm, or leave turning about the tool axis free.",
             point=point,

@@ -12,6 +12,8 @@ from armcontour.tracing.cells import Knots
 
 # A jump of the orientation below this is rounding [rad].
 NO_JUMP = 1e-8
+# Where an arm is found singular and the tool turns faster than this, that is the reason [rad/m].
+TOO_FAST = 1e5
 
 
 def asked_of(path: Path, arm: SerialArm) -> int:
@@ -55,6 +57,23 @@ def asked_of(path: Path, arm: SerialArm) -> int:
             point=point,
         )
     return asked
+
+
+def turning_too_fast(path: Path, s: float) -> str:
+    """What to say of a place where the path turns the tool faster than anything could; or ""."""
+    if path.orientation is None:
+        return ""
+    near = path.orientation.locate(np.array([s]))[0] + np.array([-1, 0, 1])
+    near = near[(near >= 0) & (near < len(path.orientation))]
+    middle = (path.orientation.breaks[near] + path.orientation.breaks[near + 1]) / 2
+    rate = float(np.linalg.norm(path.orientation.rates(middle)[0], axis=1).max())
+    if rate < TOO_FAST:
+        return ""
+    return (
+        f"At {s:.6g} m along the path the tool turns by {rate * 1e-6:.3g} rad per micrometre, "
+        "which no joint path can follow: put the points of the path farther apart there, "
+        "or allow larger corners."
+    )
 
 
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from armcontour.arms import Arm
 from armcontour.errors import Unreachable
 from armcontour.motion import JointPath, quintic
 from armcontour.tracing.cells import Knots
+from armcontour.tracing.poses import turning_too_fast
 from armcontour.tracing.solver import Ends, Solver
 
 # An interval this small that still misses the path means a singularity, not a coarse grid.
@@ -40,7 +41,12 @@ def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
         halved = knots.part(missed)
         _refuse_singularity(solver, halved)
         u = (halved.u0 + halved.u1) / 2
-        between = solver.ends(halved, u, middle[left])
+        guess = middle[left]
+        # Near a singularity a quintic between ends far apart swings out: halfway is nearer then.
+        halfway = (begin[0][missed] + end[0][missed]) / 2
+        nearer = solver.missed(halved, u, halfway) < solver.missed(halved, u, guess)
+        guess = np.where(nearer[:, None], halfway, guess)
+        between = solver.ends(halved, u, guess)
         # An interval that misses gives its place to its two halves.
         twice = np.repeat(np.arange(len(settled)), 1 + missed)
         second = np.flatnonzero(np.diff(twice, prepend=-1) == 0)
@@ -82,9 +88,11 @@ def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:
         s = float(knots.s0[small[0]])
         point = solver.path(s).tolist()
         raise Unreachable(
-            f"At {s:.6g} m along the path, near {tuple(round(x, 6) for x in point)} m, the arm "
+            turning_too_fast(solver.path, s)
+            or f"At {s:.6g} m along the path, near {tuple(round(x, 6) for x in point)} m, the arm "
             f"{solver.arm.name} is singular or jumps between configurations: move the path or the "
             "arm.",
             point=point,
             s=s,
+            limit="singularity",
         )

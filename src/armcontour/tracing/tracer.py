@@ -13,6 +13,7 @@ from armcontour.tracing.cells import first_knots
 from armcontour.tracing.closed_form import ClosedForm
 from armcontour.tracing.numeric import Numeric
 from armcontour.tracing.poses import asked_of
+from armcontour.tracing.ranges import refuse_out_of_range
 from armcontour.tracing.refinement import refined
 from armcontour.tracing.ways import ways
 
@@ -93,9 +94,11 @@ def traces(
         if most is not None and len(found) == most:
             break
         try:
-            found.append(refined(Numeric(path, arm, asked, knots, way, tolerance), knots))
+            joint_path = refined(Numeric(path, arm, asked, knots, way, tolerance), knots)
+            refuse_out_of_range(joint_path, arm)
+            found.append(joint_path)
         except Unreachable as error:
-            # It is singular between two knots; another configuration may not be.
+            # Between two knots it is singular or leaves a joint's range; another may not.
             refusals.append(error)
     if not found:
         raise refusals[0]

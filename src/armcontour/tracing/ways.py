@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.arms.inverse import configurations, out_of_reach, seeds
 from armcontour.errors import Unreachable
@@ -20,8 +21,21 @@ MOST_STARTS = 48
 MOST_WAYS = 6
 # Ways with joints to spare that nowhere differ by more than this are one [rad].
 SAME_WAY = 0.05
+# Ways with joints to spare are ranked after this many rounds of smoothing on so many knots.
+ROUGH_ROUNDS = 3
+ROUGH_KNOTS = 70
+# So many of them are then smoothed to the end, or more until one is found.
+MOST_SMOOTHED = 16
+# Following goes along chords; the path turns by no more than this under one [rad].
+CHORD_TURN = 0.1
+# Where a joint leaves its range, it is looked at so many whole turns either way.
+MOST_TURNS = 5
 # A pose that stays farther away than this is out of reach [m].
 OUT_OF_REACH = 1e-7
+# Looked for from so many joint positions, at so many places of a path; from one, at more.
+REACH_SEEDS = 60
+SOME_POSES = 10
+MANY_POSES = 300
 # Bisections for the place where the reach ends.
 BISECTIONS = 30
 
@@ -65,12 +79,12 @@ def ways(
     Raises:
         Unreachable: There is none; says why for the one that comes farthest.
     """
-    poses = _row_of_poses(path, knots)
-    s = np.append(knots.s0, path.length)
+    fine, at = _finer(path, knots)
+    poses, s = _row_of_poses(path, fine), np.append(fine.s0, path.length)
     starts = configurations(arm, poses[0], asked, start)
     if len(starts) == 0:
-        _refuse_start(path, arm, poses, asked)
-    found: list[Way] = []
+        _refuse_start(arm, poses, asked, start)
+    followed: list[FloatArray] = []
     failures: list[_Failure] = []
     for q0 in starts[:MOST_STARTS]:
         q = np.empty((len(poses), arm.dof))
@@ -78,20 +92,73 @@ def ways(
         reached = _newton.follow(*arm.arrays, poses, asked, q)
         if reached < len(poses):
             failures.append(_Failure(reached, q[reached - 1]))
-            continue
+        else:
+            followed.append(q[at])
+    found: list[Way] = []
+    if asked < arm.dof:
+        followed = _most_promising(arm, s[at], poses[at], asked, followed, start)
+    for i, q in enumerate(followed):
         if asked < arm.dof:
-            q, cost = smoothed(arm, s, poses, asked, _shifted(arm, q))
+            if found and i >= MOST_SMOOTHED:
+                break
+            q, cost = smoothed(arm, s[at], poses[at], asked, q, start_stays=start is not None)
         else:
             cost = _way(arm, q)
         fitted = _in_range(arm, q, start)
         if isinstance(fitted, _Failure):
-            failures.append(fitted)
+            failures.append(dataclasses.replace(fitted, reached=int(at[fitted.reached])))
         elif not any(np.abs(fitted - x.q).max() < SAME_WAY for x in found):
             found.append(Way(fitted, cost))
     if not found:
-        _refuse(path, arm, knots, poses, asked, max(failures, key=lambda x: x.reached))
+        _refuse(path, arm, fine, poses, asked, max(failures, key=lambda x: x.reached))
     found.sort(key=lambda x: x.cost)
     return found[:MOST_WAYS] if asked < arm.dof else found
+
+
+def _most_promising(
+    arm: SerialArm,
+    s: FloatArray,
+    poses: FloatArray,
+    asked: int,
+    followed: list[FloatArray],
+    start: FloatArray | None,
+) -> list[FloatArray]:
+    """The same ways by what a few rounds of smoothing on a part of the knots make of their cost."""
+    few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
+    ranked = []
+    for q in followed:
+        shifted = _shifted(arm, q)
+        rough, cost = smoothed(
+            arm,
+            s[few],
+            poses[few],
+            asked,
+            shifted[few],
+            start_stays=start is not None,
+            rounds=ROUGH_ROUNDS,
+        )
+        ranked.append((cost, shifted if len(few) < len(s) else rough))
+    ranked.sort(key=lambda x: x[0])
+    return [q for _, q in ranked]
+
+
+def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
+    """Intervals on which a chord is near to the path, and where the knots are among their ends."""
+    poses = _row_of_poses(path, knots)
+    width = knots.u1 - knots.u0
+    turn = np.maximum(
+        width * path.curvatures[knots.segment],
+        np.linalg.norm(np.diff(poses[:, :, :3], axis=0), axis=(1, 2)) / np.sqrt(2),
+    )
+    count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
+    at = np.concatenate([[0], np.cumsum(count)])
+    of = np.repeat(np.arange(len(knots)), count)
+    number = np.arange(at[-1]) - at[of]
+    ahead = width[of] * (number / count[of])
+    behind = width[of] * ((number + 1) / count[of])
+    u0 = knots.u0[of]
+    found = Knots(knots.segment[of], knots.piece[of], u0 + ahead, u0 + behind, knots.s0[of] + ahead)
+    return found, at
 
 
 def _row_of_poses(path: Path, knots: Knots) -> FloatArray:
@@ -107,12 +174,20 @@ def _way(arm: SerialArm, q: FloatArray) -> float:
 
 
 def _shifted(arm: SerialArm, q: FloatArray) -> FloatArray:
-    """The same positions, by whole turns as near to the middle of the joints' ranges as can be."""
+    """The same positions, by whole turns as near to the middle of the joints' ranges as can be.
+
+    Where that leaves a range with one end only, away from that end.
+    """
     lower, upper = arm.limits.joint_range(arm.dof)
     ranged = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.where(ranged, lower / 2 + upper / 2, 0.0)
-    own = (q.min(axis=0) + q.max(axis=0)) / 2
-    return np.asarray(q + 2 * np.pi * np.round((middle - own) / (2 * np.pi)))
+    middle = np.where(
+        ranged, np.where(ranged, lower, 0.0) / 2 + np.where(ranged, upper, 0.0) / 2, 0
+    )
+    low, high = q.min(axis=0), q.max(axis=0)
+    turns = np.round((middle - (low + high) / 2) / (2 * np.pi))
+    least = np.ceil((np.where(ranged, -np.inf, lower) - low) / (2 * np.pi))
+    most = np.floor((np.where(ranged, np.inf, upper) - high) / (2 * np.pi))
+    return np.asarray(q + 2 * np.pi * np.clip(turns, least, most))
 
 
 def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatArray | _Failure:
@@ -130,32 +205,53 @@ def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatA
     outside = (below | above).any(axis=1)
     if not outside.any():
         return wanted
-    # Of all whole turns, the one with which the joint comes farthest along the path.
-    row = int(np.argmax(outside))
-    joint = int(np.argmax((below | above)[row]))
-    for turn in (-2 * np.pi, 2 * np.pi):
-        other = wanted.copy()
-        other[:, joint] += turn
-        off = ((other < lower) | (other > upper)).any(axis=1)
-        if off.any() and int(np.argmax(off)) > row:
-            row, wanted = int(np.argmax(off)), other
+    # Of all whole turns, those with which each joint comes farthest along the path.
+    wanted = wanted.copy()
+    for joint in np.flatnonzero((below | above).any(axis=0)):
+        turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
+        tried = wanted[:, joint, None] + turns
+        off = (tried < lower[joint]) | (tried > upper[joint])
+        wanted[:, joint] = tried[:, np.argmax(np.argmax(off, axis=0))]
+    row = int(np.argmax(((wanted < lower) | (wanted > upper)).any(axis=1)))
     below, above = wanted < lower, wanted > upper
-    joint = int(np.argmax((below | above)[row]))
-    limit = float(lower[joint] if below[row, joint] else upper[joint])
-    return _Failure(row, wanted[row], joint, float(wanted[row, joint]), limit)
+    worst = int(np.argmax((below | above)[row]))
+    limit = float(lower[worst] if below[row, worst] else upper[worst])
+    return _Failure(row, wanted[row], worst, float(wanted[row, worst]), limit)
 
 
-def _refuse_start(path: Path, arm: SerialArm, poses: FloatArray, asked: int) -> None:
-    lack, where = _worst_lack(arm, poses, asked, seeds(arm)[:60])
+def _refuse_start(arm: SerialArm, poses: FloatArray, asked: int, start: FloatArray | None) -> None:
+    """Say why the tool cannot be held at the start of the path.
+
+    Raises:
+        Unreachable: Always.
+    """
     point = poses[0, :, 3]
+    place = tuple(np.round(point, 6).tolist())
+    known = configurations(arm, poses[0], asked)
+    if start is not None and len(known):
+        off = start - known
+        off = np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))).max(axis=1)
+        nearest = known[np.argmin(off)]
+        raise Unreachable(
+            f"From the given start the arm {arm.name} does not come to hold its tool as asked at "
+            f"the beginning of the path, {place} m; give a start nearer to joint positions that "
+            f"do, such as {tuple(np.round(nearest, 4).tolist())} rad.",
+            point=point.tolist(),
+            s=0.0,
+            limit="start",
+            needed=float(off.min()),
+        )
+    gap = _lack(arm, poses[0], asked, seeds(arm)[:REACH_SEEDS])
+    some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
+    lacks = out_of_reach(arm, poses[some], asked, seeds(arm)[:REACH_SEEDS])
+    worst = int(some[np.argmax(lacks)])
     more = ""
-    if where > 0:
-        place = tuple(np.round(poses[where, :, 3], 6).tolist())
-        more = f" (the path's worst place, {place} m, by {lack:.3g} m)"
-    gap = float(out_of_reach(arm, poses[:1], asked, seeds(arm)[:60])[0])
+    if worst > 0 and lacks.max() > gap:
+        there = tuple(np.round(poses[worst, :, 3], 6).tolist())
+        more = f" (the path's worst place, {there} m, by {lacks.max():.3g} m)"
     raise Unreachable(
         f"At 0 m along the path the tool of the arm {arm.name} cannot be held as asked at "
-        f"{tuple(np.round(point, 6).tolist())} m: it stays {gap:.3g} m away{more}; move the path "
+        f"{place} m: it stays {gap:.3g} m away{more}; move the path "
         "or the arm, or leave turning about the tool axis free.",
         point=point.tolist(),
         s=0.0,
@@ -165,9 +261,21 @@ def _refuse_start(path: Path, arm: SerialArm, poses: FloatArray, asked: int) -> 
     )
 
 
+def _lack(arm: SerialArm, pose: FloatArray, asked: int, q: FloatArray) -> float:
+    return float(out_of_reach(arm, pose[None], asked, q)[0])
+
+
 def _worst_lack(arm: SerialArm, poses: FloatArray, asked: int, q: FloatArray) -> tuple[float, int]:
-    lacks = out_of_reach(arm, poses, asked, q)
-    return float(lacks.max()), int(lacks.argmax())
+    """How far the tool stays from the pose that is farthest out of reach, and which it is."""
+    some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
+    lacks = out_of_reach(arm, poses[some], asked, q)
+    widely = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
+    for i in np.argsort(-lacks)[:SOME_POSES]:
+        # Another configuration may come nearer.
+        lack = 0.0 if lacks[i] <= OUT_OF_REACH else _lack(arm, poses[some[i]], asked, widely)
+        if lack > OUT_OF_REACH:
+            return lack, int(some[i])
+    return 0.0, 0
 
 
 def _refuse(
@@ -215,12 +323,14 @@ def _refuse(
             needed=lack,
             allowed=0.0,
         )
-    weak = np.linalg.svd(arm.twist_jacobian(failure.q))
-    joint = int(np.argmax(np.abs(weak[2][min(asked, arm.dof) - 1])))
+    jacobian = arm.twist_jacobian(failure.q)
+    turning = jacobian[3:] if asked == 6 else poses[i - 1, :, : asked - 3].T @ jacobian[3:]
+    _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], turning]))
+    joint = int(np.argmax(np.abs(motions[asked - 1])))
     raise Unreachable(
         f"Behind {s[i - 1]:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
         f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
-        f"singular value {weak[1][min(asked, arm.dof) - 1]:.2g}): move the path or the arm, or "
+        f"singular value {sizes[asked - 1]:.2g}): move the path or the arm, or "
         "leave turning about the tool axis free.",
         s=float(s[i - 1]),
         point=poses[i - 1, :, 3].tolist(),

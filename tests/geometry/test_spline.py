@@ -1,0 +1,111 @@
+"""Splines as tangent arcs, against scipy's cubic spline."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import armcontour as ac
+
+RANDOM = np.random.default_rng(0)
+CURVES = {
+    "two points": ([(0, 0), (1, 0.5)], False),
+    "two points in space": ([(0, 0, 0), (1, 0.5, 0.2)], False),
+    "on a line": ([(0, 0), (1, 0), (2, 0), (5, 0)], False),
+    "plane": (RANDOM.normal(size=(12, 2)), False),
+    "space": (RANDOM.normal(size=(12, 3)), False),
+    "square": ([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)], True),
+    "closed in space": ([*(p := RANDOM.normal(size=(8, 3))), p[0]], True),
+    "sharp zigzag": ([(0, 0), (1, 0), (0, 1e-3), (1, 2e-3), (0, 3e-3)], False),
+    "near duplicates": ([(0, 0), (1, 0), (1, 1e-6), (2, 1), (2 + 2e-9, 1)], False),
+    "small": (1e-3 * RANDOM.normal(size=(6, 3)), False),
+}
+
+
+def scipys(points, closed):
+    points = np.array(points, dtype=float)
+    at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    if closed:
+        points[-1] = points[0]
+    return CubicSpline(at, points, bc_type="periodic" if closed else "natural"), at
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-7])
+@pytest.mark.parametrize("name", CURVES)
+def test_arcs_stay_within_their_tolerance_of_the_spline(name, tolerance):
+    points, closed = CURVES[name]
+    path = ac.Path.spline(points, tolerance=tolerance, closed=closed)
+    curve, at = scipys(points, closed)
+    dense = curve(np.linspace(at[0], at[-1], 4001))
+    # Compared at nine places of every interval: between them it may be a little more.
+    assert path.project(dense).distance.max() <= 1.1 * tolerance
+    assert path.project(np.array(points, dtype=float)).distance.max() < 1e-12
+    # And the other way round: no arc leaves the spline.
+    back = np.linalg.norm(path(np.linspace(0, path.length, 500))[:, None] - dense, axis=2)
+    assert (
+        back.min(axis=1).max() <= tolerance + np.linalg.norm(np.diff(dense, axis=0), axis=1).max()
+    )
+    assert path.turns.max(initial=0.0) < 1e-12
+    assert len(path.stops) == 0
+    ends = path.vertices[[0, -1]]
+    np.testing.assert_allclose(ends, np.array(points)[[0, -1]], atol=1e-12)
+
+
+def test_a_closed_spline_goes_on_smoothly_where_it_began():
+    points, _ = CURVES["square"]
+    closed = ac.Path.spline(points, closed=True)
+    np.testing.assert_allclose(closed(0.0, 1), closed(closed.length, 1), atol=1e-12)
+    # By symmetry the square's spline has its tangents along the diagonals at the corners.
+    np.testing.assert_allclose(closed(0.0, 1), np.array([1, -1]) / np.sqrt(2), atol=1e-12)
+
+
+def test_the_arcs_become_more_with_the_square_root_of_the_tolerance_or_fewer():
+    points, _ = CURVES["space"]
+    counts = [len(ac.Path.spline(points, tolerance=10.0**-k)) for k in (3, 6, 9)]
+    # Pairs of arcs are of third order: a thousandth of the tolerance, ten times as many.
+    assert 6 < counts[1] / counts[0] < 16 and 6 < counts[2] / counts[1] < 16
+
+
+def test_repeated_points_are_merged_and_demands_are_kept():
+    demand = ac.Demand(speed=0.1, tolerance=1e-3, tag="seam")
+    path = ac.Path.spline([(0, 0), (1, 0), (1, 0), (2, 1)], demand=demand)
+    assert path.merged == (2,)
+    assert set(path.speeds) == {0.1} and set(path.tags) == {"seam"}
+    plain = ac.Path.spline([(0, 0), (1, 0), (2, 1)])
+    np.testing.assert_array_equal(path.starts, plain.starts)
+
+
+@pytest.mark.parametrize("points", [[(0, 0), (1, 0), (0, 0)], [(0, 0), (1, 0), (0.2, 0), (1, 0)]])
+def test_a_spline_that_turns_back_on_the_spot_is_refused(points, refuses):
+    refuses(
+        lambda: ac.Path.spline(points),
+        ac.InvalidInput,
+        "turns back on the spot near",
+        "split the spline there",
+    )
+
+
+@pytest.mark.parametrize(
+    ("points", "options", "words"),
+    [
+        ([(0, 0)], {}, ("at least two different points",)),
+        ([(0, 0), (0, 0)], {}, ("at least two different points",)),
+        ([(0, 0), (1, 0)], {"tolerance": 0.0}, ("spline tolerance", "above zero")),
+        ([(0, 0), (1, 0), (1, 1)], {"closed": True}, ("must end at its first point",)),
+        ([(0, 0), (1, np.inf)], {}, ("finite",)),
+    ],
+)
+def test_what_makes_no_spline_is_refused(points, options, words, refuses):
+    refuses(lambda: ac.Path.spline(points, **options), ac.InvalidInput, *words)
+
+
+def test_ten_thousand_points_take_no_time_to_speak_of():
+    t = np.linspace(0, 40, 10000)
+    points = np.column_stack([np.cos(t), np.sin(1.3 * t), 0.1 * t])
+    begin = time.process_time()
+    path = ac.Path.spline(points, tolerance=1e-6)
+    assert time.process_time() - begin < 2.0  # it takes 0.04 s
+    assert len(path) < 30000 and path.turns.max() < 1e-12

@@ -1,0 +1,198 @@
+"""Corner rounding with orientation: what holds for every path in space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.frames import log
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_path(rng):
+    """A polyline in space with collinear points, and a rotation at every point."""
+    n = int(rng.integers(3, 9))
+    scale = 10.0 ** rng.uniform(-2, 0.5)
+    points = scale * rng.uniform(-1, 1, size=(n, 3))
+    for i in range(1, n - 1):
+        kind = rng.random()
+        if kind < 0.15:
+            points[i] = points[i - 1] + rng.uniform(0.1, 0.9) * (points[i + 1] - points[i - 1])
+        elif kind < 0.25:
+            points[i] = points[i - 1] + scale * 10.0 ** rng.uniform(-4, -1) * rng.normal(size=3)
+    vectors = 10.0 ** rng.uniform(-3, 0.3) * rng.uniform(-1, 1, size=(n, 3))
+    if rng.random() < 0.2:
+        vectors[1:] = vectors[0]
+    return ac.Path.polyline(points), Rotation.from_rotvec(vectors), scale
+
+
+def angles(first, second):
+    return np.linalg.norm(log(first @ np.swapaxes(second, -1, -2)), axis=-1)
+
+
+@given(seed=SEEDS, axis_only=st.booleans())
+def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only):
+    rng = np.random.default_rng(seed)
+    path, rotations, scale = random_path(rng)
+    path = path.oriented(rotations, axis_only=axis_only)
+    tolerance, angular = scale * 10.0 ** rng.uniform(-4, 0), 10.0 ** rng.uniform(-4, 0)
+    rounded = ac.round_corners(path, tolerance=tolerance, angular_tolerance=angular)
+    corners, orientation = rounded.corners, rounded.orientation
+    assert not corners.stopped.any()
+    # In the middle of a corner, both the point and the rotation are near those of the corner.
+    middle = (corners.start + corners.end) / 2
+    off = np.linalg.norm(rounded(middle) - corners.point, axis=1)
+    assert (off <= tolerance + 1e-12).all()
+    np.testing.assert_allclose(off, corners.error, atol=1e-12)
+    at_corner = path.orientation.starts[corners.joint]
+    turned = angles(orientation(middle), at_corner)
+    assert (turned <= angular + 1e-9).all()
+    np.testing.assert_allclose(turned, corners.angular_error, atol=1e-9)
+    # No jump and no kink is left, so that nothing has to stop.
+    assert orientation.jumps.max(initial=0.0) <= 1e-9
+    assert len(rounded.stops) == 0
+    # Halfway along a line nothing has changed, unless a corner takes more than half of it.
+    middles = (path.breaks[:-1] + path.breaks[1:]) / 2
+    kept = rounded.project(path(middles))
+    eased = orientation.second[orientation.locate(kept.s)].any(axis=1)
+    on = (kept.distance <= 1e-12) & ~eased
+    before = path.orientation(middles[on])
+    assert angles(orientation(kept.s[on]), before).max(initial=0.0) <= 1e-7
+    # It begins and ends as it was.
+    ends = orientation(np.array([0.0, rounded.length]))
+    assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
+
+
+@given(seed=SEEDS)
+def test_nowhere_on_a_corner_is_the_rotation_farther_off_than_in_its_middle(seed):
+    # At equal shares of the arc and of the two lines that it replaces.
+    rng = np.random.default_rng(seed)
+    path, rotations, scale = random_path(rng)
+    path = path.oriented(rotations)
+    angular = 10.0 ** rng.uniform(-4, -0.5)
+    rounded = ac.round_corners(path, tolerance=0.1 * scale, angular_tolerance=angular)
+    corners = rounded.corners
+    share = np.linspace(0, 1, 41)
+    for k in range(len(corners)):
+        s = corners.start[k] + share * (corners.end[k] - corners.start[k])
+        t = corners.tangent[k]
+        was = path.orientation(path.breaks[corners.joint[k]] + (2 * share - 1) * t)
+        off = angles(rounded.orientation(s), was)
+        assert off.max() <= max(angular, corners.angular_error[k]) + 1e-9
+
+
+@given(seed=SEEDS)
+def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
+    rng = np.random.default_rng(seed)
+    path, _, scale = random_path(rng)
+    path = path.following_tangent(rng.normal(size=3), tool=Rotation.random(rng=rng))
+    angular = 10.0 ** rng.uniform(-4, -0.5)
+    rounded = ac.round_corners(
+        path, tolerance=scale * 10.0 ** rng.uniform(-4, 0), angular_tolerance=angular
+    )
+    # The tangent as the tool sees it is one direction, but for the tolerance.
+    own = path.orientation.starts[0].T @ path.tangents[0]
+    share = np.linspace(0, 1, 13)
+    i = np.repeat(np.arange(len(rounded.orientation)), len(share))
+    u = (np.diff(rounded.orientation.breaks)[:, None] * share).ravel()
+    s = np.clip(rounded.orientation.breaks[i] + u, 0, rounded.length)
+    along = np.einsum("nij,j->ni", rounded.orientation.on_piece(i, u), own)
+    off = np.linalg.norm(along - rounded(s, 1), axis=1)
+    assert off.max() <= angular + 1e-7
+    assert rounded.orientation.jumps.max(initial=0.0) <= 1e-8
+    assert len(rounded.stops) == 0
+
+
+@given(seed=SEEDS)
+def test_backwards_the_rounded_path_turns_the_same_way(seed):
+    # In the middle of a corner what is behind and what is before count alike.
+    rng = np.random.default_rng(seed)
+    path, rotations, scale = random_path(rng)
+    angular = 0.05
+    ways = []
+    for points, turns in (
+        (path.vertices, rotations),
+        (path.vertices[::-1], rotations[::-1]),
+    ):
+        given_path = ac.Path.polyline(points).oriented(turns)
+        ways.append(ac.round_corners(given_path, tolerance=0.05 * scale, angular_tolerance=angular))
+    forth, back = (x.corners for x in ways)
+    np.testing.assert_allclose(forth.tangent, back.tangent[::-1], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(forth.angular_error, back.angular_error[::-1], atol=1e-6)
+
+
+def test_a_kink_without_a_corner_needs_an_angular_tolerance(refuses):
+    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)])
+    turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.3]])
+    kinked = line.oriented(turns)
+    refuses(
+        lambda: ac.round_corners(kinked, tolerance=0.1),
+        ac.InvalidInput,
+        "another rate behind segment 1",
+        "angular_tolerance",
+    )
+    rounded = ac.round_corners(kinked, tolerance=0.1, angular_tolerance=0.01)
+    assert len(rounded.stops) == 0 and len(rounded) == 3
+    off = angles(rounded.orientation(np.array([2.0])), turns[2].as_matrix()[None])
+    assert off[0] == pytest.approx(0.01)
+
+
+def test_what_follows_the_tangent_needs_an_angular_tolerance(refuses):
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)]).following_tangent([0, 0, 1])
+    refuses(
+        lambda: ac.round_corners(path, tolerance=0.1),
+        ac.InvalidInput,
+        "follows the tangent",
+        "angular_tolerance",
+    )
+    refuses(
+        lambda: ac.round_corners(path, tolerance=0.1, angular_tolerance=-1.0),
+        ac.InvalidInput,
+        "angular tolerance",
+        "negative",
+    )
+
+
+def test_an_angular_tolerance_of_zero_stops():
+    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)])
+    turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]])
+    rounded = ac.round_corners(line.oriented(turns), tolerance=0.1, angular_tolerance=0.0)
+    np.testing.assert_allclose(rounded.stops, [1.0, 2.0, 3.0])
+    assert rounded.corners.stopped.all() and (rounded.corners.angular_error == 0).all()
+    # Not where the rate goes on, though rounding makes two numbers of it.
+    corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
+    steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
+    for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):
+        kept = ac.round_corners(held, tolerance=0.1, angular_tolerance=0.0)
+        assert len(kept.stops) == 0 and not kept.corners.stopped.any()
+    followed = ac.round_corners(
+        corner.following_tangent([0, 0, 1]), tolerance=0.1, angular_tolerance=0.0
+    )
+    np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])
+
+
+def test_a_large_turn_makes_the_arc_smaller_and_says_so():
+    corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
+    free = ac.round_corners(turning, tolerance=0.1, angular_tolerance=1.0).corners
+    tight = ac.round_corners(turning, tolerance=0.1, angular_tolerance=0.02).corners
+    assert not free.shrunk[0] and free.error[0] == pytest.approx(0.1)
+    assert tight.shrunk[0] and tight.error[0] < 0.03
+    assert tight.angular_error[0] == pytest.approx(0.02, rel=1e-6)
+    assert free.angular_error[0] > 0.05
+
+
+def test_rounding_twice_is_refused(refuses):
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    turning = path.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
+    once = ac.round_corners(turning, tolerance=0.1, angular_tolerance=0.1)
+    refuses(
+        lambda: ac.round_corners(once, tolerance=0.1, angular_tolerance=0.1),
+        ac.InvalidInput,
+        "rounded before",
+    )

@@ -1,0 +1,189 @@
+"""Frames and rotations: scipy's rotations as the oracle, the algebra of frames, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.frames import Frame, cross_matrix, exp, from_rpy, log, rotations, shortest
+
+SMALL = [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 1e-4]
+LARGE = [1.0, 3.0, np.pi - 1e-4, np.pi - 1e-8, np.pi - 1e-12, np.pi]
+RANDOM = np.random.default_rng(0)
+AXES = [*np.eye(3), *-np.eye(3), *RANDOM.normal(size=(20, 3))]
+TURNED = Rotation.from_rotvec([0.3, -0.2, 0.5])
+
+
+def unit(v):
+    return np.asarray(v) / np.linalg.norm(v)
+
+
+@pytest.mark.parametrize("angle", SMALL + LARGE)
+def test_exp_and_log_at_every_angle(angle):
+    vectors = angle * np.array([unit(a) for a in AXES])
+    matrices = exp(vectors)
+    np.testing.assert_allclose(matrices, Rotation.from_rotvec(vectors).as_matrix(), atol=1e-15)
+    found = log(matrices)
+    if angle > np.pi - 1e-7:  # either sign of the axis is the same turn, to rounding
+        found *= np.where(np.sum(found * vectors, axis=1, keepdims=True) < 0, -1, 1)
+    np.testing.assert_allclose(found, vectors, atol=4e-15)
+    assert (np.linalg.norm(found, axis=1) <= np.pi * (1 + 1e-15)).all()
+
+
+def test_a_small_turn_keeps_its_digits():
+    vector = 1e-9 * unit([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(log(exp(vector)), vector, rtol=1e-12)
+
+
+def test_log_agrees_with_scipy_on_random_rotations():
+    turns = Rotation.random(5000, rng=np.random.default_rng(1))
+    np.testing.assert_allclose(log(turns.as_matrix()), turns.as_rotvec(), atol=1e-14)
+
+
+def test_exp_takes_more_than_a_turn():
+    vectors = np.array([[0.0, 0.0, 7.0], [10.0, -5.0, 3.0]])
+    np.testing.assert_allclose(exp(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
+
+
+def test_exp_and_log_keep_the_shape_of_their_stack():
+    vectors = np.random.default_rng(2).uniform(-1, 1, size=(2, 3, 4, 3))
+    assert exp(vectors).shape == (2, 3, 4, 3, 3)
+    np.testing.assert_allclose(log(exp(vectors)), vectors, atol=1e-14)
+    assert log(np.eye(3)).shape == (3,)
+
+
+def test_the_cross_matrix_crosses():
+    v, w = np.random.default_rng(3).normal(size=(2, 10, 3))
+    np.testing.assert_allclose(
+        np.einsum("nij,nj->ni", cross_matrix(v), w), np.cross(v, w), atol=1e-15
+    )
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-14, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi])
+def test_the_shortest_rotation_turns_one_direction_into_the_other(turn):
+    random = np.random.default_rng(4)
+    first = random.normal(size=(50, 3))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    across = np.cross(first, random.normal(size=(50, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    second = np.cos(turn) * first + np.sin(turn) * across
+    found = shortest(first, second)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), turn, atol=1e-14)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", exp(found), first), second, atol=1e-12)
+    assert (np.abs(np.sum(found * first, axis=1)) < 1e-12).all()  # nothing about the direction
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        TURNED,
+        TURNED.as_matrix(),
+        TURNED.as_matrix().tolist(),
+        TURNED.as_quat(),
+        -TURNED.as_quat(),
+        TURNED.as_quat() * (1 + 5e-7),
+        TURNED.as_matrix() + 1e-8,
+    ],
+)
+def test_one_rotation_in_every_form(given):
+    found = rotations("it", given)
+    assert found.shape == (3, 3)
+    np.testing.assert_allclose(found, TURNED.as_matrix(), atol=1e-7)
+    np.testing.assert_allclose(found.T @ found, np.eye(3), atol=1e-15)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4, 7])
+def test_many_rotations_in_every_form(count):
+    # Of three or four, the arrays look like one of another form.
+    turns = Rotation.random(count, rng=np.random.default_rng(5))
+    for given in (turns, turns.as_matrix(), turns.as_quat()):
+        np.testing.assert_allclose(rotations("it", given), turns.as_matrix(), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), ("it holds a matrix that is no rotation", "right-handed")),
+        (np.eye(3) * 1.1, ("no rotation",)),
+        (np.eye(3) * 1e200, ("no rotation",)),
+        (np.full((3, 3), 1e200) * [[1, 1, 1], [1, -1, 1], [1, 1, -1]], ("no rotation",)),
+        (np.zeros((3, 3)), ("no rotation",)),
+        ([np.eye(3), np.eye(3)[::-1]], ("no rotation",)),
+        ([0.0, 0.0, 0.0, 1.1], ("quaternion (x, y, z, w) must have the length 1",)),
+        ([0.0, 0.0, 0.0, 0.0], ("length 1",)),
+        ([1.0, 2.0, 3.0], ("it must be rotation matrices (3 by 3) or quaternions", "(3,)")),
+        (np.zeros((2, 2)), ("(2, 2)",)),
+        (1.0, ("()",)),
+        (np.full((3, 3), np.nan), ("finite",)),
+        ("up", ("must be numbers",)),
+        ([[1, 2], [3]], ("must be numbers",)),
+    ],
+)
+def test_what_is_no_rotation_is_refused(given, words, refuses):
+    refuses(lambda: rotations("it", given), ac.InvalidInput, *words)
+
+
+def test_roll_pitch_and_yaw_are_about_fixed_axes():
+    angles = np.random.default_rng(6).uniform(-np.pi, np.pi, (50, 3))
+    np.testing.assert_allclose(
+        from_rpy(angles), Rotation.from_euler("xyz", angles).as_matrix(), atol=1e-15
+    )
+    frame = Frame.rpy([1, 2, 3], angles[0])
+    np.testing.assert_allclose(frame.rotation, from_rpy(angles[0]), atol=1e-15)
+    np.testing.assert_array_equal(frame.position, [1, 2, 3])
+
+
+@pytest.mark.parametrize("angles", [[1.0, 2.0], 1.0, [[1.0, 2.0]]])
+def test_two_angles_are_no_roll_pitch_and_yaw(angles, refuses):
+    refuses(lambda: from_rpy(angles), ac.InvalidInput, "three angles")
+
+
+def test_frames_are_chained_and_turned_round_like_matrices():
+    random = np.random.default_rng(7)
+
+    def homogeneous(frame):
+        return np.block([[frame.rotation, frame.position[:, None]], [np.zeros(3), 1.0]])
+
+    a, b, c = (
+        Frame(position=random.normal(size=3), rotation=Rotation.random(rng=random))
+        for _ in range(3)
+    )
+    np.testing.assert_allclose(homogeneous(a @ b), homogeneous(a) @ homogeneous(b), atol=1e-14)
+    np.testing.assert_allclose(homogeneous((a @ b) @ c), homogeneous(a @ (b @ c)), atol=1e-14)
+    np.testing.assert_allclose(homogeneous(a.inverse), np.linalg.inv(homogeneous(a)), atol=1e-14)
+    np.testing.assert_allclose(homogeneous(a @ a.inverse), np.eye(4), atol=1e-14)
+    np.testing.assert_allclose(homogeneous(Frame() @ a), homogeneous(a), atol=1e-15)
+
+
+def test_a_frame_stays_a_rotation_through_a_thousand_products():
+    step = Frame(position=[1e-3, 0, 0], rotation=TURNED)
+    found = Frame()
+    for _ in range(1000):
+        found = found @ step
+    np.testing.assert_allclose(found.rotation.T @ found.rotation, np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(found.rotation, (TURNED**1000).as_matrix(), atol=1e-11)
+
+
+def test_a_frame_keeps_its_own_copy():
+    position = np.zeros(3)
+    frame = Frame(position=position)
+    position[0] = 1.0
+    assert frame.position[0] == 0.0
+    for array in (frame.position, frame.rotation):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 5.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"position": [0, 0]}, ("position of a frame", "3 coordinates", "not 2")),
+        ({"position": [0, 0, np.inf]}, ("position of a frame", "finite")),
+        ({"rotation": [np.eye(3), np.eye(3)]}, ("one rotation",)),
+        ({"rotation": np.eye(3) * 2}, ("rotation of a frame", "no rotation")),
+    ],
+)
+def test_what_is_no_frame_is_refused(arguments, words, refuses):
+    refuses(lambda: Frame(**arguments), ac.InvalidInput, *words)

@@ -1,0 +1,447 @@
+"""Tracing in space: exact knots, all configurations, joints to spare, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.arms import Chain, SerialArm
+from armcontour.arms.inverse import configurations
+from armcontour.frames import Frame, exp, log
+from armcontour.tracing import traces
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]
+# A torch of 0.2 m, bent by 45°.
+TORCH = Frame.rpy([0.085, 0, 0.165], [0, np.pi / 4, 0])
+
+
+@pytest.fixture(scope="module")
+def ur5e():
+    return ac.load_arm("ur5e")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ac.load_arm("panda")
+
+
+def paths():
+    base = ac.Path.polyline(POINTS)
+    turns = Rotation.from_rotvec([[0, 0, 0], [0.2, 0.1, 0.3], [0, 0.3, 0.1], [0.1, 0, -0.2]])
+    curve = ac.Path.spline(POINTS, tolerance=1e-5)
+    kinds = {
+        "held": base.oriented(DOWN),
+        "per waypoint": base.oriented(turns * Rotation.from_matrix(DOWN)),
+        "following": base.following_tangent([0, 0, 1]),
+        "axis": base.pointing([0.1, 0, -1]),
+        "axis per waypoint": base.pointing([(0, 0, -1), (0.2, 0, -1), (0, 0.2, -1), (0, 0, -1)]),
+        "axis following": base.following_tangent([0, 0, 1], axis_only=True),
+        "spline": curve.following_tangent([0, 0, 1], axis_only=True),
+    }
+    return {
+        name: ac.round_corners(path, tolerance=0.01, angular_tolerance=0.1)
+        for name, path in kinds.items()
+    } | {"stopping": base.pointing([(0, 0, -1), (0.2, 0, -1), (0, 0.2, -1), (0, 0, -1)])}
+
+
+PATHS = paths()
+CASES = [
+    (arm, name)
+    for arm, names in {
+        "ur5e": PATHS,
+        "ur10e": ["per waypoint", "axis per waypoint"],
+        "panda": PATHS,
+    }.items()
+    for name in names
+]
+
+
+def off_path(arm, path, traced, s, sides="right"):
+    """How far the tool is from its place and its orientation [m], [rad]."""
+    q = traced(s, side=sides)
+    points, rotations = arm.pose(q)
+    wanted = path.orientation(s, side=sides)
+    if path.orientation.axis_only:
+        turned = np.linalg.norm(rotations[:, :, 2] - wanted[:, :, 2], axis=1)
+    else:
+        turned = np.linalg.norm(log(rotations @ np.swapaxes(wanted, 1, 2)), axis=1)
+    return np.linalg.norm(points - path(s), axis=1).max(), turned.max()
+
+
+def places(path, traced):
+    random = np.random.default_rng(0).uniform(0, path.length, 1000)
+    return np.concatenate([random, traced.breaks])
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
+    arm, path = ac.load_arm(name), PATHS[kind]
+    found = traces(path, arm)
+    lower, upper = arm.limits.joint_range(arm.dof)
+    for traced in found:
+        point, turn = off_path(arm, path, traced, places(path, traced))
+        assert point < 2e-10 and turn < 2e-9
+        # At knots it is exact, from both sides.
+        for side in ("left", "right"):
+            point, turn = off_path(arm, path, traced, traced.breaks, side)
+            assert point < 1e-12 and turn < 1e-12
+        q = traced(places(path, traced))
+        assert (q >= lower).all() and (q <= upper).all()
+        inner = traced.breaks[1:-1]
+        jump = np.abs(traced(inner) - traced(inner, side="left")).max()
+        assert jump < 1e-9
+    # They are different, and the first is the shortest.
+    middle = np.array([x(path.length / 2) for x in found])
+    apart = np.abs(middle[:, None] - middle[None]).max(axis=2) + 10 * np.eye(len(found))
+    assert apart.min() > 1e-3
+    np.testing.assert_array_equal(ac.trace(path, arm).breaks, found[0].breaks)
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_derivatives_are_those_of_the_joint_positions_and_of_the_tool(name, kind):
+    arm, path = ac.load_arm(name), PATHS[kind]
+    traced = ac.trace(path, arm)
+    for side, sign in (("left", -1), ("right", 1)):
+        s = traced.breaks[1:] if side == "left" else traced.breaks[:-1]
+        q, dq, ddq = (traced(s, k, side=side) for k in range(3))
+        # The tool's velocity and acceleration over arc length, by the arm's own Jacobian.
+        twist, change = arm.tool_twist(q, dq), arm.tool_twist_rate(q, dq, ddq)
+        size = 1 + np.abs(change).max()
+        np.testing.assert_allclose(twist[:, :3], path(s, 1, side=side), atol=1e-9)
+        np.testing.assert_allclose(change[:, :3], path(s, 2, side=side), atol=1e-9 * size)
+        rate, bend = path.orientation.rates(s, side=side)
+        axis = path.orientation(s, side=side)[:, :, 2]
+        if path.orientation.axis_only:
+            # How the tool axis moves: turning about itself does not count.
+            turned = twist[:, 3:]
+            moves = [np.cross(w, axis) for w in (turned, rate)]
+            bends = [
+                np.cross(b, axis) + np.cross(w, np.cross(w, axis))
+                for w, b in ((turned, change[:, 3:]), (rate, bend))
+            ]
+        else:
+            moves, bends = (twist[:, 3:], rate), (change[:, 3:], bend)
+        np.testing.assert_allclose(*moves, atol=1e-9 * (1 + np.abs(rate).max()))
+        np.testing.assert_allclose(*bends, atol=1e-9 * size)
+        # And they are derivatives of the joint positions that are returned.
+        h = 1e-3 * np.diff(traced.breaks)[:, None] * sign
+        before, after = traced(s), traced(s + h[:, 0])
+        cubic = np.abs(after - before - h * dq - h**2 / 2 * ddq).max()
+        assert cubic < 1e-6 * max(1.0, np.abs(h**2 * ddq).max())
+
+
+@pytest.mark.parametrize("kind", ["axis per waypoint", "axis following", "stopping"])
+@pytest.mark.parametrize("name", ["ur5e", "panda"])
+def test_joints_to_spare_move_smoothly_between_stops(name, kind):
+    arm, path = ac.load_arm(name), PATHS[kind]
+    traced = ac.trace(path, arm)
+    inner = traced.breaks[1:-1]
+    moving = inner[~np.isin(inner, path.stops)]
+    left, right = (traced(moving, 1, side=side) for side in ("left", "right"))
+    np.testing.assert_allclose(left, right, atol=1e-9 * np.abs(left).max())
+    # The second derivative jumps only where the path's own curvature or rate of turning does.
+    cuts = np.union1d(path.breaks, path.orientation.breaks)
+    plain = moving[~np.isin(moving, cuts)]
+    assert len(plain) > 20
+    left, right = (traced(plain, 2, side=side) for side in ("left", "right"))
+    np.testing.assert_allclose(left, right, atol=1e-8 * (1 + np.abs(left).max()))
+    np.testing.assert_array_equal(traced.stops, path.stops)
+    assert (len(path.stops) > 0) == (kind == "stopping")
+
+
+def test_a_start_says_which_configuration_and_which_turn(ur5e):
+    path = PATHS["held"]
+    found = traces(path, ur5e)
+    assert len(found) == 8
+    for traced in found:
+        start = traced(0.0) + 0.02
+        np.testing.assert_allclose(ac.trace(path, ur5e, start=start)(0.0), traced(0.0), atol=1e-9)
+    # Six of the joints turn by two turns, so that the start may be another turn away.
+    start = found[0](0.0)
+    start[5] += -2 * np.pi if start[5] > 0 else 2 * np.pi
+    again = ac.trace(path, ur5e, start=start)
+    np.testing.assert_allclose(again(0.0), start, atol=1e-9)
+    np.testing.assert_allclose(again(path.length)[:5], found[0](path.length)[:5], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["held", "axis"])
+def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda, kind):
+    path = PATHS[kind]
+    pose = np.column_stack([path.orientation(0.0), path(0.0)])
+    lower, upper = panda.limits.joint_range(7)
+    starts = configurations(panda, pose, 5 if kind == "axis" else 6)
+    starts = [q for q in starts if ((q > lower + 0.2) & (q < upper - 0.2)).all()][:3]
+    assert len(starts) == 3
+    kept = 0
+    for start in starts:
+        try:
+            traced = ac.trace(path, panda, start=start)
+        except ac.Unreachable:  # it does not come to the end from everywhere
+            continue
+        np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
+        kept += 1
+    assert kept >= 1
+
+
+def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
+    path = ac.Path.polyline([(0.8, 0, 0.3), (0.75, 0, 0.3)]).oriented(DOWN)
+    pose = np.column_stack([DOWN, path(0.0)])
+    random = np.random.default_rng(0)
+    starts = (random.uniform(-np.pi, np.pi, 6) for _ in range(500))
+    start = next(q for q in starts if len(configurations(ur5e, pose, 6, q)) == 0)
+    with pytest.raises(ac.Unreachable, match="From the given start") as caught:
+        ac.trace(path, ur5e, start=start)
+    error = caught.value
+    assert error.limit == "start" and error.s == 0 and error.needed > 0.1
+    np.testing.assert_allclose(error.point, (0.8, 0, 0.3))
+    named = str(error).split("such as (")[1].split(")")[0]
+    better = [float(x) for x in named.split(",")]
+    np.testing.assert_allclose(ac.trace(path, ur5e, start=better)(0.0), better, atol=1e-4)
+    refuses(lambda: ac.trace(path, ur5e, start=[0.0] * 5), ac.InvalidInput, "5 values", "6 joints")
+
+
+def farthest(arm, z):
+    """How far the arm gets along x with the tool down, in any configuration."""
+    low, high = 0.6, 1.2
+    for _ in range(40):
+        middle = (low + high) / 2
+        pose = np.column_stack([DOWN, [middle, 0, z]])
+        if len(configurations(arm, pose, 6)):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
+    edge = farthest(ur5e, 0.3)
+    points = [(0.5, 0, 0.3), (edge + 1e-3, 0, 0.3), (0.5, 0.1, 0.3)]
+    with pytest.raises(ac.Unreachable, match="out of reach of the arm UR5e") as caught:
+        ac.trace(ac.Path.polyline(points).oriented(DOWN), ur5e)
+    error = caught.value
+    assert error.limit == "reach" and error.allowed == 0
+    assert error.needed == pytest.approx(1e-3, rel=0.1)  # it may turn by a little for it
+    assert error.s == pytest.approx(edge - 0.5, abs=1e-5)
+    np.testing.assert_allclose(error.point, (edge + 1e-3, 0, 0.3), atol=1e-9)
+    assert f"From {error.s:.6g} m" in str(error) and str(error).endswith(".")
+    first = ac.Path.polyline([(edge + 1e-3, 0, 0.3), (0.5, 0, 0.3)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable, match="At 0 m along the path") as caught:
+        ac.trace(first, ur5e)
+    assert caught.value.needed == pytest.approx(1e-3, rel=0.1)
+    # Ten micrometres inside, the arm goes there: fast in its joints, but it goes.
+    path = ac.Path.polyline([(0.5, 0, 0.3), (edge - 1e-5, 0, 0.3)]).oriented(DOWN)
+    traced = ac.trace(path, ur5e)
+    assert max(off_path(ur5e, path, traced, places(path, traced))) < 2e-9
+    assert np.abs(traced(path.length, 1)).max() > 100
+
+
+def test_far_out_of_reach_names_the_worst_place(ur5e):
+    path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable, match=r"worst place, \(4.0, 0.0, 0.3\) m") as caught:
+        ac.trace(path, ur5e)
+    assert 2.0 < caught.value.needed < 2.3
+
+
+def test_through_the_base_is_out_of_reach(ur5e):
+    path = ac.Path.polyline([(0.3, 0, 0.5), (-0.3, 0, 0.5)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable, match="out of reach") as caught:
+        ac.trace(path, ur5e)
+    # The wrist's centre cannot come nearer to the axis than the arm is offset from it.
+    assert caught.value.s == pytest.approx(0.3 - 0.1333, abs=1e-4)
+
+
+def test_a_joint_range_is_named(ur5e, panda):
+    circle = ac.Arc.circle(start=(0.4, 0, 0.5), center=(0, 0, 0.5), normal=(0, 0, 1))
+    once = ac.Path.from_segments([circle]).oriented(DOWN)
+    assert len(traces(once, ur5e)) == 8  # it has two turns
+    thrice = ac.Path.from_segments([circle] * 3).oriented(DOWN)
+    for arm, path in ((ur5e, thrice), (panda, once)):
+        with pytest.raises(ac.Unreachable, match="joint") as caught:
+            ac.trace(path, arm)
+        error = caught.value
+        lower, upper = arm.limits.joint_range(arm.dof)
+        assert error.limit == "joint range" and 0 < error.s < path.length
+        assert error.allowed in (lower[error.joint - 1], upper[error.joint - 1])
+        assert abs(error.needed) > abs(error.allowed)
+        assert f"joint {error.joint} of the arm" in str(error)
+        np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
+
+
+def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
+    path = PATHS["held"]
+    q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
+    lower = np.full(6, -np.inf)
+    lower[0] = q[:, 0].max() + 0.5  # only a turn later
+    arm = ur5e.with_tool(Frame())
+    arm.limits = arm.limits.replace(joint_lower=lower, joint_upper=None)
+    found = traces(path, arm)
+    assert len(found) == 8
+    assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
+
+
+def test_a_range_that_is_left_between_knots_is_seen(ur5e):
+    # The largest value of a joint lies on the way; its range ends just below.
+    path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
+    s = np.linspace(0, path.length, 5001)
+    free = traces(path, ur5e)
+    peaks = [(x(s).max(axis=0), x(x.breaks).max(axis=0)) for x in free]
+    tried = 0
+    for peak, at_knots in peaks:
+        for j in np.flatnonzero(peak > at_knots + 1e-7):
+            upper = np.full(6, np.inf)
+            upper[j] = (peak[j] + at_knots[j]) / 2
+            arm = ur5e.with_tool(Frame())
+            arm.limits = arm.limits.replace(joint_upper=upper, joint_lower=None)
+            for x in traces(path, arm):
+                assert (x(s)[:, j] <= upper[j] + 1e-9).all()
+            tried += 1
+    assert tried >= 2
+
+
+def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5e):
+    q = np.array([0.3, -1.2, 1.5, -0.6, 0.0, 0.4])  # the fifth joint at zero: two axes in line
+    point, rotation = ur5e.pose(q)
+    lost = np.linalg.svd(ur5e.twist_jacobian(q))[0][:, -1]  # what the tool cannot do there
+    ends = 0.05 * np.array([[-1.0], [1.0]])
+    points, turns = point + ends * lost[:3], exp(ends * lost[3:]) @ rotation
+    fastest, start = [], None
+    for aside in (1e-2, 1e-3, 1e-4):
+        beside = ac.Path.polyline(points + [0, 0, aside])
+        path = beside.oriented(exp(aside * np.cross(lost[3:], [0.3, 0.4, 0.5])) @ turns)
+        found = traces(path, ur5e)
+        assert len(found) == 8
+        assert max(off_path(ur5e, path, found[-1], places(path, found[-1]))) < 2e-9
+        fastest.append(np.abs(found[-1](places(path, found[-1]), 1)).max())
+        start = found[-1](0.0)
+    assert fastest[1] > 5 * fastest[0] and fastest[2] > 5 * fastest[1] > 1e4
+    # Exactly through it, four of the eight configurations get to the end, and this is not one.
+    through = ac.Path.polyline(points).oriented(turns)
+    assert len(traces(through, ur5e)) == 4
+    with pytest.raises(ac.Unreachable, match="singular") as caught:
+        ac.trace(through, ur5e, start=start)
+    error = caught.value
+    assert error.limit == "singularity"
+    assert error.s == pytest.approx(through.length / 2, abs=0.003)
+
+
+def five_joints():
+    random = np.random.default_rng(1)
+    axes = random.normal(size=(5, 3))
+    chain = Chain(
+        joints=tuple("abcde"),
+        rotations=exp(random.normal(size=(5, 3))),
+        positions=0.3 * random.normal(size=(5, 3)),
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+    )
+    return SerialArm(name="five", chain=chain, limits=ac.Limits(joint_velocity=1.0))
+
+
+def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
+    arm = five_joints()
+    points, rotations = arm.pose(np.array([[0.3, 0.2, 0.5, 0.7, 0.1], [0.35, 0.25, 0.5, 0.7, 0.1]]))
+    path = ac.Path.polyline(points)
+    refuses(
+        lambda: ac.trace(path.oriented(rotations), arm),
+        ac.InvalidInput,
+        "five has 5 joints",
+        "orientation in space needs 6",
+        "axis_only",
+    )
+    pointed = path.pointing(rotations[:, :, 2])
+    found = traces(pointed, arm)
+    assert len(found) >= 1
+    for traced in found:
+        assert max(off_path(arm, pointed, traced, places(pointed, traced))) < 2e-9
+
+
+def test_what_a_path_has_to_say(ur5e, refuses):
+    path = ac.Path.polyline(POINTS)
+    refuses(
+        lambda: ac.trace(path, ur5e),
+        ac.InvalidInput,
+        "does not say how the arm UR5e is to hold its tool",
+        "path.oriented",
+        "path.pointing",
+    )
+    flat = ac.Path.polyline([(0.4, 0), (0.5, 0)])
+    refuses(lambda: ac.trace(flat, ur5e), ac.InvalidInput, "2 coordinates", "UR5e")
+    sharp = path.following_tangent([0, 0, 1])
+    corner = sharp.breaks[1]
+    refuses(
+        lambda: ac.trace(sharp, ur5e),
+        ac.InvalidInput,
+        "orientation jumps by",
+        "°",
+        "sharp corner",
+        "round the corner",
+        s=corner,
+        point=POINTS[1],
+    )
+    held = path.oriented(DOWN)
+    refuses(lambda: ac.trace(held, ur5e, branch="up"), ac.InvalidInput, "no named branches")
+
+
+def test_sharp_corners_are_stops(ur5e):
+    path = ac.Path.polyline(POINTS).oriented(DOWN)
+    traced = ac.trace(path, ur5e)
+    np.testing.assert_array_equal(traced.stops, path.breaks[1:-1])
+    before, after = (traced(path.breaks[1], 1, side=side) for side in ("left", "right"))
+    assert np.abs(before - after).max() > 0.1
+
+
+def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
+    arm = ur5e.with_tool(TORCH)
+    center, up = np.array([0.45, 0.0, 0.35]), np.array([0.0, 0.0, 1.0])
+    seam = ac.Path.from_segments(
+        [ac.Arc.circle(start=center + 0.08 * up, center=center, normal=(0, 1, 0))]
+    )
+    with pytest.raises(ac.Unreachable, match="out of reach") as caught:
+        ac.trace(seam.following_tangent(up), arm)
+    assert caught.value.s / seam.length == pytest.approx(0.62, abs=0.01)
+    free = seam.following_tangent(up, axis_only=True)
+    found = traces(free, arm)
+    assert len(found) == 6
+    s = np.linspace(0, seam.length, 500)
+    lower, upper = arm.limits.joint_range(6)
+    for traced in found:
+        points, rotations = arm.pose(traced(s))
+        inward = center - points
+        np.testing.assert_allclose(np.linalg.norm(inward, axis=1), 0.08, atol=1e-9)
+        np.testing.assert_allclose(rotations[:, :, 2], inward / 0.08, atol=1e-8)
+        assert (traced(s) >= lower).all() and (traced(s) <= upper).all()
+
+
+def test_a_tight_corner_of_a_tool_that_follows_does_not_swing_the_spare_joint(panda):
+    # Its joints go far on a short path, which a spline beside it must not feel.
+    points = [(0.45, -0.1, 0.3), (0.5, -0.1, 0.3), (0.5, 0, 0.3), (0.45, 0, 0.3)]
+    tool = DOWN @ exp([0, 0.35, 0])
+    sharp = ac.Path.polyline(points).following_tangent([0, 0, 1], tool=tool)
+    for tolerance in (1e-3, 1e-5):
+        path = ac.round_corners(sharp, tolerance=tolerance, angular_tolerance=0.02)
+        traced = ac.trace(path, panda)
+        assert max(off_path(panda, path, traced, places(path, traced))) < 2e-9
+        travel = np.abs(np.diff(traced(np.linspace(0, path.length, 4001)), axis=0)).sum(axis=0)
+        assert travel.max() < 6.0
+
+
+def test_a_circle_just_outside_of_the_hole_round_the_base(ur5e):
+    # Chords between its knots pass through the hole, the path does not.
+    radius = 0.1334
+    arc = ac.Arc(start=(radius, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
+    assert len(traces(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
+
+
+def test_ten_thousand_segments(panda):
+    t = np.linspace(0, 60, 10001)
+    points = np.column_stack(
+        [0.45 + 0.1 * np.cos(t), 0.1 * np.sin(1.3 * t + 0.4), 0.3 + 0.05 * np.sin(0.7 * t)]
+    )
+    path = ac.Path.polyline(points).oriented(DOWN)
+    path = ac.round_corners(path, tolerance=1e-5)
+    arm = ac.load_arm("ur5e")
+    traced = ac.trace(path, arm)
+    assert len(path) > 19000 and len(traced.stops) == 0
+    assert max(off_path(arm, path, traced, traced.breaks)) < 1e-11
