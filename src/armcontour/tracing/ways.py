@@ -13,13 +13,13 @@ from armcontour.arms.inverse import configurations, out_of_reach, seeds
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.cells import Knots
-from armcontour.tracing.guide import smoothed
+from armcontour.tracing.guide import free_motions, smoothed
 from armcontour.tracing.poses import poses_at
 
 # With joints to spare, so many starts are followed, and so many different ways are kept.
 MOST_STARTS = 48
-MOST_WAYS = 6
-# Ways with joints to spare that nowhere differ by more than this are one [rad].
+MOST_WAYS = 8
+# Ways with joints to spare are one that nowhere differ by more than this [rad], free motions apart.
 SAME_WAY = 0.05
 # Ways with joints to spare are ranked after this many rounds of smoothing on so many knots.
 ROUGH_ROUNDS = 3
@@ -107,7 +107,7 @@ def ways(
         fitted = _in_range(arm, q, start)
         if isinstance(fitted, _Failure):
             failures.append(dataclasses.replace(fitted, reached=int(at[fitted.reached])))
-        elif not any(np.abs(fitted - x.q).max() < SAME_WAY for x in found):
+        elif not any(_same(arm, poses[at], asked, x.q, fitted) for x in found):
             found.append(Way(fitted, cost))
     if not found:
         _refuse(path, arm, fine, poses, asked, max(failures, key=lambda x: x.reached))
@@ -139,7 +139,23 @@ def _most_promising(
         )
         ranked.append((cost, shifted if len(few) < len(s) else rough))
     ranked.sort(key=lambda x: x[0])
-    return [q for _, q in ranked]
+    first: list[FloatArray] = []
+    again: list[FloatArray] = []
+    for _, q in ranked:
+        known = any(_same(arm, poses[: len(q)], asked, x, q) for x in first)
+        (again if known else first).append(q)
+    return first + again
+
+
+def _same(arm: SerialArm, poses: FloatArray, asked: int, a: FloatArray, b: FloatArray) -> bool:
+    """Whether two ways differ by nothing, or by a motion that the tool is free to make anyway."""
+    apart = b - a
+    if asked == arm.dof:
+        return bool(np.abs(apart).max() < SAME_WAY)
+    apart = np.pi - np.mod(np.pi - apart, 2 * np.pi)
+    w = free_motions(arm, poses, asked, a)
+    rest = apart - np.einsum("nik,nij,nj->nk", w, w, apart)
+    return bool(np.abs(rest).max() < SAME_WAY * max(1.0, float(np.abs(apart).max())))
 
 
 def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:

@@ -1,0 +1,31 @@
+"""A weld seam all around a tube, the torch pointing at its axis: possible only as it may turn."""
+
+import math
+
+import armcontour as ac
+
+torch = ac.Frame.rpy((0.085, 0.0, 0.165), (0.0, math.pi / 4, 0.0))
+arm = ac.load_arm("ur5e", tool=torch)
+center, radius = (0.45, 0.0, 0.35), 0.08
+seam = ac.Path.from_segments(
+    [ac.Arc.circle((0.45, 0.0, 0.35 + radius), center, normal=(0.0, 1.0, 0.0))]
+)
+limits = arm.limits.replace(speed=0.05)
+
+# The torch keeps its angle to the seam, in every direction: no configuration gets all the way round.
+try:
+    ac.plan(seam.following_tangent((0.0, 0.0, 1.0)), arm, limits)
+except ac.Unreachable as error:
+    print(f"fixed: {error}")
+
+# Only its axis counts: turning about it is used to get round.
+free = seam.following_tangent((0.0, 0.0, 1.0), axis_only=True)
+planned = ac.plan(free, arm, limits)
+servo = ac.ServoModel(kp=25.0, kv=150.0)
+taught = ac.compensate(planned, servo, method="inverse", period=4e-3)
+result = ac.evaluate(ac.execute(taught, ac.ServoPlant(arm, servo)), free, limits=limits)
+print(f"free:  all {free.length * 1e3:.0f} mm in {planned.duration:.2f} s")
+print(
+    f"contour error {result.contour_error.max * 1e3:.4f} mm at most, "
+    f"torch axis off by {math.degrees(result.orientation_error.max):.4f}° at most"
+)
