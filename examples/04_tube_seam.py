@@ -12,7 +12,7 @@ seam = ac.Path.from_segments(
 )
 limits = arm.limits.replace(speed=0.05)
 
-# The torch keeps its angle to the seam, in every direction: no configuration gets all the way round.
+# The torch keeps its angle to the seam in every direction: no configuration gets all the way round.
 try:
     ac.plan(seam.following_tangent((0.0, 0.0, 1.0)), arm, limits)
 except ac.Unreachable as error:
