@@ -20,6 +20,7 @@ NAMES = (
     "fig11_errors",
     "optimal",
     "overview",
+    "poles",
     "space",
 )
 

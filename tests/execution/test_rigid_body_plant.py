@@ -425,3 +425,31 @@ def test_an_arm_without_a_chain_is_refused(refuses):
 def test_without_mujoco_the_extra_is_named(refuses, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     refuses(lambda: plant(pendulum()), ac.InvalidInput, "armcontour[experiment]")
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+@pytest.mark.parametrize("dead", [0.0, 0.0123, [0.008, 0.0321]])
+def test_late_and_cubic_commands_are_those_of_the_servo_plant(interpolation, dead):
+    # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
+    arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
+    servo = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation, dead_time=dead)
+    t = np.linspace(0, 1, 26)[:, None]
+    q = np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t)
+    bodies = ac.RigidBodyPlant(arm, servo)
+    done = ac.execute(taught_data(q, 0.02), bodies)
+    exact = ac.execute(taught_data(q, 0.02), ac.ServoPlant(arm, servo, ac.Limits()))
+    n = 1000
+    assert np.abs(done.q[:n] - exact.q[:n]).max() < 3e-4
+    prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
+    if np.any(dead):
+        other = ac.execute(taught_data(q, 0.02), ac.ServoPlant(arm, prompt, ac.Limits()))
+        assert np.abs(done.q[:n] - other.q[:n]).max() > 3e-3
+
+
+def test_drives_have_a_velocity_loop(refuses):
+    refuses(
+        lambda: ac.RigidBodyPlant(two_link(), ac.ServoModel(kp=KP, order="first")),
+        ac.InvalidInput,
+        "velocity loop",
+        "order second",
+    )

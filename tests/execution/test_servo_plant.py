@@ -127,6 +127,123 @@ def test_the_arms_limits_are_the_default(arm, servo):
     np.testing.assert_array_equal(free.acceleration, [np.inf, np.inf])
 
 
+def test_the_joints_wait_for_a_late_command(arm):
+    # A motion that is over before the first joint begins: rest is when the last set-point arrived.
+    q = np.linspace((0.0, 0.0), (0.01, 0.02), 5)
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.5, 0.25])
+    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=0.01)
+    np.testing.assert_array_equal(done.q[done.t <= 0.5, 0], 0.0)
+    np.testing.assert_array_equal(done.q[done.t <= 0.25, 1], 0.0)
+    np.testing.assert_allclose(done.q[-1], q[-1], atol=1e-8)
+    prompt = ac.execute(taught_data(q), plant(arm), resolution=0.01)
+    np.testing.assert_allclose(done.q[50:100, 0], prompt.q[:50, 0], atol=1e-12)
+    np.testing.assert_allclose(done.q[25:75, 1], prompt.q[:50, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [-0.06, -0.0537])
+def test_times_count_from_the_plans_beginning(arm, start):
+    first = taught_data(RANDOM)
+    early = ac.TaughtData(
+        period=0.02, q=first.q, trajectory=first.trajectory, method="x", start_time=start
+    )
+    one, other = (ac.execute(x, plant(arm, limit=0.72)) for x in (first, early))
+    np.testing.assert_allclose(other.t, one.t + start, atol=1e-12)
+    np.testing.assert_array_equal(other.q, one.q)
+    assert (0.0 in other.t) == (start == -0.06)
+
+
+def test_a_dead_time_does_not_depend_on_the_resolution(arm):
+    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
+    limits = ac.Limits(joint_acceleration=[3.0, 0.5], joint_deceleration=[1.0, 2.0])
+    simulated = ac.ServoPlant(arm, servo, limits)
+    coarse = ac.execute(taught_data(RANDOM), simulated, resolution=0.02)
+    fine = ac.execute(taught_data(RANDOM), simulated, resolution=0.001)
+    n = len(coarse.t) - 1
+    np.testing.assert_allclose(fine.q[: 20 * n + 1 : 20], coarse.q, atol=1e-10)
+    np.testing.assert_allclose(fine.peak_demand, coarse.peak_demand, rtol=1e-9)
+    np.testing.assert_allclose(fine.saturated_time, coarse.saturated_time, rtol=1e-6, atol=1e-9)
+
+
+def test_slow_gains_and_close_set_points_lose_no_digits(arm):
+    q = np.cumsum(np.random.default_rng(1).normal(size=(12, 2)), axis=0)
+    for servo in (
+        ac.ServoModel(kp=5.0, kv=1000.0, interpolation="cubic"),
+        ac.ServoModel(kp=5.0, order="first", interpolation="cubic"),
+    ):
+        simulated = ac.ServoPlant(arm, servo, ac.Limits())
+        coarse, fine = (
+            ac.execute(taught_data(q, 1e-3), simulated, resolution=x) for x in (1e-3, 1e-4)
+        )
+        np.testing.assert_allclose(fine.q[:1001:10], coarse.q[:101], atol=1e-12)
+
+
+def test_bounds_may_differ_between_directions(arm):
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    limits = ac.Limits(joint_acceleration=2.0, joint_deceleration=0.5)
+    done = ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
+    assert done.ddq.max() == 2.0 and done.ddq.min() == -0.5
+    same = ac.Limits(joint_acceleration=2.0, joint_deceleration=2.0)
+    one, other = (
+        ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, x))
+        for x in (same, ac.Limits(joint_acceleration=2.0))
+    )
+    np.testing.assert_array_equal(one.q, other.q)
+
+
+def test_a_servo_of_first_order_does_not_saturate(arm, refuses):
+    servo = ac.ServoModel(kp=25.0, order="first")
+    simulated = ac.ServoPlant(arm, servo)
+    assert simulated.saturation == "none" and np.isinf(simulated.acceleration).all()
+    done = ac.execute(taught_data(RANDOM), simulated)
+    assert (done.peak_demand > 0.72).all()  # what it would have taken is said all the same
+    np.testing.assert_array_equal(done.saturated_time, 0)
+    for asked in ("acceleration", "torque"):
+        refuses(
+            lambda asked=asked: ac.ServoPlant(arm, servo, saturation=asked),
+            ac.InvalidInput,
+            "order first",
+            asked,
+            "leave saturation out",
+        )
+
+
+def test_torque_saturation_needs_torques(arm, refuses):
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    refuses(
+        lambda: ac.ServoPlant(arm, servo, saturation="torque"),
+        ac.InvalidInput,
+        "needs joint_torque",
+        limit="joint_torque",
+    )
+    refuses(
+        lambda: ac.ServoPlant(arm, servo, saturation="jerk"),
+        ac.InvalidInput,
+        "acceleration, torque, none",
+    )
+    strong = ac.ServoPlant(arm, servo, saturation="none")
+    assert np.isinf(strong.acceleration).all()
+
+
+def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
+    heavy = ac.load_arm("ur5e")
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    limits = ac.Limits(joint_torque=[150.0, 20.0, 150.0, 28.0, 28.0, 28.0])
+    q = np.tile([0.0, -0.5, 0.5, 0.0, 0.0, 0.0], (3, 1))
+    weight = abs(heavy.torque(q[0], 0 * q[0], 0 * q[0])[1])
+    refuses(
+        lambda: ac.execute(
+            taught_data(q), ac.ServoPlant(heavy, servo, limits, saturation="torque")
+        ),
+        ac.ExecutionError,
+        "Joint 2",
+        "raise its torque limit",
+        joint=2,
+        t=0.0,
+        needed=weight,
+        allowed=20.0,
+    )
+
+
 def test_a_servo_that_does_not_settle_is_an_error(arm, refuses):
     refuses(
         lambda: ac.execute(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02),

@@ -116,6 +116,8 @@ def test_a_period_that_is_none_is_refused(bent, period, refuses):
         ({"q": np.zeros((0, 2))}, ("at least one row",)),
         ({"q": np.zeros(3)}, ("one per joint",)),
         ({"q": np.array([[0.0, np.inf]])}, ("set-points", "finite")),
+        ({"start_time": 0.1}, ("start_time", "above zero", "0.1 s")),
+        ({"start_time": np.nan}, ("start_time", "finite")),
     ],
 )
 def test_taught_data_refuses(bent, change, words, refuses):

@@ -25,6 +25,27 @@ def test_response_of_every_joint():
     np.testing.assert_allclose(found[1], [3750 / 4054, 1500 / 1804])
 
 
+@pytest.mark.parametrize("tau", [0.0, 0.034])
+def test_response_of_first_order_and_dead_time(tau):
+    omega = np.array([0.0, 1.0, 30.0, 500.0])
+    late = np.exp(-1j * omega * tau)
+    first = ac.ServoModel(kp=25.0, order="first", dead_time=tau)
+    np.testing.assert_allclose(first.response(1j * omega)[:, 0], late * 25 / (25 + 1j * omega))
+    second = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.0, tau])
+    prompt = ac.ServoModel(kp=25.0, kv=150.0).response(1j * omega)[:, 0]
+    np.testing.assert_allclose(
+        second.response(1j * omega), np.stack([prompt, late * prompt], axis=1)
+    )
+
+
+def test_what_is_not_given():
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    assert servo.order == "second" and servo.interpolation == "linear" and servo.dead_time == 0
+    first = ac.ServoModel(kp=25.0, order="first", dead_time=[0.01, 0.02]).for_joints(2)
+    assert first.kv is None and first.order == "first"
+    np.testing.assert_array_equal(first.dead_time, [0.01, 0.02])
+
+
 def test_one_gain_serves_all_joints():
     servo = ac.ServoModel(kp=25.0, kv=[150.0, 100.0], interpolation="step").for_joints(2)
     np.testing.assert_array_equal(servo.kp, [25.0, 25.0])
@@ -44,6 +65,12 @@ def test_gains_are_copied_and_locked():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
+        ({"kp": 25.0}, ("order second", "kv", "1/s")),
+        ({"kp": 25.0, "kv": 150.0, "order": "first"}, ("order first", "leave its gain kv out")),
+        ({"kp": 25.0, "order": "third"}, ("order", "second, first", "'third'")),
+        ({"kp": 25.0, "kv": 150.0, "dead_time": -0.01}, ("dead_time", "not be negative", "s")),
+        ({"kp": 25.0, "kv": 150.0, "dead_time": [0.1, -1]}, ("dead_time", "[0.1, -1.0]")),
+        ({"kp": 25.0, "kv": 150.0, "dead_time": np.inf}, ("dead_time", "finite")),
         ({"kp": 0.0, "kv": 150.0}, ("kp", "above zero", "0.0 1/s")),
         ({"kp": 25.0, "kv": -1.0}, ("kv", "above zero", "-1.0")),
         ({"kp": [25.0, 0.0], "kv": 150.0}, ("kp", "[25.0, 0.0]")),
@@ -52,8 +79,8 @@ def test_gains_are_copied_and_locked():
         ({"kp": np.nan, "kv": 150.0}, ("kp", "finite")),
         ({"kp": "high", "kv": 150.0}, ("kp", "numbers in 1/s")),
         (
-            {"kp": 25.0, "kv": 150.0, "interpolation": "cubic"},
-            ("interpolation", "linear, step", "'cubic'"),
+            {"kp": 25.0, "kv": 150.0, "interpolation": "quintic"},
+            ("interpolation", "linear, step, cubic", "'quintic'"),
         ),
     ],
 )

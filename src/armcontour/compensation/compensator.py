@@ -7,8 +7,16 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour.compensation.set_points import inverse_servo, set_point_times
+from armcontour._checks import FloatArray, IntArray
+from armcontour.arms import Limits
+from armcontour.compensation.command_limits import refuse_commands
+from armcontour.compensation.set_points import (
+    SetPointTimes,
+    inverse_servo,
+    leads,
+    led,
+    set_point_times,
+)
 from armcontour.errors import InvalidInput
 from armcontour.motion import TaughtData, Trajectory
 from armcontour.servo import ServoModel
@@ -22,9 +30,13 @@ def compensate(
     *,
     method: str = "pole_placement",
     period: float = 4e-3,
+    limits: Limits | None = None,
     **options: Any,
 ) -> TaughtData:
     """Set-points with which the servo shall make the joints follow `trajectory`.
+
+    Commands lead the plan by the servo's dead time, and by half an interval more where set-points
+    are held: the taught data then begins before 0, with the position in which the plan begins.
 
     Args:
         trajectory: What the joints shall do.
@@ -32,13 +44,16 @@ def compensate(
         method: "pole_placement" is the paper's compensator (26); "inverse" the exact inverse of the
             unsaturated servo from the trajectory's derivatives (right-sided where they jump), which
             saturates it where accelerations jump at their limits; "none" gives the trajectory
-            itself.
+            itself, when it is due.
         period: Command interval [s].
+        limits: What the controller takes: set-points within joint_lower and joint_upper, and from
+            one to the next not faster than joint_velocity. By default they are not looked at.
         options: For "pole_placement": `poles` [1/s].
 
     Raises:
         InvalidInput: An unknown method or option, or gains that do not fit the joints.
-        CompensationError: Unstable poles.
+        CompensationError: Unstable poles, pole placement for a servo of first order, or set-points
+            beyond the limits.
     """
     _checks.choice("method", method, METHODS)
     interval = _checks.positive("command interval", period, "s")
@@ -53,17 +68,30 @@ def compensate(
     if method == "pole_placement":
         from armcontour.compensation.pole_placement import pole_placement
 
-        set_points = pole_placement(trajectory, model, interval, **options)
+        start, set_points = pole_placement(trajectory, model, interval, **options)
+    elif method == "inverse":
+        start, set_points = _inverse(trajectory, model, interval)
     else:
-        set_points = _without_filter(trajectory, model, interval, method)
-    return TaughtData(period=interval, q=set_points, trajectory=trajectory, method=method)
+        start, set_points = 0.0, _as_planned(trajectory, interval)
+    taught = TaughtData(
+        period=interval, q=set_points, trajectory=trajectory, method=method, start_time=start
+    )
+    if limits is not None:
+        refuse_commands(taught, limits.for_joints(trajectory.dof))
+    return taught
 
 
-def _without_filter(
-    trajectory: Trajectory, servo: ServoModel, period: float, method: str
-) -> FloatArray:
+def _as_planned(trajectory: Trajectory, period: float) -> FloatArray:
     t = set_point_times(trajectory, period).inside
-    q = trajectory(t)
-    if method == "inverse":
-        q = inverse_servo(servo, q, trajectory(t, 1), trajectory(t, 2))
-    return np.concatenate([q, trajectory([trajectory.duration], side="left")])
+    return np.concatenate([trajectory(t), trajectory([trajectory.duration], side="left")])
+
+
+def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[float, FloatArray]:
+    final = trajectory([trajectory.duration], side="left")
+
+    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
+        t = times.inside
+        found = inverse_servo(servo, trajectory(t), trajectory(t, 1), trajectory(t, 2))
+        return np.concatenate([found, final])[:, joints]
+
+    return led(trajectory, leads(servo, period), period, command)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour.compensation._filter import filtered
-from armcontour.compensation.set_points import inverse_servo, set_point_times
+from armcontour.compensation.set_points import SetPointTimes, inverse_servo, leads, led
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import Trajectory, quintic
 from armcontour.servo import ServoModel
@@ -33,11 +33,12 @@ def default_poles(servo: ServoModel) -> ComplexArray:
     acceleration never exceeds the plan's largest. p is the smallest K_v of all joints.
 
     Args:
-        servo: With gains per joint.
+        servo: Of order second, with gains per joint.
 
     Returns:
         m1, m2 and g per joint, (dof, 3) [1/s].
     """
+    assert servo.kv is not None
     poles = np.empty((len(servo.kv), 3), dtype=np.complex128)
     poles[:, :2] = -servo.kv.min()
     poles[:, 2] = -servo.kv
@@ -49,23 +50,44 @@ def pole_placement(
     servo: ServoModel,
     period: float,
     poles: npt.ArrayLike | None = None,
-) -> FloatArray:
-    """Set-points by (26), (n, dof) [rad].
+) -> tuple[float, FloatArray]:
+    """Time of the first set-point [s], and set-points by (26), (n, dof) [rad].
 
     Args:
         trajectory: What the joints shall do.
-        servo: With gains per joint.
+        servo: With values per joint.
         period: Command interval [s].
         poles: m1, m2 (real, or conjugates) and g [1/s], one triple or one per joint; by default
             those of `default_poles`.
 
     Raises:
-        CompensationError: Poles that are not stable.
+        CompensationError: Poles that are not stable, or a servo of first order.
         InvalidInput: Poles of a wrong shape, or not conjugate.
     """
+    if servo.kv is None:
+        raise CompensationError(
+            "Pole placement, (26), is for a servo of order second: a servo of order first has no "
+            "velocity loop whose gain it could be placed for; take the method inverse."
+        )
+    placed = default_poles(servo) if poles is None else checked_poles(poles, trajectory.dof)
+    return led(
+        trajectory,
+        leads(servo, period),
+        period,
+        lambda times, joints: _set_points(trajectory, servo, period, placed, times)[:, joints],
+    )
+
+
+def _set_points(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    placed: ComplexArray,
+    times: SetPointTimes,
+) -> FloatArray:
+    """The compensator's output at the times, and on until the end of its own tail."""
     dof = trajectory.dof
-    placed = default_poles(servo) if poles is None else _checked(poles, dof)
-    times = set_point_times(trajectory, period)
+    assert servo.kv is not None
     knots = np.union1d(trajectory.breaks, times.inside)
     width = np.diff(knots)
     begin = tuple(trajectory(knots[:-1], order) for order in (0, 1, 2))
@@ -78,9 +100,7 @@ def pole_placement(
     rest = np.zeros((len(after), 6, dof))
     rest[:, 0] = final
 
-    m1, m2, g = placed.T
-    c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
-    x = ((servo.kv + g) * (m1 + m2) + servo.kv**2 + m1 * m2 + servo.kv * g).real
+    x, (c0, c1, c2) = transfer(servo.kv, placed)
     rate = np.cbrt(c0)
     states = filtered(
         np.concatenate([width, after]),
@@ -103,7 +123,23 @@ def pole_placement(
     return set_points
 
 
-def _checked(poles: npt.ArrayLike, dof: int) -> ComplexArray:
+def transfer(
+    kv: FloatArray, placed: ComplexArray
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """X and c of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of every joint."""
+    m1, m2, g = placed.T
+    c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
+    x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
+    return x, (c0, c1, c2)
+
+
+def checked_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
+    """Poles per joint, (dof, 3).
+
+    Raises:
+        CompensationError: Poles that are not stable.
+        InvalidInput: Poles of a wrong shape, or not conjugate.
+    """
     try:
         placed = np.array(poles, dtype=np.complex128)
     except (TypeError, ValueError) as error:

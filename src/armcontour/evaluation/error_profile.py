@@ -50,7 +50,7 @@ class ErrorProfile:
         until: float,
         side: FloatArray | None = None,
     ) -> ErrorProfile:
-        """The profile from 0 to `until`; behind the last time the last value holds.
+        """The profile from the first time to `until`; behind the last one its value holds.
 
         Args:
             t: Times [s], (n,).
@@ -76,7 +76,7 @@ class ErrorProfile:
             values=values,
             signed=None if side is None else values * np.append(side, side[-1:])[: len(values)],
             s=s,
-            rms=float(np.sqrt(np.trapezoid(values**2, t) / until)),
+            rms=float(np.sqrt(np.trapezoid(values**2, t) / (until - t[0]))),
             max=float(values[worst]),
             t_max=float(t[worst]),
             s_max=float(s[worst]),

@@ -92,7 +92,8 @@ def evaluate(
 ) -> Evaluation:
     """Judge an execution against the path that it was to follow.
 
-    Errors are weighted by time, from 0 to `until`; behind its end the execution stands still.
+    Errors are weighted by time, from the first set-point to `until`; behind its end the execution
+    stands still.
 
     Args:
         executed: What the joints did.
@@ -117,8 +118,8 @@ def evaluate(
     )
 
     found = path.project(tool)
-    moved = t <= trajectory.duration
-    planned = executed.arm.forward(trajectory(np.minimum(t, trajectory.duration)))
+    moved = (t >= 0) & (t <= trajectory.duration)
+    planned = executed.arm.forward(trajectory(np.clip(t, 0.0, trajectory.duration)))
     off_objective = None if objective is None else objective.project(tool)
     allowed = or_unlimited(bounds.joint_acceleration, executed.arm.dof)
     return Evaluation(
@@ -146,7 +147,7 @@ def evaluate(
         limit_ratios=_limit_ratios(executed, bounds),
         demand=executed.peak_demand,
         demand_ratio=executed.peak_demand / allowed,
-        saturated=executed.saturated_time / max(end, float(t[-1])),
+        saturated=executed.saturated_time / (max(end, float(t[-1])) - float(t[0])),
     )
 
 
@@ -186,7 +187,7 @@ def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
     """Share of the time of the motion in which some joint was within 1 % of a limit."""
     dof = executed.arm.dof
     low, high = limits.acceleration_bounds(dof)
-    moved = executed.t <= duration
+    moved = (executed.t >= 0) & (executed.t <= duration)
     ddq, dq = executed.ddq[moved], executed.dq[moved]
     near = (ddq >= NEAR * high) | (ddq <= NEAR * low)
     near |= np.abs(dq) >= NEAR * or_unlimited(limits.joint_velocity, dof)

@@ -84,9 +84,17 @@ def _slope(kp: float, kv: float, q: float, w: float, u: float, r: float, t: floa
 
 @njit(cache=True, error_model="numpy")
 def _advance(
-    kp: float, kv: float, limit: float, u: float, r: float, q: float, w: float, span: float
+    kp: float,
+    kv: float,
+    lower: float,
+    upper: float,
+    u: float,
+    r: float,
+    q: float,
+    w: float,
+    span: float,
 ) -> tuple[float, float, float, float]:
-    """Run one joint for `span` under the command `u + r t`, (7).
+    """Run one joint for `span` under the command `u + r t`, (7), between two accelerations.
 
     Returns:
         Position, velocity, time in saturation, largest amount of the demand.
@@ -95,15 +103,16 @@ def _advance(
     saturated = 0.0
     peak = 0.0
     fast = kv if kv >= 4 * kp else math.sqrt(kp * kv)
-    bend = kv * kp * limit / 2
     z = kv * (kp * (u - q) - w)
-    mode = 0.0 if abs(z) <= limit else math.copysign(1.0, z)
+    mode = 0.0 if lower <= z <= upper else math.copysign(1.0, z)
     while now < span:
         left = span - now
         command = u + r * now
         z = kv * (kp * (command - q) - w)
         peak = max(peak, abs(z))
         if mode != 0.0:
+            limit = upper if mode > 0.0 else -lower
+            bend = kv * kp * limit / 2
             # Over the limit by excess + z1 t - bend t², until that is 0 again.
             excess = max(mode * z - limit, 0.0)
             z1 = kv * (kp * mode * (r - w) - limit)
@@ -126,8 +135,10 @@ def _advance(
         previous = 0.0
         for stop in (min(_extremum(kp, kv, z, dz), t), t):
             value = _free(kp, kv, z, dz, stop)
-            if abs(value) > limit:
+            if not lower <= value <= upper:
                 sign = math.copysign(1.0, value)
+                limit = upper if sign > 0.0 else -lower
+                bend = kv * kp * limit / 2
                 at = _crossing(kp, kv, sign * z, sign * dz, limit, previous, stop)
                 # Saturation shorter than this is a touch of the limit, not a stay.
                 rise = kv * (kp * sign * (r - _slope(kp, kv, q, w, command, r, at)) - limit)
@@ -191,7 +202,7 @@ def simulate(
             r = (commands[k + 1, j] - u) / period if linear else 0.0
             for i in range(steps):
                 begin = u + r * span * i
-                x, w, time, most = _advance(kp[j], kv[j], limit[j], begin, r, x, w, span)
+                x, w, time, most = _advance(kp[j], kv[j], -limit[j], limit[j], begin, r, x, w, span)
                 saturated[j] += time
                 peak[j] = max(peak[j], most)
                 position[k * steps + i, j] = x

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,11 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco
+from armcontour.execution.command import values
 from armcontour.execution.plant import Plant
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
+from armcontour.servo.command import polynomials
 
 # Cycle of a drive's velocity loop: 4 kHz is usual, goes into every usual command interval, and
 # delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
@@ -49,11 +52,11 @@ class RigidBodyPlant(Plant):
     may add the torque that holds the arm against gravity, and keeps it for that step. J is the
     joint's nominal inertia: what it sees, drive included, with all joints in the middle of the
     arm's own ranges (at 0 where there is none) and without payload. That is known when an arm is
-    built, and no job enters it.
+    built, and no job enters it. u is what the command was the servo's dead time before the step.
 
     Args:
         arm: The arm; its chain must have masses.
-        servo: The gains that the drives were given.
+        servo: The gains that the drives were given, of order second.
         limits: Whose joint torques saturate; the arm's own by default. Without any, the drives are
             just strong enough for its joint accelerations, all at once in the worst pose.
         step: Cycle of the drives [s], shortened so that a whole number fits a command interval.
@@ -70,8 +73,8 @@ class RigidBodyPlant(Plant):
         torque_limit: [N m], (dof,); infinite without one.
 
     Raises:
-        InvalidInput: An arm without masses, gains or limits that do not fit it, or mujoco is not
-            installed.
+        InvalidInput: An arm without masses, gains or limits that do not fit it, a servo of order
+            first, or mujoco is not installed.
     """
 
     def __init__(
@@ -89,6 +92,12 @@ class RigidBodyPlant(Plant):
         self.arm = arm
         self.chain = _bodies(arm)
         self.servo = servo.for_joints(arm.dof)
+        if self.servo.kv is None:
+            raise InvalidInput(
+                "The drives of the rigid-body plant have a velocity loop: give it a servo of order "
+                "second, with the gain kv."
+            )
+        self.kv = self.servo.kv
         self.step = _checks.positive("step", step, "s")
         self.gravity_feedforward = gravity_feedforward
         self.friction = friction
@@ -119,23 +128,31 @@ class RigidBodyPlant(Plant):
         steps = int(np.ceil(taught.period / self.step * (1 - 1e-12)))
         span = taught.period / steps
         every = _every(steps, span, resolution)
-        robot = _Robot(self, span, taught.q[0])
+        robot = _Robot(self, span, taught)
         self._refuse_unstable(robot, taught)
         rows = max(1, round(BLOCK / taught.period))
         logs = []
-        for k in range(0, len(taught.q) - 1, rows):
-            commands = self._commands(taught.q[k : k + rows + 1], steps)
+        command = self._command(taught, steps)
+        late = int(np.ceil(self.servo.dead_time.max() / taught.period * (1 - 1e-12)))
+        intervals = len(taught.q) - 1 + late
+        for k in range(0, intervals, rows):
+            commands = command(k, min(rows, intervals - k))
             logs.append(robot.advance(commands).thinned(every))
         logs += self._come_to_rest(robot, taught, steps, every)
         return self._execution(taught, logs, span * every)
 
-    def _commands(self, q: FloatArray, steps: int) -> FloatArray:
-        """What the drives are given in every step between set-points."""
-        if self.servo.interpolation == "step":
-            return np.repeat(q[:-1], steps, axis=0)
-        share = np.arange(steps)[:, None] / steps
-        between = q[:-1, None] + share * np.diff(q, axis=0)[:, None]
-        return np.asarray(between.reshape(-1, q.shape[1]))
+    def _command(self, taught: TaughtData, steps: int) -> Callable[[int, int], FloatArray]:
+        """What the drives are given in every step of so many intervals from one on."""
+        q, period, servo = taught.q, taught.period, self.servo
+        if servo.interpolation != "cubic" and not servo.dead_time.any():
+            return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
+        pieces = polynomials(q, period, servo.interpolation)
+        return lambda k, count: values(
+            pieces,
+            period,
+            servo.dead_time,
+            (k + np.arange(count * steps) / steps) * period,
+        )
 
     def _come_to_rest(
         self, robot: _Robot, taught: TaughtData, steps: int, every: int
@@ -143,7 +160,7 @@ class RigidBodyPlant(Plant):
         window = min(max(REST_TIME, 1 / self.servo.kp.min()), PATIENCE)
         commands = np.tile(taught.q[-1], (int(np.ceil(window / taught.period)) * steps, 1))
         begin = robot.now
-        patience = max(PATIENCE, PATIENCE_IN_DURATIONS * begin)
+        patience = max(PATIENCE, PATIENCE_IN_DURATIONS * (begin - taught.start_time))
         logs = []
         while robot.now - begin <= patience:
             log = robot.advance(commands)
@@ -168,7 +185,7 @@ class RigidBodyPlant(Plant):
         and K_p h is: exact for one K_p for all joints, no viscous friction, and small motions.
         Not sampled, the drives are stable at every pose.
         """
-        rate = np.sqrt(self.nominal_inertia * self.servo.kv)
+        rate = np.sqrt(self.nominal_inertia * self.kv)
         for k in np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int)):
             mass = _mujoco.mass_matrix(robot.model, taught.q[k])
             values, vectors = np.linalg.eigh(rate[:, None] * np.linalg.inv(mass) * rate)
@@ -176,7 +193,7 @@ class RigidBodyPlant(Plant):
             if fastest * robot.step < 2:
                 continue
             j = int(np.argmax(np.abs(vectors[:, -1])))
-            t = float(k * taught.period)
+            t = float(taught.start_time + k * taught.period)
             raise ExecutionError(
                 f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
                 f"of {robot.step:.3g} s, where it corrects the joint's velocity at a rate of "
@@ -214,7 +231,7 @@ class RigidBodyPlant(Plant):
         return Execution(
             arm=self.arm,
             taught=taught,
-            t=np.arange(len(q), dtype=np.float64) * span,
+            t=taught.times(len(q), span),
             q=q,
             dq=dq,
             ddq=ddq,
@@ -254,9 +271,10 @@ class _Log:
 class _Robot:
     """One run of a plant: the state of its bodies, and the drives that move them."""
 
-    def __init__(self, plant: RigidBodyPlant, step: float, first: FloatArray) -> None:
+    def __init__(self, plant: RigidBodyPlant, step: float, taught: TaughtData) -> None:
         self.plant = plant
         self.step = step
+        self.start = taught.start_time
         self.steps = 0
         self.mujoco = _mujoco.load()
         self.model = _mujoco.build(plant.chain, step, friction=plant.friction)
@@ -264,12 +282,12 @@ class _Robot:
         # Another state, never moving: what gravity takes is asked of it.
         self.still = self.mujoco.MjData(self.model)
         self.rng = np.random.default_rng(plant.seed)
-        self.data.qpos[:] = self._equilibrium(np.array(first))
+        self.data.qpos[:] = self._equilibrium(np.array(taught.q[0]))
 
     @property
     def now(self) -> float:
-        """Time since the first set-point [s]."""
-        return self.steps * self.step
+        """Time [s]; 0 is when the plan begins."""
+        return self.start + self.steps * self.step
 
     def advance(self, commands: FloatArray) -> _Log:
         """Run through commands, one per step."""
@@ -277,7 +295,7 @@ class _Robot:
         q, dq = np.empty((n + 1, dof)), np.empty((n + 1, dof))
         demand, wanted, torque = (np.empty((n, dof)) for _ in range(3))
         noise = self.rng.normal(0.0, plant.noise, (n, dof)) if plant.noise else None
-        kp, kv, inertia = plant.servo.kp, plant.servo.kv, plant.nominal_inertia
+        kp, kv, inertia = plant.servo.kp, plant.kv, plant.nominal_inertia
         top, bottom = plant.torque_limit, -plant.torque_limit
         limited = np.isfinite(top).all()
         gravity, holds, on_top = np.zeros(dof), plant.gravity_feedforward, plant._on_top
@@ -339,7 +357,7 @@ class _Robot:
             ExecutionError: Nowhere, or its drives are too weak.
         """
         plant, weight, q = self.plant, np.zeros(len(first)), first
-        stiffness = plant.nominal_inertia * plant.servo.kv * plant.servo.kp
+        stiffness = plant.nominal_inertia * plant.kv * plant.servo.kp
         self._weigh(q, weight)
         if not plant.gravity_feedforward:
             for _ in range(ITERATIONS):
@@ -352,7 +370,7 @@ class _Robot:
                 raise ExecutionError(
                     f"Joint {j + 1} has no equilibrium near its first set-point: its servo gains "
                     "are too low for the arm's weight without gravity feed-forward.",
-                    t=0.0,
+                    t=self.start,
                     joint=j + 1,
                 )
         if not (plant._on_top and plant.gravity_feedforward):
@@ -369,7 +387,7 @@ class _Robot:
             f"Joint {j + 1} takes {weight[j]:.4g} N m to be held against gravity at the first "
             f"set-point, but its drive gives at most {limit[j]:.4g} N m: raise its torque limit or "
             "lighten its load.",
-            t=0.0,
+            t=self.start,
             joint=j + 1,
             limit="joint_torque",
             needed=float(weight[j]),
@@ -379,13 +397,22 @@ class _Robot:
     def _refuse_runaway(self, k: int) -> None:
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
-        t = (self.steps + k + 1) * self.step
+        t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(
             f"Joint {j + 1} runs away at t = {t:.4g} s, at {velocity[j]:.3g} rad/s: its servo is "
             f"unstable with a step of {self.step:.3g} s; lower its gains or shorten the step.",
             t=t,
             joint=j + 1,
         )
+
+
+def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
+    """The command at the beginnings of steps between set-points."""
+    if interpolation == "step":
+        return np.repeat(q[:-1], steps, axis=0)
+    share = np.arange(steps)[:, None] / steps
+    between = q[:-1, None] + share * np.diff(q, axis=0)[:, None]
+    return np.asarray(between.reshape(-1, q.shape[1]))
 
 
 def _bodies(arm: Arm) -> Chain:

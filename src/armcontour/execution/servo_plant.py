@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.execution._servo import simulate
 from armcontour.execution.plant import Plant
+from armcontour.execution.servo_run import PiecedRun, PlainRun, TorqueBounds
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
+SATURATIONS = ("acceleration", "torque", "none")
 # A joint is at rest when it is this slow [rad/s] and this near to its last set-point [rad].
 REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
@@ -24,34 +26,65 @@ CHUNK = 0.25
 
 
 class ServoPlant(Plant):
-    """The servo (7) on every joint.
+    """The servo on every joint, by itself.
 
     Args:
         arm: The arm.
-        servo: The real gains; they may differ from those that the taught data was made with.
-        limits: Whose joint accelerations saturate; the arm's own by default.
+        servo: The real servo; it may differ from the one that the taught data was made with.
+        limits: Whose joint accelerations or torques saturate; the arm's own by default.
+        saturation: What a servo of second order can give at most. "acceleration", the default, is
+            (7): joint_acceleration, and joint_deceleration in the negative direction, if there is
+            one. "torque" is what joint_torque leaves for the joint in the state in which a command
+            interval begins, kept for that interval: `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T`. b is
+            gravity, centrifugal and Coriolis torques, and friction; what other joints'
+            accelerations cost is left out. "none" never saturates. A servo of first order has no
+            acceleration to limit: it only runs with "none", its default, and demands are its
+            accelerations.
+
+    Attributes:
+        saturation: As given, or by default.
+        lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without.
+        torque_limit: [N m], (dof,); None unless torque saturates.
 
     Raises:
-        InvalidInput: Gains or limits that do not fit the arm.
+        InvalidInput: Gains or limits that do not fit the arm, saturation of a servo of first order,
+            or of torque where there is no limit or no mass.
     """
 
-    def __init__(self, arm: Arm, servo: ServoModel, limits: Limits | None = None) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        servo: ServoModel,
+        limits: Limits | None = None,
+        *,
+        saturation: str | None = None,
+    ) -> None:
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
-        if not own.same_both_ways():
-            raise InvalidInput(
-                "The servo plant saturates alike in both directions: leave joint_deceleration out "
-                "of its limits."
-            )
-        self.acceleration = or_unlimited(own.joint_acceleration, arm.dof)
+        self.saturation = _saturation(saturation, servo.order)
+        self.torque_limit: FloatArray | None = None
+        self.acceleration: FloatArray = np.full(arm.dof, np.inf)
+        self.lower: FloatArray = -self.acceleration
+        if self.saturation == "acceleration":
+            self.lower, self.acceleration = own.acceleration_bounds(arm.dof)
+        if self.saturation == "torque":
+            if own.joint_torque is None:
+                raise InvalidInput(
+                    "Saturation of torque needs joint_torque among the limits: give it, or let "
+                    "the plant saturate in acceleration.",
+                    limit="joint_torque",
+                )
+            self.torque_limit = or_unlimited(own.joint_torque, arm.dof)
+            # It refuses an arm without masses.
+            _ = arm.dynamics
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data; exact between the instants where saturation starts or ends.
 
         Raises:
             InvalidInput: Taught data for another number of joints.
-            ExecutionError: The joints do not come to rest.
+            ExecutionError: The joints do not come to rest, or a drive is too weak for its arm.
         """
         if taught.q.shape[1] != self.arm.dof:
             raise InvalidInput(
@@ -59,12 +92,15 @@ class ServoPlant(Plant):
                 f"has {self.arm.dof}."
             )
         steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
+        run = self._begin(taught, steps)
         first, last = taught.q[0], taught.q[-1]
-        parts = [self._piece(taught.q, taught.period, steps, first, np.zeros_like(first))]
-        chunk = np.tile(last, (int(np.ceil(CHUNK / taught.period)) + 1, 1))
-        end = len(taught.q) * taught.period
-        patience = end + max(PATIENCE, PATIENCE_IN_DURATIONS * end)
-        now = end
+        # The last set-point reaches the joints this many intervals later than it is due.
+        late = int(np.ceil(self.servo.dead_time.max() / taught.period * (1 - 1e-12)))
+        done = len(taught.q) - 1 + late
+        parts = [run.advance(0, done, first, np.zeros_like(first))]
+        more = int(np.ceil(CHUNK / taught.period))
+        end = (done + 1) * taught.period
+        now, patience = end, end + max(PATIENCE, PATIENCE_IN_DURATIONS * end)
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[0][:2], (first, 0 * first), strict=True)
         )
@@ -74,41 +110,52 @@ class ServoPlant(Plant):
                 raise ExecutionError(
                     f"Joint {j + 1} is not at rest {now - end:.3g} s after its last set-point: its "
                     "servo gains and acceleration limit do not let it settle.",
-                    t=now,
+                    t=taught.start_time + now,
                     joint=j + 1,
                 )
-            parts.append(self._piece(chunk, taught.period, steps, q, dq))
-            q, dq = parts[-1][0][-1], parts[-1][1][-1]
-            now += (len(chunk) - 1) * taught.period
-        position, velocity, demand = (
+            parts.append(run.advance(done, more, q, dq))
+            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
+            done += more
+            now += more * taught.period
+        position, velocity, demand, ddq = (
             np.concatenate([start[None], *(x[i] for x in parts)])
-            for i, start in enumerate((first, 0 * first, 0 * first))
+            for i, start in enumerate((first, 0 * first, 0 * first, 0 * first))
         )
         return Execution(
             arm=self.arm,
             taught=taught,
-            t=np.arange(len(position), dtype=np.float64) * (taught.period / steps),
+            t=taught.times(len(position), taught.period / steps),
             q=position,
             dq=velocity,
-            ddq=np.clip(demand, -self.acceleration, self.acceleration),
+            ddq=ddq,
             demand=demand,
-            peak_demand=np.max([x[4] for x in parts], axis=0),
-            saturated_time=np.sum([x[3] for x in parts], axis=0),
+            peak_demand=np.max([x.peak for x in parts], axis=0),
+            saturated_time=np.sum([x.saturated for x in parts], axis=0),
         )
 
-    def _piece(
-        self, commands: FloatArray, period: float, steps: int, q: FloatArray, dq: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        linear = self.servo.interpolation == "linear"
-        result: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray] = simulate(
-            np.ascontiguousarray(commands),
-            period,
-            steps,
-            linear,
-            self.servo.kp,
-            self.servo.kv,
-            self.acceleration,
-            q,
-            dq,
+    def _begin(self, taught: TaughtData, steps: int) -> PlainRun | PiecedRun:
+        bounds = None
+        if self.torque_limit is not None:
+            bounds = TorqueBounds(self.arm, self.torque_limit, taught)
+        plain = (
+            self.servo.order == "second"
+            and self.servo.interpolation != "cubic"
+            and not self.servo.dead_time.any()
+            and bounds is None
+            and np.array_equal(-self.lower, self.acceleration)
         )
-        return result
+        if plain:
+            return PlainRun(taught, steps, self.servo, self.acceleration)
+        return PiecedRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
+
+
+def _saturation(asked: str | None, order: str) -> str:
+    if asked is None:
+        return "acceleration" if order == "second" else "none"
+    _checks.choice("saturation", asked, SATURATIONS)
+    if order == "first" and asked != "none":
+        raise InvalidInput(
+            f"A servo of order first has no acceleration that its {asked} could limit: leave "
+            "saturation out, or take a servo of order second."
+        )
+    return asked

@@ -11,6 +11,9 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory
 
+# The plan begins at a set-point if that is off by less than this part of an interval.
+WHOLE = 1e-9
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TaughtData:
@@ -18,18 +21,22 @@ class TaughtData:
 
     Args:
         period: Command interval [s].
-        q: Set-points [rad], (n, dof); the k-th holds at k periods, the last from then on.
+        q: Set-points [rad], (n, dof); the k-th holds k periods after the first, the first before
+            that, the last from then on.
         trajectory: The realizable trajectory they are to bring about.
         method: Name of the compensation that made them.
+        start_time: Time of the first set-point [s], not above 0: the plan's motion begins at 0, and
+            a command that leads it begins before.
 
     Raises:
-        InvalidInput: Not one finite set-point per time and joint.
+        InvalidInput: Not one finite set-point per time and joint, or a start behind the plan's.
     """
 
     period: float
     q: FloatArray
     trajectory: Trajectory
     method: str
+    start_time: float = 0.0
 
     def __post_init__(self) -> None:
         _checks.positive("command interval", self.period, "s")
@@ -37,8 +44,25 @@ class TaughtData:
         if values.ndim != 2 or len(values) == 0:
             raise InvalidInput("Taught data needs at least one row of set-points, one per joint.")
         object.__setattr__(self, "q", _checks.locked(values))
+        start = _checks.number("start_time", self.start_time, "s")
+        if start > 0:
+            raise InvalidInput(
+                f"start_time must not be above zero, when the plan begins, but is {start:g} s."
+            )
+        object.__setattr__(self, "start_time", start)
 
     @property
     def t(self) -> FloatArray:
-        """Times of the set-points [s], (n,)."""
-        return np.arange(len(self.q), dtype=np.float64) * self.period
+        """Times of the set-points [s], (n,); 0 is when the plan begins."""
+        return self.times(len(self.q), self.period)
+
+    def times(self, count: int, step: float) -> FloatArray:
+        """So many times from the first set-point on, `step` apart [s], (count,).
+
+        They are multiples of the step, without rounding, if the first one is.
+        """
+        number = np.arange(count, dtype=np.float64)
+        before = self.start_time / step
+        if abs(before - round(before)) < WHOLE:
+            return np.asarray((number + round(before)) * step)
+        return self.start_time + number * step

@@ -1,5 +1,5 @@
 """The joint servo as a linear model. Knows neither arm nor path."""
 
-from armcontour.servo.model import INTERPOLATIONS, ServoModel
+from armcontour.servo.model import INTERPOLATIONS, ORDERS, ServoModel
 
-__all__ = ["INTERPOLATIONS", "ServoModel"]
+__all__ = ["INTERPOLATIONS", "ORDERS", "ServoModel"]

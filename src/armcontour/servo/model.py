@@ -1,4 +1,4 @@
-"""The joint servo of the paper, eq. (5)-(7): a velocity loop inside a position loop."""
+"""The joint servo: the paper's two loops (5)-(7), or a first-order lag, behind a dead time."""
 
 from __future__ import annotations
 
@@ -11,54 +11,110 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 
-INTERPOLATIONS = ("linear", "step")
+INTERPOLATIONS = ("linear", "step", "cubic")
+ORDERS = ("second", "first")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel:
-    """`ddq = K_v (K_p (u - q) - dq)` for every joint, (6).
+    """What a joint makes of its command u, `tau` being the dead time.
+
+    - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
+      position loop;
+    - order "first": `dq = K_p (u(t - tau) - q)`, a lag, for a velocity loop too fast to matter.
+
+    Between two set-points the command is, for the interpolation
+
+    - "linear": the straight line;
+    - "step": the earlier set-point, held;
+    - "cubic": the cubic with the slopes `(u[k + 1] - u[k - 1]) / (2 T)` at set-points, and 0 at the
+      first and the last one (Catmull and Rom's spline: once differentiable, and local).
+
+    Before the first set-point the command is the first, behind the last the last. Each one is met
+    when it is due. A controller cannot draw a line before it has the set-point at its end, nor the
+    cubic before it has the one behind that; how long it waits for them is part of the dead time.
 
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint.
-        kv: Velocity loop gain [1/s], likewise.
-        interpolation: What the controller does between two set-points: "linear" or "step" (holds).
+        kv: Velocity loop gain [1/s], likewise; None for the order "first".
+        interpolation: What the controller does between two set-points.
+        dead_time: Time from when a set-point is due until the joint's servo sees it [s], one for
+            all joints or one per joint; any number of command intervals, whole or not.
+        order: "second" or "first".
 
     Raises:
-        InvalidInput: A gain that is not above zero, or an unknown interpolation.
+        InvalidInput: A gain that is not above zero, missing or too many; a negative dead time; an
+            unknown interpolation or order.
     """
 
     kp: FloatArray
-    kv: FloatArray
-    interpolation: str = "linear"
+    kv: FloatArray | None
+    interpolation: str
+    dead_time: FloatArray
+    order: str
 
     def __init__(
-        self, *, kp: npt.ArrayLike, kv: npt.ArrayLike, interpolation: str = "linear"
+        self,
+        *,
+        kp: npt.ArrayLike,
+        kv: npt.ArrayLike | None = None,
+        interpolation: str = "linear",
+        dead_time: npt.ArrayLike = 0.0,
+        order: str = "second",
     ) -> None:
-        for name, values in (("kp", kp), ("kv", kv)):
-            array = _checks.numbers(f"servo gain {name}", values, "1/s")
-            if array.ndim > 1 or array.size == 0 or (array <= 0).any():
-                raise InvalidInput(
-                    f"servo gain {name} must be above zero, one for all joints or one per joint, "
-                    f"but is {array.tolist()} 1/s."
-                )
-            object.__setattr__(self, name, _checks.locked(array))
+        _checks.choice("order", order, ORDERS)
+        if (kv is None) == (order == "second"):
+            raise InvalidInput(
+                "A servo of order second needs the velocity loop gain kv [1/s] beside kp."
+                if kv is None
+                else "A servo of order first has no velocity loop: leave its gain kv out."
+            )
+        object.__setattr__(self, "kp", _gain("kp", kp))
+        object.__setattr__(self, "kv", None if kv is None else _gain("kv", kv))
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         object.__setattr__(self, "interpolation", interpolation)
+        delay = _checks.numbers("dead_time", dead_time, "s")
+        if delay.ndim > 1 or delay.size == 0 or (delay < 0).any():
+            raise InvalidInput(
+                "dead_time must not be negative, one for all joints or one per joint, but is "
+                f"{delay.tolist()} s."
+            )
+        object.__setattr__(self, "dead_time", _checks.locked(delay))
+        object.__setattr__(self, "order", order)
 
     def for_joints(self, dof: int) -> ServoModel:
-        """The same servo with one gain per joint.
+        """The same servo with one gain and dead time per joint.
 
         Raises:
-            InvalidInput: A wrong number of gains.
+            InvalidInput: A wrong number of them.
         """
         return ServoModel(
             kp=_checks.per_joint("servo gain kp", self.kp, dof, "1/s"),
-            kv=_checks.per_joint("servo gain kv", self.kv, dof, "1/s"),
+            kv=None if self.kv is None else _checks.per_joint("servo gain kv", self.kv, dof, "1/s"),
             interpolation=self.interpolation,
+            dead_time=_checks.per_joint("dead_time", self.dead_time, dof, "s"),
+            order=self.order,
         )
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
-        """`G(s) = K_p K_v / (s² + K_v s + K_p K_v)`, (5), for each s; complex, (n, joints)."""
+        """From command to joint, for each s; complex, (n, joints).
+
+        `G(s) = exp(-s tau) K_p K_v / (s² + K_v s + K_p K_v)`, (5), or for the order "first"
+        `exp(-s tau) K_p / (s + K_p)`. What interpolation makes of set-points is not in it.
+        """
         at = np.atleast_1d(np.asarray(s))[:, None]
-        kp, kv = np.atleast_1d(self.kp), np.atleast_1d(self.kv)
-        return np.asarray(kp * kv / (at**2 + kv * at + kp * kv))
+        kp, late = np.atleast_1d(self.kp), np.exp(-at * np.atleast_1d(self.dead_time))
+        if self.kv is None:
+            return np.asarray(late * kp / (at + kp))
+        kv = np.atleast_1d(self.kv)
+        return np.asarray(late * (kp * kv / (at**2 + kv * at + kp * kv)))
+
+
+def _gain(name: str, values: npt.ArrayLike) -> FloatArray:
+    array = _checks.numbers(f"servo gain {name}", values, "1/s")
+    if array.ndim > 1 or array.size == 0 or (array <= 0).any():
+        raise InvalidInput(
+            f"servo gain {name} must be above zero, one for all joints or one per joint, "
+            f"but is {array.tolist()} 1/s."
+        )
+    return _checks.locked(array)

@@ -1,0 +1,78 @@
+"""What a controller takes as set-points: within the joints' ranges, and not too fast."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.errors import CompensationError
+from armcontour.motion import TaughtData
+
+# A set-point may exceed a limit by this share of it, or this much [rad, rad/s]: rounding.
+SLACK = 1e-9
+
+
+def refuse_commands(taught: TaughtData, limits: Limits) -> None:
+    """Refuse set-points outside a joint's range, or too far apart for its velocity.
+
+    A compensated command leads the joint, by about `dq / K_p`, and goes beyond the plan by that; a
+    controller that looks at its set-points would stop.
+
+    Args:
+        taught: The set-points.
+        limits: With values per joint.
+
+    Raises:
+        CompensationError: The set-point that is furthest beyond a limit.
+    """
+    lower, upper = limits.joint_range(taught.q.shape[1])
+    _refuse_beyond(taught, "joint_upper", taught.q, upper)
+    _refuse_beyond(taught, "joint_lower", -taught.q, -lower)
+    rate = np.diff(taught.q, axis=0) / taught.period
+    most = or_unlimited(limits.joint_velocity, taught.q.shape[1])
+    at = _worst(np.abs(rate), most)
+    if at is None:
+        return
+    k, j = at
+    needed, allowed, t = float(abs(rate[k, j])), float(most[j]), float(taught.t[k])
+    raise CompensationError(
+        f"The set-points of joint {j + 1} move at {needed:.6g} rad/s from t = {t:.6g} s on, above "
+        f"its joint_velocity of {allowed:.6g} rad/s: plan with a joint_velocity lower by "
+        f"{needed - allowed:.2g} rad/s, with smoother accelerations, or with slower poles.",
+        t=t,
+        joint=j + 1,
+        limit="joint_velocity",
+        needed=needed,
+        allowed=allowed,
+    )
+
+
+def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: FloatArray) -> None:
+    """Refuse values above the most, both with their signs changed for a lower end."""
+    at = _worst(values, most)
+    if at is None:
+        return
+    k, j = at
+    sign = 1.0 if name == "joint_upper" else -1.0
+    needed, allowed, t = sign * float(values[k, j]), sign * float(most[j]), float(taught.t[k])
+    raise CompensationError(
+        f"The set-point of joint {j + 1} at t = {t:.6g} s is {needed:.6g} rad, beyond its {name} "
+        f"of {allowed:.6g} rad: plan {abs(needed - allowed):.2g} rad from it, or slower there.",
+        t=t,
+        joint=j + 1,
+        limit=name,
+        needed=needed,
+        allowed=allowed,
+    )
+
+
+def _worst(values: FloatArray, most: FloatArray) -> tuple[int, int] | None:
+    """Row and column of the value that is furthest above its limit."""
+    if not values.size:
+        return None
+    room = np.where(np.isfinite(most), SLACK * np.maximum(np.abs(most), 1.0), 0.0)
+    over = values - most - room
+    k, j = (int(x) for x in np.unravel_index(int(np.argmax(over)), over.shape))
+    return (k, j) if over[k, j] > 0 else None

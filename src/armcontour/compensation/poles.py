@@ -1,0 +1,221 @@
+"""Which poles to place: what poles do, and the fastest that a plan leaves room for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.arms import Limits
+from armcontour.compensation._demand import states
+from armcontour.compensation._filter import filtered
+from armcontour.compensation.pole_placement import checked_poles, pole_placement, transfer
+from armcontour.errors import CompensationError, InvalidInput
+from armcontour.motion import Trajectory
+from armcontour.servo import ServoModel
+from armcontour.servo.command import polynomials
+
+# Faster poles than these, in 1 / T, lag by less than a tenth of the command interval T: there is
+# nothing to be had from them.
+FASTEST = 20.0
+# Poles are found to this part of their size.
+PRECISION = 1e-3
+# The demand is computed at parts of command intervals of at most so many of the servo's shortest
+# time constants; between them it is taken for a cubic, right to 1e-5 of the largest.
+LARGEST_PART = 0.125
+# The response to a step is followed for this many of the slowest time constant, at so many times.
+FOLLOWED = 36.0
+TIMES = 20_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoleBehaviour:
+    """What compensator and servo do together, F G, joint by joint.
+
+    Args:
+        lag: Behind a plan at uniform velocity, without dead time, (dof,) [s].
+        peaking: Largest amount of F G at any frequency, (dof,); 1 without resonance.
+        demand: Largest acceleration that a plan of acceleration 1 can ask for: the integral of the
+            impulse response's amount, (dof,). At 1 a plan may use its whole limit.
+    """
+
+    lag: FloatArray
+    peaking: FloatArray
+    demand: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("lag", "peaking", "demand"):
+            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+
+
+def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
+    """What poles do for a servo.
+
+    Args:
+        servo: Of order second; its gains K_v say how many joints there are.
+        poles: m1, m2 and g [1/s], one triple or one per joint.
+
+    Raises:
+        CompensationError: Poles that are not stable, or a servo of first order.
+        InvalidInput: Poles of a wrong shape, or not conjugate.
+    """
+    kv = np.atleast_1d(_second_order(servo))
+    placed = checked_poles(poles, len(kv))
+    x, c = transfer(kv, placed)
+    # F G = (x s + c0) / (s³ + c2 s² + c1 s + c0).
+    at = 1j * np.geomspace(1e-3, 1e3, TIMES)[:, None] * np.abs(placed).max(axis=1)
+    size = np.abs((x * at + c[0]) / (at**3 + c[2] * at**2 + c[1] * at + c[0]))
+    rate = np.cbrt(c[0])
+    slowest, fastest = np.abs(placed.real).min(), np.abs(placed).max()
+    times = np.append(0.0, np.geomspace(1e-4 / fastest, FOLLOWED / slowest, TIMES))
+    ones = np.zeros((TIMES, 6, len(placed)))
+    ones[:, 0] = 1.0
+    moved = filtered(
+        np.diff(times),
+        ones,
+        np.stack([c[1] / rate**2, c[2] / rate], axis=1),
+        rate,
+        np.abs(placed).max(axis=1),
+        np.zeros(len(placed)),
+    )
+    step = moved[:, :, 0] + x / rate**2 * moved[:, :, 1]
+    return PoleBehaviour(
+        lag=(c[1] - x) / c[0],
+        peaking=np.maximum(size.max(axis=0), 1.0),
+        demand=np.abs(np.diff(step, axis=0)).sum(axis=0),
+    )
+
+
+def fastest_poles(
+    servo: ServoModel, trajectory: Trajectory, limits: Limits, period: float = 4e-3
+) -> FloatArray:
+    """The fastest poles whose taught data does not saturate the servo.
+
+    Of the family `m1 = m2 = -p, g = -K_v`, for which `F G = p² / (s + p)²` on every joint: equal
+    lag 2 / p on all, and a demand that never exceeds the plan's but for the corners of the
+    interpolated command. Those grow with p, which is found by bisection; the demand is that of the
+    interpolated set-points, at all times.
+
+    Args:
+        servo: Of order second.
+        trajectory: What the joints shall do.
+        limits: Joint accelerations that the servo has.
+        period: Command interval [s].
+
+    Returns:
+        m1, m2 and g per joint, (dof, 3) [1/s], for `compensate(..., poles=...)`; p is at most
+        20 / period.
+
+    Raises:
+        CompensationError: Even with the lag of the servo itself, `2 / p = 1 / K_p`, a joint would
+            saturate; or a servo of first order.
+        InvalidInput: No limit of joint acceleration.
+    """
+    interval = _checks.positive("command interval", period, "s")
+    if limits.joint_acceleration is None:
+        raise InvalidInput(
+            "The fastest poles are those that do not saturate: give joint_acceleration.",
+            limit="joint_acceleration",
+        )
+    model = servo.for_joints(trajectory.dof)
+    kv = _second_order(model)
+    lower, upper = limits.for_joints(trajectory.dof).acceleration_bounds(trajectory.dof)
+
+    def use(p: float) -> FloatArray:
+        """Largest share of each joint's limit."""
+        _, q = pole_placement(trajectory, model, interval, _family(kv, p))
+        least, most = extreme_demands(model, q, interval)
+        return np.maximum(least / lower, most / upper)
+
+    low = 2 * float(model.kp.min())
+    high = max(FASTEST / interval, low)
+    if use(high).max() <= 1:
+        return _family(kv, high)
+    worst = use(low)
+    if worst.max() > 1:
+        _refuse(worst, lower, upper, low)
+    while high > low * (1 + PRECISION):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if use(middle).max() <= 1 else (low, middle)
+    return _family(kv, low)
+
+
+def extreme_demands(
+    servo: ServoModel, q: FloatArray, period: float
+) -> tuple[FloatArray, FloatArray]:
+    """Least and largest acceleration that set-points ask of a servo that does not saturate.
+
+    Args:
+        servo: Of order second, with values per joint; dead time changes nothing.
+        q: Set-points, (n, dof) [rad], from rest.
+        period: Command interval [s].
+
+    Returns:
+        Until the last set-point, (dof,) each [rad/s²].
+    """
+    kv = _second_order(servo)
+    least, most = np.zeros(len(kv)), np.zeros(len(kv))
+    for j, command in enumerate(polynomials(q, period, servo.interpolation)):
+        kp, fast = servo.kp[j], max(kv[j], float(np.sqrt(servo.kp[j] * kv[j])))
+        parts = max(1, int(np.ceil(period * fast / LARGEST_PART)))
+        h = period / parts
+        # q, dq and the command's four coefficients as one linear system.
+        system = np.zeros((6, 6))
+        system[0, 1] = 1.0
+        system[1, :3] = -kp * kv[j], -kv[j], kp * kv[j]
+        system[2, 3], system[3, 4], system[4, 5] = 1.0, 2.0, 3.0
+        moved = expm(system * h)
+        found, u = states(command[1:-1], parts, h, moved[:2, :2], moved[:2, 2:])
+        (x, dx), (x1, dx1) = found[:-1].T, found[1:].T
+        end = u[:, 0] + h * (u[:, 1] + h * (u[:, 2] + h * u[:, 3]))
+        rate = u[:, 1] + h * (2 * u[:, 2] + 3 * h * u[:, 3])
+        z, z1 = kv[j] * (kp * (u[:, 0] - x) - dx), kv[j] * (kp * (end - x1) - dx1)
+        dz, dz1 = kv[j] * (kp * (u[:, 1] - dx) - z), kv[j] * (kp * (rate - dx1) - z1)
+        between = _cubic_extremes(z, z1, h * dz, h * dz1)
+        both = np.concatenate([[0.0], z, z1, between])
+        least[j], most[j] = both.min(), both.max()
+    return least, most
+
+
+def _cubic_extremes(z: FloatArray, z1: FloatArray, d: FloatArray, d1: FloatArray) -> FloatArray:
+    """Values of cubics on [0, 1] where they turn, given values and slopes at both ends."""
+    b, a = 3 * (z1 - z) - 2 * d - d1, d + d1 - 2 * (z1 - z)
+    root = np.sqrt(np.maximum(b * b - 3 * a * d, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turns = np.concatenate([(-b + root) / (3 * a), (-b - root) / (3 * a)])
+    t = np.where((turns > 0) & (turns < 1), turns, 0.0)
+    z, d, b, a = (np.tile(x, 2) for x in (z, d, b, a))
+    return np.asarray(z + t * (d + t * (b + t * a)))
+
+
+def _second_order(servo: ServoModel) -> FloatArray:
+    if servo.kv is None:
+        raise CompensationError(
+            "Poles are placed for a servo of order second: a servo of order first has no velocity "
+            "loop; take the method inverse."
+        )
+    return servo.kv
+
+
+def _family(kv: FloatArray, p: float) -> FloatArray:
+    return np.stack([np.full(len(kv), -p), np.full(len(kv), -p), -kv], axis=1)
+
+
+def _refuse(worst: FloatArray, lower: FloatArray, upper: FloatArray, p: float) -> None:
+    j = int(np.argmax(worst))
+    allowed = float(min(-lower[j], upper[j]))
+    needed = float(worst[j]) * allowed
+    raise CompensationError(
+        f"Joint {j + 1} saturates with any poles: even with the regulator poles at -{p:.4g} 1/s, "
+        f"which lag as the servo does by itself, it is asked for {needed:.6g} rad/s² of the "
+        f"{allowed:.6g} rad/s² that it has; plan with a joint_acceleration lower by at least "
+        f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
+        joint=j + 1,
+        limit="joint_acceleration",
+        needed=needed,
+        allowed=allowed,
+    )

@@ -1,0 +1,167 @@
+"""Every servo model against SciPy: its command, its dead time, its saturation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+
+import armcontour as ac
+from armcontour.motion import LapLaw
+
+PERIOD = 0.02
+DEAD_TIMES = {
+    "none": 0.0,
+    "whole": 0.06,
+    "fraction": 0.0137,
+    "over one": 0.0281,
+    "per joint": [0.011, 0.047],
+}
+GAINS = {"overdamped": (25.0, 150.0), "critical": (25.0, 100.0), "underdamped": (60.0, 40.0)}
+
+
+def taught_data(q, period=PERIOD, start_time=0.0):
+    law = LapLaw(
+        breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
+    )
+    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    return ac.TaughtData(
+        period=period, q=q, trajectory=trajectory, method="x", start_time=start_time
+    )
+
+
+def command(q, interpolation, period=PERIOD):
+    """The command of one joint as a function of time, from its definition."""
+    t = np.arange(len(q)) * period
+    if interpolation == "linear":
+        return lambda at: float(np.interp(at, t, q))
+    if interpolation == "step":
+        return lambda at: float(q[np.clip(np.floor(at / period + 1e-9).astype(int), 0, len(q) - 1)])
+    slope = np.concatenate([[0.0], (q[2:] - q[:-2]) / (2 * period), [0.0]])
+    spline = CubicHermiteSpline(t, q, slope)
+    return lambda at: float(spline(np.clip(at, 0, t[-1])))
+
+
+def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), period=PERIOD, fine=1.0):
+    """One joint by DOP853, piece by piece between the instants at which its command has a kink."""
+    kp = servo.kp[j]
+    kinks = np.arange(-1, len(times) + 50) * period + dead
+    stops = np.union1d(times, kinks[(kinks > 0) & (kinks < times[-1])])
+    stops = stops[np.append(True, np.diff(stops) > 1e-10)]
+
+    def motion(t, x, inside):
+        # A held command jumps at the ends of a piece: it is looked at from the inside.
+        seen = u(min(max(t, inside[0] + 1e-11), inside[1] - 1e-11) - dead)
+        if servo.kv is None:
+            return [kp * (seen - x[0])]
+        return [x[1], np.clip(servo.kv[j] * (kp * (seen - x[0]) - x[1]), *bounds)]
+
+    state = np.array([start] if servo.kv is None else [start, 0.0])
+    found = {float(stops[0]): state}
+    for a, b in zip(stops[:-1], stops[1:], strict=True):
+        step = np.inf if np.isinf(bounds[1]) else fine
+        state = solve_ivp(
+            motion, (a, b), state, method="DOP853", args=((a, b),), rtol=1e-11, atol=1e-13,
+            max_step=step,
+        ).y[:, -1]  # fmt: skip
+        found[float(b)] = state
+    keys = np.array(list(found))
+    return np.array([found[keys[np.argmin(np.abs(keys - t))]] for t in times])
+
+
+@pytest.mark.parametrize("order", ["second", "first"])
+@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+@pytest.mark.parametrize("dead", DEAD_TIMES)
+def test_unsaturated_against_an_integrator(arm, order, interpolation, dead):
+    kv = [150.0, 70.0] if order == "second" else None
+    servo = ac.ServoModel(
+        kp=[25.0, 40.0], kv=kv, interpolation=interpolation, dead_time=DEAD_TIMES[dead], order=order
+    ).for_joints(2)
+    q = 0.1 * np.random.default_rng(2).normal(size=(9, 2))
+    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=0.005)
+    n = round(0.3 / done.t[1])
+    times = done.t[: n + 1]
+    for j in range(2):
+        u = command(q[:, j], interpolation)
+        expected = integrated(servo, j, u, servo.dead_time[j], times, q[0, j])
+        np.testing.assert_allclose(done.q[: n + 1, j], expected[:, 0], atol=1e-9)
+        if order == "second":
+            np.testing.assert_allclose(done.dq[: n + 1, j], expected[:, 1], atol=1e-7)
+
+
+@pytest.mark.parametrize("gains", GAINS)
+@pytest.mark.parametrize("interpolation", ["cubic", "linear", "step"])
+@pytest.mark.parametrize("dead", [0.0, 0.0137])
+def test_saturated_against_an_integrator(arm, gains, interpolation, dead):
+    kp, kv = GAINS[gains]
+    servo = ac.ServoModel(
+        kp=kp, kv=kv, interpolation=interpolation, dead_time=dead
+    ).for_joints(2)  # fmt: skip
+    limits = ac.Limits(joint_acceleration=[0.72, 3.0], joint_deceleration=[2.0, 1.0])
+    q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
+    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
+    n = round(0.3 / done.t[1])
+    every = 100
+    lower, upper = limits.acceleration_bounds(2)
+    for j in range(2):
+        u = command(q[:, j], interpolation)
+        times = done.t[: n + 1 : every]
+        expected = integrated(servo, j, u, dead, times, q[0, j], (lower[j], upper[j]), fine=1e-3)
+        np.testing.assert_allclose(done.q[: n + 1 : every, j], expected[:, 0], atol=2e-9)
+        np.testing.assert_allclose(done.dq[: n + 1 : every, j], expected[:, 1], atol=2e-7)
+    over = np.maximum(done.demand - upper, lower - done.demand) > 0
+    np.testing.assert_allclose(done.saturated_time, over.sum(axis=0) * done.t[1], atol=0.02)
+    assert (done.saturated_time > 0.05).all()
+    assert (done.peak_demand >= np.abs(done.demand).max(axis=0) * (1 - 1e-9)).all()
+    np.testing.assert_array_equal(done.ddq, np.clip(done.demand, lower, upper))
+
+
+def test_brief_saturation_on_a_cubic_is_found(arm):
+    # The limit is a little below the largest demand without one, wherever in an interval that is.
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        q = np.cumsum(rng.normal(size=(8, 2)), axis=0) * 1e-3
+        servo = ac.ServoModel(
+            kp=25.0, kv=150.0, interpolation="cubic", dead_time=rng.uniform(0, 0.03)
+        )
+        free = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=PERIOD)
+        fine = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=1e-5)
+        most = np.abs(fine.demand).max(axis=0)
+        np.testing.assert_allclose(free.peak_demand, most, rtol=1e-6)
+        limits = ac.Limits(joint_acceleration=free.peak_demand * (1 - 1e-9))
+        done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=PERIOD)
+        assert (done.saturated_time > 0).all() and (done.saturated_time < 1e-3).all()
+
+
+def test_torque_limits_against_an_integrator():
+    arm = ac.load_arm("ur5e")
+    # A little above what gravity takes in the middle joints, a little above friction in others.
+    limit = np.array([20.0, 75.0, 30.0, 3.0, 2.0, 1.0])
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.013).for_joints(6)
+    rng = np.random.default_rng(5)
+    q = np.array([0.2, -1.2, 1.4, -0.3, 0.4, 0.1]) + np.cumsum(rng.normal(size=(10, 6)), 0) * 0.02
+    plant = ac.ServoPlant(arm, servo, ac.Limits(joint_torque=limit), saturation="torque")
+    done = ac.execute(taught_data(q), plant, resolution=PERIOD)
+    assert (done.saturated_time > 0.02).sum() >= 3
+    commands = [command(x, "linear") for x in q.T]
+    at, rate = q[0], np.zeros(6)
+    eye = np.eye(6)
+    for k in range(12):
+        np.testing.assert_allclose(done.q[k], at, atol=1e-8)
+        np.testing.assert_allclose(done.dq[k], rate, atol=1e-6)
+        bias = arm.torque(at, rate, np.zeros(6))
+        # The inertia of each joint as torque per acceleration of it alone.
+        inertia = np.array([arm.torque(at, rate, x) @ x - bias @ x for x in eye])
+        high, low = (limit - bias) / inertia, (-limit - bias) / inertia
+        state = np.concatenate([at, rate])
+        for a, b in ((0.0, 0.013), (0.013, PERIOD)):
+
+            def motion(t, x, k=k, low=low, high=high):
+                u = np.array([c(k * PERIOD + t - 0.013) for c in commands])
+                return np.concatenate([x[6:], np.clip(150 * (25 * (u - x[:6]) - x[6:]), low, high)])
+
+            state = solve_ivp(
+                motion, (a, b), state, method="RK45", rtol=1e-9, atol=1e-11, max_step=5e-4
+            ).y[:, -1]
+        at, rate = state[:6], state[6:]
