@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         load_arm,
     )
     from armcontour.compensation import compensate
+    from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
         ArmContourError,
         CompensationError,
@@ -64,6 +65,7 @@ _HOME = {
         "load_arm",
     ),
     "compensation": ("compensate",),
+    "compensation.poles": ("fastest_poles",),
     "errors": (
         "ArmContourError",
         "CompensationError",
@@ -134,6 +136,7 @@ __all__ = [
     "evaluate",
     "execute",
     "explain",
+    "fastest_poles",
     "load_arm",
     "plan",
     "read_job",

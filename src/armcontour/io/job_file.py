@@ -105,7 +105,11 @@ def _job(model: JobModel, folder: FilePath) -> Job:
 
 def _servo(model: ServoModelModel, arm: Arm) -> ServoModel:
     servo = ServoModel(
-        kp=np.array(model.kp), kv=np.array(model.kv), interpolation=model.interpolation
+        kp=np.array(model.kp),
+        kv=None if model.kv is None else np.array(model.kv),
+        interpolation=model.interpolation,
+        dead_time=np.array(model.dead_time),
+        order=model.order,
     )
     return servo.for_joints(arm.dof)
 

@@ -170,11 +170,13 @@ class CornersModel(Model):
 
 
 class ServoModelModel(Model):
-    """Gains of the joint servo, one for all joints or one per joint."""
+    """The joint servo; gains and dead time are one for all joints or one per joint."""
 
     kp: Gain | list[Gain]
-    kv: Gain | list[Gain]
-    interpolation: Literal["linear", "step"] = "linear"
+    kv: Gain | list[Gain] | None = Field(default=None, description="for the order second only")
+    order: Literal["second", "first"] = "second"
+    dead_time: Duration | list[Duration] = 0.0
+    interpolation: Literal["linear", "step", "cubic"] = "linear"
 
 
 class ExperimentModel(Model):
