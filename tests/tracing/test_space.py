@@ -403,7 +403,7 @@ def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
     assert caught.value.s / seam.length == pytest.approx(0.62, abs=0.01)
     free = seam.following_tangent(up, axis_only=True)
     found = traces(free, arm)
-    assert len(found) == 6
+    assert len(found) >= 6
     s = np.linspace(0, seam.length, 500)
     lower, upper = arm.limits.joint_range(6)
     for traced in found:

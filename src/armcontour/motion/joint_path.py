@@ -186,6 +186,20 @@ class JointPath:
             result = result * x[..., None] + factor * c[..., k, :]
         return np.asarray(result / width[..., None] ** order)
 
+    def motion(self, i: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, together."""
+        width = (self.breaks[i + 1] - self.breaks[i])[..., None]
+        x = (s - self.breaks[i])[..., None] / width
+        c = self.coefficients[i]
+        value = np.zeros(x.shape[:-1] + (self.dof,))
+        first, second = np.zeros_like(value), np.zeros_like(value)
+        # Horner's rule carries the derivatives along.
+        for k in range(5, -1, -1):
+            second = second * x + 2 * first
+            first = first * x + value
+            value = value * x + c[..., k, :]
+        return value, first / width, second / width**2
+
 
 def quintic(
     width: FloatArray,

@@ -69,8 +69,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     # Turning of the joint path per piece, from its ends and its middle.
     i = np.arange(pieces)
     places = np.stack([breaks[:-1], (breaks[:-1] + breaks[1:]) / 2, breaks[1:]])
-    first = np.stack([joint_path.on_interval(i, s, 1) for s in places])
-    second = np.stack([joint_path.on_interval(i, s, 2) for s in places])
+    _, first, second = joint_path.motion(np.broadcast_to(i, places.shape), places)
     size = np.linalg.norm(first, axis=2)
     if not size.any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")

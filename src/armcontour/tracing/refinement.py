@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import Unreachable
@@ -15,7 +16,8 @@ from armcontour.tracing.solver import Ends, Solver
 # An interval this small that still misses the path means a singularity, not a coarse grid.
 SMALLEST_INTERVAL = 1e-9
 # Where on an interval the tool is looked at.
-PLACES = (0.25, 0.5, 0.75)
+PLACES = _checks.locked([0.25, 0.5, 0.75])
+MIDDLE = 1
 
 
 def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
@@ -71,15 +73,13 @@ def _misses(
     solver: Solver[Arm], knots: Knots, begin: Ends, end: Ends
 ) -> tuple[BoolArray, FloatArray]:
     """Which intervals leave the path by more than the tolerance, and their middle positions."""
-    width = knots.u1 - knots.u0
+    n, width = len(knots), knots.u1 - knots.u0
     coefficients = quintic(width, begin, end)
-    worst, middle = np.zeros(len(width)), np.empty_like(begin[0])
-    for x in PLACES:
-        q = np.einsum("ikj,k->ij", coefficients, x ** np.arange(6))
-        worst = np.maximum(worst, solver.missed(knots, knots.u0 + x * width, q))
-        if x == 0.5:
-            middle = q
-    return np.asarray(~(worst <= 1)), middle
+    q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
+    u = knots.u0 + PLACES[:, None] * width
+    thrice = knots.part(np.tile(np.arange(n), len(PLACES)))
+    missed = solver.missed(thrice, u.ravel(), q.reshape(-1, q.shape[2]))
+    return np.asarray(~(missed.reshape(-1, n).max(axis=0) <= 1)), q[MIDDLE]
 
 
 def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:

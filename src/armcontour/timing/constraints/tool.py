@@ -49,8 +49,7 @@ class ToolMetric:
         share = np.linspace(0, 1, PLACES)[:, None]
         s = joint_path.breaks[:-1] + share * np.diff(joint_path.breaks)
         i = np.broadcast_to(np.arange(pieces), s.shape).ravel()
-        q, dq, ddq = (joint_path.on_interval(i, s.ravel(), order) for order in (0, 1, 2))
-        velocity, acceleration = arm.tool_motion(q, dq, ddq)
+        velocity, acceleration = arm.tool_motion(*joint_path.motion(i, s.ravel()))
         speed = np.linalg.norm(velocity, axis=1)
         direction = velocity / speed[:, None]
         along = np.sum(acceleration * direction, axis=1)
