@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import kinematics, optimal, polyline, projection, square, start_up
+from benchmarks import kinematics, optimal, polyline, projection, spread, square, start_up
 
 
 def main() -> None:
@@ -15,11 +15,12 @@ def main() -> None:
     polylines, more = polyline.measure()
     solved, guessed = kinematics.measure()
     squares, around, settings = square.measure()
+    executed, rates = spread.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
     smaller = [*start_up.measure(), *projection.measure()]
-    for measured in [*smaller, *plans, *polylines, *solved, *squares]:
+    for measured in [*smaller, *plans, *polylines, *solved, *squares, *executed]:
         table.add_row(
             measured.what,
             f"{measured.ours * 1e3:.3g}",
@@ -47,7 +48,7 @@ def main() -> None:
         shares = f"{plan.speed:.4f}", f"{plan.law:.3f}", f"{plan.executed:.3f}"
         drawn.add_row(plan.who, f"{plan.duration:.4f}", *lengths, *shares)
     console.print(drawn)
-    for note in [*notes, *more, *guessed, *settings]:
+    for note in [*notes, *more, *guessed, *settings, *rates]:
         console.print(note)
 
 

@@ -1,0 +1,354 @@
+"""Robustness against the reference: the servo plant and evaluate, execution by execution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import LapLaw
+from armcontour.study import robustness
+from armcontour.study._spread import _nearest
+from armcontour.study.robustness import Box, Spread, jitter_of, spread, worst_corner
+
+PERIOD = 4e-3
+SAMPLES = 12
+
+
+@pytest.fixture(scope="module")
+def taught(mac, servo):
+    return ac.compensate(mac, servo, method="none", period=PERIOD)
+
+
+@pytest.fixture(scope="module")
+def leading(mac, servo):
+    """Taught data that saturates most robots of a box."""
+    return ac.compensate(mac, servo, method="inverse", period=PERIOD)
+
+
+def reference(taught, path, arm, servo, limits, until=None, resolution=1e-3):
+    executed = ac.execute(taught, ac.ServoPlant(arm, servo, limits), resolution=resolution)
+    return executed, ac.evaluate(executed, path, limits=limits, until=until)
+
+
+def agrees(
+    found: Spread, taught, path, arm, servo, limits, count=SAMPLES, until=None, resolution=1e-3
+):
+    for i in range(count):
+        own = found.servo(i, servo)
+        executed, judged = reference(taught, path, arm, own, limits, until, resolution)
+        error = judged.contour_error
+        assert found.rms[i] == pytest.approx(error.rms, rel=1e-3)
+        assert found.max[i] == pytest.approx(error.max, rel=1e-3)
+        assert found.until[i] == pytest.approx(judged.until, abs=3e-3)
+        if servo.order == "second" and until is None:
+            assert found.demand_ratio[i] == pytest.approx(judged.demand_ratio.max(), rel=1e-4)
+            longest = executed.saturated_time.max()
+            # A demand without steps touches its limit for long, by rounding or not at all.
+            slack = 2e-2 if servo.interpolation == "cubic" else 2e-3
+            assert found.saturated[i] * found.until[i] == pytest.approx(longest, abs=slack)
+
+
+SERVOS = {
+    "linear": {},
+    "step": {"interpolation": "step"},
+    "cubic": {"interpolation": "cubic"},
+    "late": {"dead_time": [0.0063, 0.0081]},
+    "first order": {"kv": None, "order": "first", "interpolation": "linear"},
+    "first order, cubic": {"kv": None, "order": "first", "interpolation": "cubic"},
+    "underdamped": {"kp": 60.0, "kv": 90.0},
+}
+
+
+@pytest.mark.parametrize("kind", SERVOS)
+def test_executions_are_those_of_the_servo_plant(kind, taught, rounded, arm, limits):
+    servo = ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **SERVOS[kind]})
+    box = Box(gains=0.1, dead_time=1.5e-3 if kind == "late" else 0.0, dead_time_shared=False)
+    found = spread(taught, rounded, arm, servo, limits, box, samples=SAMPLES, seed=3)
+    agrees(found, taught, rounded, arm, servo, limits)
+
+
+@pytest.mark.parametrize("compensation", ["inverse", "pole_placement"])
+def test_saturated_executions_are_those_of_the_servo_plant(
+    compensation, mac, rounded, arm, servo, limits
+):
+    taught = ac.compensate(mac, servo, method=compensation, period=PERIOD)
+    found = spread(taught, rounded, arm, servo, limits, Box(gains=0.1), samples=SAMPLES)
+    assert found.saturated.max() > 0.3
+    agrees(found, taught, rounded, arm, servo, limits)
+
+
+@pytest.mark.parametrize("until", [5.0, 7.0])
+def test_errors_cover_the_time_asked_for(until, leading, rounded, arm, servo, limits):
+    found = spread(leading, rounded, arm, servo, limits, Box(gains=0.1), samples=4, until=until)
+    agrees(found, leading, rounded, arm, servo, limits, 4, until)
+
+
+def test_largest_errors_are_those_between_results_too(leading, rounded, arm, servo, limits):
+    found = spread(leading, rounded, arm, servo, limits, Box(gains=0.2), samples=4)
+    for i in range(4):
+        error = reference(leading, rounded, arm, found.servo(i, servo), limits, resolution=1e-4)[
+            1
+        ].contour_error
+        assert found.max[i] == pytest.approx(error.max, rel=1e-3)
+        assert found.rms[i] == pytest.approx(error.rms, rel=1e-3)
+
+
+def test_other_limits_and_periods(mac, rounded, arm, servo, limits):
+    bounds = limits.replace(joint_deceleration=limits.joint_acceleration * 0.8)
+    taught = ac.compensate(mac, servo, method="inverse", period=0.011)
+    found = spread(taught, rounded, arm, servo, bounds, Box(gains=0.1), samples=4)
+    agrees(found, taught, rounded, arm, servo, bounds, 4)
+
+
+def test_a_box_of_nothing_is_the_nominal_robot(leading, rounded, arm, servo, limits):
+    found = spread(leading, rounded, arm, servo, limits, Box(), samples=3)
+    assert found.names == () and found.worst_deviations == {}
+    assert (found.max == found.nominal_max).all() and (found.rms == found.nominal_rms).all()
+    np.testing.assert_array_equal(found.kp, 25.0)
+    error = reference(leading, rounded, arm, servo, limits)[1].contour_error
+    assert found.nominal_rms == pytest.approx(error.rms, rel=1e-3)
+    corner = worst_corner(leading, rounded, arm, servo, limits, Box())
+    assert len(corner) == 1 and corner.max[0] == found.nominal_max
+
+
+def test_seeds(taught, rounded, arm, servo, limits):
+    box = Box(gains=[[0.1], [0.05]], jitter=5e-4)
+
+    def draw(**more):
+        return spread(taught, rounded, arm, servo, limits, box, **more)
+
+    one, two = draw(samples=40, threads=1), draw(samples=40, threads=3)
+    np.testing.assert_array_equal(one.max, two.max)
+    np.testing.assert_array_equal(draw(samples=9).max, one.max[:9])
+    assert (draw(samples=9, seed=1).max != one.max[:9]).all()
+    # What does not vary changes nothing of what does.
+    still = spread(taught, rounded, arm, servo, limits, Box(gains=[0.1, 0.0]), samples=9)
+    np.testing.assert_array_equal(still.kp[:, 0], one.kp[:9, 0])
+    assert (still.kp[:, 1] == 25.0).all()
+    assert (np.abs(one.kp / 25 - 1) <= 0.1).all() and (np.abs(one.kv / 150 - 1) <= 0.05).all()
+    assert not one.max.flags.writeable
+
+
+def test_a_dead_time_that_joints_share_draws_the_same_contour(taught, rounded, arm, limits):
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
+    shared = spread(taught, rounded, arm, servo, limits, Box(dead_time=2e-3), samples=8, until=6.0)
+    assert shared.names == ("dead time",)
+    assert (shared.dead_time[:, 0] == shared.dead_time[:, 1]).all()
+    np.testing.assert_allclose(shared.max, shared.nominal_max, rtol=1e-4)
+    assert shared.influence() == {"dead time": 0.0}
+    apart = spread(
+        taught,
+        rounded,
+        arm,
+        servo,
+        limits,
+        Box(dead_time=2e-3, dead_time_shared=False),
+        samples=8,
+    )
+    assert apart.names == ("dead time of joint 1", "dead time of joint 2")
+    assert np.ptp(apart.max) > 0.1 * apart.nominal_max
+
+
+def test_the_worst_of_a_monotone_box_is_a_corner(taught, rounded, arm, servo, limits):
+    box = Box(gains=[[0.1], [0.0]])
+    corners = worst_corner(taught, rounded, arm, servo, limits, box)
+    assert len(corners) == 4 and corners.seed is None
+    drawn = spread(taught, rounded, arm, servo, limits, box, samples=300)
+    assert drawn.max.max() <= corners.max.max()
+    # Joints whose gains differ most draw the largest error.
+    worst = corners.worst_deviations
+    assert worst["kp of joint 1"] == -worst["kp of joint 2"]
+    assert abs(worst["kp of joint 1"]) == pytest.approx(0.1)
+    influence = drawn.influence()
+    assert set(influence) == set(drawn.names) and 0.2 < sum(influence.values()) < 1.2
+
+
+def test_too_many_corners_are_searched():
+    weights = np.random.default_rng(1).normal(size=15)
+    signs = robustness._searched(lambda x: x @ weights + 0.1 * x[:, 0] * x[:, 1], 15)
+    assert signs.shape == (robustness.MOST_CORNERS, 15) and (np.abs(signs) == 1).all()
+    worst = signs[np.argmax(signs @ weights)]
+    np.testing.assert_array_equal(worst, np.sign(weights))
+
+
+def test_jitter_is_a_command_that_comes_unevenly(taught, rounded, arm, servo, limits):
+    """Against set-points every 0.1 ms on the same uneven polyline."""
+    jitter = 1.5e-3
+    found = spread(taught, rounded, arm, servo, limits, Box(jitter=jitter), samples=2, seed=5)
+    for i in range(2):
+        due = np.arange(len(taught.q)) * PERIOD + jitter_of(5, i, len(taught.q), jitter)
+        fine = np.arange(0, due[-1] + 1e-4, 1e-4)
+        q = np.column_stack([np.interp(fine, due, taught.q[:, j]) for j in range(2)])
+        dense = ac.TaughtData(period=1e-4, q=q, trajectory=taught.trajectory, method="x")
+        error = reference(dense, rounded, arm, servo, limits)[1].contour_error
+        assert found.rms[i] == pytest.approx(error.rms, rel=3e-3)
+        assert found.max[i] == pytest.approx(error.max, rel=1e-2)
+    assert found.nominal_max != found.max[0]
+
+
+@pytest.mark.parametrize("kind", SERVOS)
+def test_next_to_no_jitter_is_none(kind, taught, rounded, arm, limits):
+    servo = ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **SERVOS[kind]})
+    found = spread(taught, rounded, arm, servo, limits, Box(jitter=1e-9), samples=1)
+    assert found.rms[0] == pytest.approx(found.nominal_rms, rel=1e-4)
+    assert found.max[0] == pytest.approx(found.nominal_max, rel=1e-4)
+
+
+def test_a_payload_takes_gain_and_limit_away(taught, rounded, arm, servo, limits):
+    """At the joint behind which nothing turns: its inertia is the same in every pose."""
+    loaded = ac.PlanarTwoLink(
+        name="loaded",
+        base=arm.base,
+        links=(arm.link1, arm.link2),
+        limits=limits,
+        tubes=tubes(),
+        payload=ac.Payload(mass=0.5),
+    )
+    found = spread(taught, rounded, loaded, servo, limits, Box(payload=0.4), samples=4)
+    assert found.names == ("payload",) and (np.abs(found.payload) <= 0.4).all()
+    own = loaded.dynamics.mass_matrix(taught.q)
+    for i in range(4):
+        chain = loaded.chain.replace(payload=ac.Payload(mass=0.5 + found.payload[i]))
+        more = type(loaded.dynamics)(chain).mass_matrix(taught.q)
+        ratio = 1 + found.payload[i] * robustness._inertia(loaded, taught, Box(payload=0.4))
+        np.testing.assert_allclose(ratio[1], (more / own)[:, 1, 1], rtol=1e-9)
+        np.testing.assert_allclose(ratio[0], (more / own)[:, 0, 0], rtol=1e-9)
+        # A constant share would be another servo; along this path it hardly changes.
+        kv = 150 / ratio.mean(axis=1)
+        bounds = limits.replace(joint_acceleration=limits.joint_acceleration * kv / 150)
+        like = ac.ServoModel(kp=25.0, kv=kv)
+        error = reference(taught, rounded, loaded, like, bounds)[1].contour_error
+        assert found.max[i] == pytest.approx(error.max, rel=0.05)
+    assert np.ptp(found.max) > 0.02 * found.nominal_max
+
+
+def tubes():
+    from armcontour.arms.tube import Tube
+
+    tube = Tube(outer_diameter=0.05, wall=0.005, density=2700.0)
+    return tube, tube
+
+
+def space_job():
+    """Taught data of all joints of a UR5e, on the polyline and arc that its tool draws."""
+    arm = ac.load_arm("ur5e")
+    n, period = 200, 8e-3
+    t = np.arange(n + 1) * period
+    x = t / t[-1]
+    ease = (x - np.sin(2 * np.pi * x) / (2 * np.pi))[:, None]
+    q = np.array([0.1, -1.2, 1.4, -1.0, -1.5, 0.2]) + ease * [0.5, 0.2, -0.3, 0.2, 0.1, 0.4]
+    dq = np.diff(q, axis=0) / period
+    law = LapLaw(breaks=t, q=q, dq=dq, ddq=np.zeros_like(dq))
+    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    taught = ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
+    return taught, ac.Path.polyline(arm.forward(q[::8])), arm
+
+
+def test_a_serial_arm_in_space():
+    taught, path, arm = space_job()
+    servo = ac.ServoModel(kp=20.0, kv=100.0)
+    limits = ac.Limits(joint_acceleration=2.0)
+    found = spread(taught, path, arm, servo, limits, Box(gains=0.1), samples=4)
+    # The error comes to a point at every corner of the path.
+    agrees(found, taught, path, arm, servo, limits, 4, resolution=1e-4)
+    corners = worst_corner(taught, path, arm, servo, limits, Box(gains=[[0.1], [0.0]]))
+    assert len(corners) == 64 and corners.max.max() >= found.nominal_max
+
+
+def random_path(rng, dimension):
+    points = np.cumsum(rng.normal(size=(12, dimension)) * 0.05, axis=0)
+    path = ac.Path.polyline(points)
+    return ac.round_corners(path, tolerance=2e-3, acceleration=0.5) if rng.random() < 0.7 else path
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nearest_places_are_those_of_the_whole_path(dimension):
+    rng = np.random.default_rng(dimension)
+    for _ in range(30):
+        path = random_path(rng, dimension)
+        table = robustness._table(path)
+        s = np.linspace(0, path.length, 500)
+        off = np.cumsum(rng.normal(size=(500, dimension)), axis=0) * 2e-5
+        tool = path(s) + off
+        found, segment = np.empty(500), 0
+        for i, x in enumerate(np.column_stack([tool, np.zeros((500, 3 - dimension))])):
+            d2, segment = _nearest(*x, table, 0.0, segment, s[i] - 0.02, s[i] + 0.02)
+            found[i] = np.sqrt(d2)
+        whole = path.project(tool)
+        # Where the whole path comes nearer on another branch, that one is not the tool's.
+        own = np.abs(whole.s - s) < 0.02
+        np.testing.assert_allclose(found[own], whole.distance[own], rtol=1e-9, atol=1e-15)
+        assert (found >= whole.distance - 1e-12).all() and own.mean() > 0.8
+
+
+def test_another_branch_is_not_the_nearest():
+    """There and back again, 0.1 mm beside the way there."""
+    path = ac.Path.polyline([(0, 0), (0.3, 0), (0.3, 1e-4), (0, 1e-4)])
+    d2, segment = _nearest(0.1, 9e-5, 0.0, robustness._table(path), 0.0, 0, 0.05, 0.15)
+    assert segment == 0 and np.sqrt(d2) == pytest.approx(9e-5)
+
+
+def test_a_lost_tool_finds_its_way_back():
+    """The window of time is behind; from joint to joint the nearest place is found all the same."""
+    path = ac.Path.polyline([(0.01 * i, 0.002 * (i % 2)) for i in range(40)])
+    table = robustness._table(path)
+    x, y = path(np.array([0.3]))[0] + [0.0, 0.02]
+    found, segment = 1.0, 0
+    for _ in range(40):
+        d2, segment = _nearest(x, y, 0.0, table, 0.0, segment, -1.0, 0.0)
+        found = np.sqrt(d2)
+    assert found == pytest.approx(path.project(np.array([[x, y]])).distance[0])
+
+
+def test_closed_paths_are_closed():
+    """Overshoot behind the end of a circle is on the circle."""
+    half = [
+        ac.Arc(start=(0.40, 0.2), center=(0.35, 0.2), angle=np.pi),
+        ac.Arc(start=(0.30, 0.2), center=(0.35, 0.2), angle=np.pi),
+    ]
+    path = ac.Path.from_segments(half)
+    x, y = path(np.array([0.01]))[0]
+    table = robustness._table(path)
+    open_, _ = _nearest(x, y, 0.0, table, 0.0, 1, path.length - 0.02, path.length)
+    closed, segment = _nearest(x, y, 0.0, table, path.length, 1, path.length - 0.02, path.length)
+    assert np.sqrt(closed) < 1e-12 and segment == 0 and np.sqrt(open_) > 5e-3
+
+
+def test_the_section_of_the_report(taught, rounded, arm, servo, limits):
+    from armcontour.report.sections.robustness import robustness as section
+
+    box = Box(gains=[[0.1], [0.02]])
+    drawn = spread(taught, rounded, arm, servo, limits, box, samples=200)
+    corners = worst_corner(taught, rounded, arm, servo, limits, box)
+    found = section(drawn, corners, budget=0.2e-3)
+    assert len(found.figures) == 2
+    shown = [x.name for x in found.figures[0].data]
+    assert shown[0] == "executions" and any("budget" in x for x in shown)
+    curve = found.figures[0].data[0]
+    assert curve.x[-1] == pytest.approx(drawn.max.max() * 1e3, rel=1e-6) and curve.y[-1] == 100
+    assert "[mm]" in found.figures[1].layout.yaxis.title.text
+    assert found.figures[1].layout.xaxis.title.text == "error of kp of joint 1 [%]"
+    assert len(found.tables[0].rows) == 4
+    alone = section(spread(taught, rounded, arm, servo, limits, Box(jitter=1e-3), samples=20))
+    assert len(alone.figures) == 1
+
+
+def test_refusals(taught, rounded, arm, servo, limits, refuses, objective):
+    def run(box, with_servo=servo, path=rounded, **more):
+        return lambda: spread(taught, path, arm, with_servo, limits, box, **more)
+
+    bad = ac.InvalidInput
+    refuses(lambda: Box(gains=-0.1), bad, "from 0 to below 1")
+    refuses(lambda: Box(gains=1.0), bad, "from 0 to below 1")
+    refuses(lambda: Box(dead_time=-1e-3), bad, "dead_time")
+    refuses(lambda: Box(payload=-1.0), bad, "payload")
+    refuses(run(Box(gains=[0.1, 0.1, 0.1])), bad, "2 joints")
+    refuses(run(Box(dead_time=1e-3)), bad, "joint 1", "cannot be negative")
+    refuses(run(Box(jitter=2e-3)), bad, "half the command interval")
+    refuses(run(Box(payload=1.0)), bad, "carries only 0 kg")
+    refuses(run(Box(), samples=0), bad, "samples")
+    refuses(run(Box(), threads=0), bad, "threads")
+    lag = ac.ServoModel(kp=25.0, order="first")
+    refuses(run(Box(payload=1.0), lag), bad, "no velocity loop")
+    refuses(run(Box(), path=ac.Path.polyline([(0, 0, 0), (1, 0, 0)])), bad, "3 coordinates")
