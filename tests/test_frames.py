@@ -187,3 +187,20 @@ def test_a_frame_keeps_its_own_copy():
 )
 def test_what_is_no_frame_is_refused(arguments, words, refuses):
     refuses(lambda: Frame(**arguments), ac.InvalidInput, *words)
+
+
+def test_a_transform_is_no_four_quaternions(refuses):
+    transform = np.eye(4)
+    transform[:3, :3] = TURNED.as_matrix()
+    for place in ([0, 0, 0], [0.1, 0.2, 0.3]):
+        transform[:3, 3] = place
+        for call in (
+            lambda: rotations("tool orientation", transform),
+            lambda: Frame(rotation=transform),
+            lambda: ac.Path.polyline(np.eye(3)).oriented(transform),
+        ):
+            refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "give Frame")
+    four = Rotation.random(4, rng=np.random.default_rng(0))
+    np.testing.assert_allclose(rotations("x", four.as_quat()), four.as_matrix(), atol=1e-15)
+    last = Rotation.concatenate([four[:3], Rotation.identity()])
+    np.testing.assert_allclose(rotations("x", last.as_quat()), last.as_matrix(), atol=1e-15)

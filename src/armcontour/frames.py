@@ -78,6 +78,8 @@ def rotations(name: str, values: Any) -> FloatArray:
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
     array = _checks.numbers(name, values)
+    if _is_transform(array):
+        raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
     if array.ndim in (1, 2) and array.shape[-1] == 4:
         size = np.linalg.norm(array, axis=-1, keepdims=True)
         if (np.abs(size - 1) > ROTATION_TOLERANCE).any():
@@ -88,10 +90,7 @@ def rotations(name: str, values: Any) -> FloatArray:
             f"{name} must be rotation matrices (3 by 3) or quaternions (x, y, z, w), but has the "
             f"shape {array.shape}."
         )
-    # No entry of a rotation exceeds 1: larger ones could overflow.
-    capped = np.clip(array, -2.0, 2.0)
-    off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
-    if (off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any():
+    if not _are_rotations(array):
         raise InvalidInput(
             f"{name} holds a matrix that is no rotation: its axes must be at right "
             "angles, of length 1 and right-handed."
@@ -160,9 +159,7 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     axis = np.cross(a, b)
     size = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(
-        np.linalg.norm(a - b, axis=-1, keepdims=True), np.linalg.norm(a + b, axis=-1, keepdims=True)
-    )
+    angle = angle_between(a, b)[..., None]
     any_axis = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=-1)])
     any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -171,6 +168,27 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a
     unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
     return np.asarray(unit * angle)
+
+
+def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Angle between unit vectors [rad], in 0..pi, accurate at both ends of that range."""
+    difference = np.linalg.norm(first - second, axis=-1)
+    total = np.linalg.norm(first + second, axis=-1)
+    return np.asarray(2 * np.arctan2(difference, total))
+
+
+def _is_transform(array: FloatArray) -> bool:
+    """Whether an array is a homogeneous transform, which four quaternions are by chance only."""
+    if array.shape != (4, 4) or not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
+        return False
+    return _are_rotations(array[:3, :3])
+
+
+def _are_rotations(matrices: FloatArray) -> bool:
+    # No entry of a rotation exceeds 1: larger ones could overflow.
+    capped = np.clip(matrices, -2.0, 2.0)
+    off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
+    return not ((off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
 
 
 def _from_quaternions(q: FloatArray) -> FloatArray:

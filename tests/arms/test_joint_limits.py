@@ -106,9 +106,9 @@ def test_it_says_what_the_description_leaves_out(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("joint_limits: [", ("is not YAML",)),
-        ("joint_limits: {pan: {max_velocity: !degrees fast}}", ("is not YAML", "'fast'")),
-        ("joint_limits: {pan: {max_velocity: !turns 2}}", ("is not YAML", "!turns")),
+        ("joint_limits: [", ("is not valid YAML",)),
+        ("joint_limits: {pan: {max_velocity: !degrees fast}}", ("is not valid YAML", "'fast'")),
+        ("joint_limits: {pan: {max_velocity: !turns 2}}", ("is not valid YAML", "!turns")),
         ("pan: {max_velocity: 1}", ("needs the key joint_limits",)),
         ("just words", ("needs the key joint_limits",)),
         ("joint_limits: 3", ("needs the key joint_limits",)),

@@ -8,6 +8,7 @@ import yaml
 
 import armcontour as ac
 from armcontour.arms import Payload
+from armcontour.arms.text import load_yaml
 from armcontour.frames import Frame
 
 GOOD = {
@@ -78,7 +79,7 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        ("links: [1, 2", ("is not YAML",)),
+        ("links: [1, 2", ("is not valid YAML",)),
         ("just words", ("does not describe an arm", "keys")),
         ("", ("does not describe an arm",)),
         ("- 1\n- 2\n", ("does not describe an arm",)),
@@ -197,7 +198,7 @@ def test_a_missing_file_is_refused(tmp_path, refuses):
 def test_bytes_that_are_no_text_are_refused(tmp_path, refuses):
     file = tmp_path / "arm.yaml"
     file.write_bytes(b"name: \xff\xfe\x00")
-    refuses(lambda: ac.load_arm(file), ac.InvalidInput, "arm.yaml", "is not YAML")
+    refuses(lambda: ac.load_arm(file), ac.InvalidInput, "arm.yaml", "is not valid YAML")
 
 
 def test_an_unknown_name_is_refused(refuses):
@@ -208,3 +209,25 @@ def test_an_unknown_name_is_refused(refuses):
         "pmk3s",
         ".yaml, .urdf or .xacro file",
     )
+
+
+def test_arm_files_are_read_without_the_traps_of_yaml(tmp_path, refuses):
+    file = tmp_path / "arm.yaml"
+    file.write_text("name: a\nlinks: [1, 1]\nname: b\n")
+    refuses(lambda: ac.load_arm(file), ac.InvalidInput, "arm.yaml", "'name' stands twice", "line 3")
+    flood = "".join(f"x{i}: &x{i} [{', '.join([f'*x{i - 1}'] * 10)}]\n" for i in range(1, 9))
+    file.write_text(f"x0: &x0 [1]\n{flood}")
+    refuses(lambda: ac.load_arm(file), ac.InvalidInput, "fewer aliases")
+    table = tmp_path / "joint_limits.yaml"
+    table.write_text("joint_limits: {a: {max_velocity: 1, max_velocity: 2}}")
+    refuses(
+        lambda: ac.load_arm("ur5e", joint_limits=table),
+        ac.InvalidInput,
+        "'max_velocity' stands twice",
+    )
+
+
+def test_what_yaml_merges_is_no_key_twice():
+    text = "y: &y {b: 1e-3, c: 2}\na: {in: &x {<<: *y, c: !degrees 180}}\nd: {<<: *x, b: 4}"
+    found = load_yaml("x.yaml", text.encode())
+    assert found["a"]["in"] == {"b": 1e-3, "c": np.pi} and found["d"] == {"b": 4, "c": np.pi}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 
@@ -109,3 +111,81 @@ def test_ten_thousand_points_take_no_time_to_speak_of():
     path = ac.Path.spline(points, tolerance=1e-6)
     assert time.process_time() - begin < 2.0  # it takes 0.04 s
     assert len(path) < 30000 and path.turns.max() < 1e-12
+
+
+WAYPOINTS = np.array([(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)])
+TURNS = Rotation.from_rotvec([[0, 0, 0], [0.2, 0.1, 0.3], [0, 0.3, 0.1], [0.1, 0, -0.2]])
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_an_orientation_per_point_is_spread_over_the_arcs_between(closed):
+    points, turns = WAYPOINTS, TURNS
+    if closed:
+        points, turns = np.vstack([points, points[:1]]), TURNS[[0, 1, 2, 3, 0]]
+    plain = ac.Path.spline(points, closed=closed)
+    at = plain.breaks[plain.waypoints]
+    assert len(plain) > 20 and len(at) == len(points)
+    np.testing.assert_allclose(plain(at), points, atol=1e-12)
+    path = plain.oriented(turns)
+    np.testing.assert_allclose(path.orientation(at), turns.as_matrix(), atol=1e-12)
+    # Between two points it turns evenly over arc length.
+    s = np.linspace(0, path.length, 999)
+    k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
+    share = (s - at[k]) / np.diff(at)[k]
+    steps = (turns[1:] * turns[:-1].inv()).as_rotvec()
+    expected = Rotation.from_rotvec(share[:, None] * steps[k]) * turns[k]
+    np.testing.assert_allclose(path.orientation(s), expected.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(path.stops, at[1:-1])
+    rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.01)
+    assert len(rounded.stops) == 0
+    off = rounded.orientation(at[1:-1]) @ np.swapaxes(turns.as_matrix()[1:-1], 1, 2)
+    assert Rotation.from_matrix(off).magnitude().max() <= 0.01 + 1e-9
+
+
+def test_a_direction_per_point_of_a_spline():
+    axes = TURNS.as_matrix()[:, :, 2]
+    path = ac.Path.spline(WAYPOINTS).pointing(axes)
+    at = path.breaks[path.waypoints]
+    np.testing.assert_allclose(path.orientation(at)[:, :, 2], axes, atol=1e-12)
+    np.testing.assert_allclose(path.orientation(at, side="left")[:, :, 2], axes, atol=1e-12)
+    assert path.orientation.jumps.max() < 1e-12
+    np.testing.assert_allclose(path.stops, at[1:-1])
+
+
+def test_messages_count_the_points_of_a_spline(refuses):
+    repeated = np.insert(WAYPOINTS, 2, WAYPOINTS[1], axis=0)
+    path = ac.Path.spline(repeated)
+    assert path.merged == (2,)
+    turns = TURNS[[0, 1, 1, 2, 3]]
+    given = path.oriented(turns).orientation
+    at = path.breaks[path.waypoints]
+    np.testing.assert_allclose(given(at), TURNS.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(path.oriented(TURNS).orientation(at), given(at), atol=1e-15)
+    refuses(
+        lambda: path.oriented(Rotation.identity(len(path) + 1)),
+        ac.InvalidInput,
+        f"{len(path) + 1} values",
+        "the path has 5 waypoints",
+    )
+    refuses(lambda: path.oriented(TURNS[[0, 1, 2, 2, 3]]), ac.InvalidInput, "Waypoint 2", index=2)
+    half = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0], [0, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0]])
+    for whole in (path, ac.Path.polyline(repeated)):
+        refuses(
+            lambda whole=whole: whole.oriented(half),
+            ac.InvalidInput,
+            "at waypoints 1 and 3 differ",
+            index=1,
+        )
+
+
+def test_waypoints_are_vertices_in_order(refuses):
+    path = ac.Path.spline(WAYPOINTS)
+    np.testing.assert_array_equal(ac.Path.polyline(WAYPOINTS).waypoints, np.arange(len(WAYPOINTS)))
+    kept = ac.round_corners(path, tolerance=1e-3)
+    np.testing.assert_array_equal(kept.waypoints, path.waypoints)
+    for bad in ([0], [1, len(path)], [0, 3, 3, len(path)], [0, len(path) + 1]):
+        refuses(
+            lambda bad=bad: dataclasses.replace(path, waypoints=np.array(bad)),
+            ac.InvalidInput,
+            "waypoints of a path",
+        )

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from armcontour.frames import log
+from armcontour.geometry import angle_between
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -35,6 +36,10 @@ def angles(first, second):
     return np.linalg.norm(log(first @ np.swapaxes(second, -1, -2)), axis=-1)
 
 
+def axis_angles(first, second):
+    return angle_between(first[..., 2], second[..., 2])
+
+
 @given(seed=SEEDS, axis_only=st.booleans())
 def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only):
     rng = np.random.default_rng(seed)
@@ -50,7 +55,8 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     assert (off <= tolerance + 1e-12).all()
     np.testing.assert_allclose(off, corners.error, atol=1e-12)
     at_corner = path.orientation.starts[corners.joint]
-    turned = angles(orientation(middle), at_corner)
+    apart = axis_angles if axis_only else angles
+    turned = apart(orientation(middle), at_corner)
     assert (turned <= angular + 1e-9).all()
     np.testing.assert_allclose(turned, corners.angular_error, atol=1e-9)
     # No jump and no kink is left, so that nothing has to stop.
@@ -66,6 +72,50 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     # It begins and ends as it was.
     ends = orientation(np.array([0.0, rounded.length]))
     assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
+
+
+@given(seed=SEEDS)
+def test_turning_about_a_free_axis_makes_no_arc_smaller(seed):
+    rng = np.random.default_rng(seed)
+    path, tilts, scale = random_path(rng)
+    # Turned about the tool axis by far more than the axis itself.
+    about = np.zeros((len(path) + 1, 3))
+    about[:, 2] = rng.uniform(-1.5, 1.5, len(about))
+    turns = Rotation.from_rotvec(0.1 * tilts.as_rotvec()) * Rotation.from_rotvec(about)
+    angular = 10.0 ** rng.uniform(-4, -0.5)
+    whole, free = (
+        ac.round_corners(
+            path.oriented(turns, axis_only=only), tolerance=scale, angular_tolerance=angular
+        )
+        for only in (False, True)
+    )
+    assert (free.corners.tangent >= 0.5 * whole.corners.tangent - 1e-12).all()
+    middle = (free.corners.start + free.corners.end) / 2
+    at_corner = path.oriented(turns).orientation.starts[free.corners.joint]
+    off = axis_angles(free.orientation(middle), at_corner)
+    assert (off <= angular + 1e-9).all()
+    np.testing.assert_allclose(off, free.corners.angular_error, atol=1e-9)
+
+
+def test_only_the_tilt_of_a_free_axis_counts():
+    corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    about = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1.0], [0, 0, 0]])
+    for angular in (0.01, 0.0):
+        free = ac.round_corners(
+            corner.oriented(about, axis_only=True), tolerance=0.1, angular_tolerance=angular
+        )
+        assert free.corners.error[0] == pytest.approx(0.1) and not free.corners.shrunk[0]
+        assert free.corners.angular_error[0] < 1e-12 and len(free.stops) == 0
+    # With a tilt that stays and turning about the axis that does not, it bends to second order.
+    both = Rotation.from_rotvec([[0, 0, 0], [0.8, 0, 0.0], [1.6, 0, 0]]) * about
+    found = ac.round_corners(
+        corner.oriented(both, axis_only=True), tolerance=0.5, angular_tolerance=0.01
+    ).corners
+    assert found.shrunk[0] and 0.002 < found.angular_error[0] <= 0.01
+    stopped = ac.round_corners(
+        corner.oriented(both, axis_only=True), tolerance=0.5, angular_tolerance=0.0
+    ).corners
+    assert stopped.stopped.all()
 
 
 @given(seed=SEEDS)

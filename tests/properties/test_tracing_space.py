@@ -45,7 +45,7 @@ def random_path(rng, reach):
 
 def with_orientation(rng, path):
     held = Rotation.from_rotvec(0.5 * rng.normal(size=3)) * DOWN
-    count, kind = len(path) + 1, rng.choice(KINDS)
+    count, kind = len(path.waypoints), rng.choice(KINDS)
     turns = Rotation.from_rotvec(10.0 ** rng.uniform(-3, -0.3) * rng.normal(size=(count, 3)))
     if kind == "held":
         return path.oriented(held)

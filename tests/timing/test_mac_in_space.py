@@ -59,6 +59,22 @@ def test_torque_is_looked_at_afterwards(refuses):
         )
 
 
+@pytest.mark.parametrize("method", ["mac", "conventional"])
+def test_what_is_broken_is_refused_where_and_when_it_is(method):
+    robot = ac.load_arm("ur5e")
+    turning = ac.Path.polyline(POINTS[:2]).pointing([(0, 0, -1), (0.5, 0, -1)])
+    allowed = robot.limits.replace(speed=0.2, angular_speed=1e-3)
+    with pytest.raises(ac.NotRealizable) as caught:
+        ac.plan(turning, robot, allowed, method=method)
+    found = caught.value
+    assert found.s > 0 and found.t > 0 and f"at {found.s:.4g} m" in str(found)
+    planned = ac.plan(turning, robot, allowed.replace(angular_speed=None), method=method)
+    state = (planned([found.t], order) for order in (0, 1))
+    tool = robot.tool_twist(*state)[0]
+    assert np.linalg.norm(tool[3:]) == pytest.approx(found.needed, rel=1e-4)
+    np.testing.assert_allclose(robot.forward(planned(found.t)), turning(found.s), atol=1e-7)
+
+
 @pytest.mark.parametrize("name", ["angular_speed", "angular_acceleration"])
 @pytest.mark.parametrize("method", ["mac", "conventional"])
 def test_turning_is_looked_at_afterwards(name, method, arm, rounded, limits, refuses):

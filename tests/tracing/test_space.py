@@ -11,6 +11,8 @@ from armcontour.arms import Chain, SerialArm
 from armcontour.arms.inverse import configurations
 from armcontour.frames import Frame, exp, log
 from armcontour.tracing import traces
+from armcontour.tracing.cells import first_knots
+from armcontour.tracing.guide import Guide
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]
@@ -263,10 +265,10 @@ def test_a_joint_range_is_named(ur5e, panda):
             ac.trace(path, arm)
         error = caught.value
         lower, upper = arm.limits.joint_range(arm.dof)
-        assert error.limit == "joint range" and 0 < error.s < path.length
+        assert error.limit in ("joint_lower", "joint_upper") and 0 < error.s < path.length
         assert error.allowed in (lower[error.joint - 1], upper[error.joint - 1])
         assert abs(error.needed) > abs(error.allowed)
-        assert f"joint {error.joint} of the arm" in str(error)
+        assert f"joint {error.joint} would stand" in str(error)
         np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
 
 
@@ -445,3 +447,35 @@ def test_ten_thousand_segments(panda):
     traced = ac.trace(path, arm)
     assert len(path) > 19000 and len(traced.stops) == 0
     assert max(off_path(arm, path, traced, traced.breaks)) < 1e-11
+
+
+def test_a_guide_tells_the_sides_of_its_stops_apart(panda):
+    # Every interval asks the spline of its own stretch, at stops too.
+    s = np.linspace(0, 1, 13)
+    random = np.random.default_rng(0)
+    q, w = random.normal(size=(13, 7)), random.normal(size=(13, 2, 7))
+    guide = Guide.through(s, q, w, s[[3, 4, 9]])
+    some = np.array([0, 1, 3, 5, 8, 9, 11])  # none of the second stretch but its ends
+    for places in (s[:-1], s[1:]):
+        found_w, found_g = guide.at(places[some], ((s[:-1] + s[1:]) / 2)[some])
+        for k, i in enumerate(some):
+            spline = guide.splines[np.searchsorted([3, 4, 9], i, side="right")]
+            values = np.array([spline(places[i], order) for order in range(3)])
+            np.testing.assert_array_equal(found_g[k], values[:, :7])
+            np.testing.assert_array_equal(found_w[k].reshape(3, -1), values[:, 7:])
+
+
+def test_halving_knots_leaves_the_knots_as_they_were():
+    knots = first_knots(PATHS["per waypoint"])
+    before = [getattr(knots, name).copy() for name in ("segment", "u0", "u1", "s0")]
+    which = np.arange(len(knots)) % 3 == 1
+    u = (knots.u0[which] + knots.u1[which]) / 2
+    halved, of, second = knots.halved(which, u)
+    for name, values in zip(("segment", "u0", "u1", "s0"), before, strict=True):
+        np.testing.assert_array_equal(getattr(knots, name), values)
+    assert len(halved) == len(knots) + which.sum()
+    np.testing.assert_array_equal(halved.segment, knots.segment[of])
+    np.testing.assert_array_equal(of[second], np.flatnonzero(which))
+    np.testing.assert_array_equal(halved.u0[second], halved.u1[second - 1])
+    np.testing.assert_allclose(halved.at(halved.u0), halved.s0)
+    np.testing.assert_allclose(halved.s0[second], knots.part(which).at(u))

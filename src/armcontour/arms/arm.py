@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +46,21 @@ class Arm(ABC):
     def dof(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    def with_limits(self, limits: Limits) -> Self:
+        """The same arm with other limits of its own.
+
+        Raises:
+            InvalidInput: A wrong number of values.
+        """
+        other = copy.copy(self)
+        other.limits = limits.for_joints(self.dof)
+        return other
+
+    @property
+    def has_bodies(self) -> bool:
+        """Whether its masses are known."""
+        return self.chain is not None and self.chain.masses is not None
 
     @cached_property
     def dynamics(self) -> Dynamics:

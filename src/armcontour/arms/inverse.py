@@ -11,8 +11,6 @@ from armcontour.arms.serial import SerialArm
 # Joint positions that the search starts from; with these every one of the eight configurations of
 # a common six-joint arm is found in thousands of random poses.
 SEEDS = 400
-# Where a joint may turn further than this, or has no range, seeds lie in one turn [rad].
-WIDEST = np.pi
 # A metre counts like this many radians in the search, and for how far out of reach a pose is.
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
@@ -51,10 +49,13 @@ def configurations(
 
 
 def seeds(arm: SerialArm) -> FloatArray:
-    """Joint positions all over the arm's range, the same ones every time, (SEEDS, dof)."""
+    """Joint positions all over the arm's range, the same ones every time, (SEEDS, dof).
+
+    Of a joint that can turn by a whole turn or more, in one turn.
+    """
     lower, upper = arm.limits.joint_range(arm.dof)
-    lower = np.maximum(lower, -WIDEST)
-    upper = np.minimum(upper, WIDEST)
+    narrow = upper - lower < 2 * np.pi
+    lower, upper = np.where(narrow, lower, -np.pi), np.where(narrow, upper, np.pi)
     random = np.random.default_rng(0)
     return lower + random.uniform(size=(SEEDS, arm.dof)) * (upper - lower)
 

@@ -27,11 +27,13 @@ def load_yaml(file: str, content: bytes) -> Any:
     """The document in `content`, with `!degrees` and `!radians` as numbers in radians.
 
     Raises:
-        InvalidInput: Not YAML; says where.
+        InvalidInput: Not YAML, or a key that stands twice; says where.
     """
     import yaml
 
-    class Loader(yaml.SafeLoader):
+    from armcontour import _yaml
+
+    class Loader(_yaml.Loader):
         pass
 
     def angle(unit: float) -> Any:
@@ -47,18 +49,11 @@ def load_yaml(file: str, content: bytes) -> Any:
 
     Loader.add_constructor("!degrees", angle(math.radians(1.0)))
     Loader.add_constructor("!radians", angle(1.0))
-    try:
-        return yaml.load(content.decode("utf-8"), Loader=Loader)
-    except UnicodeDecodeError as error:
-        raise InvalidInput(f"{file} is not YAML: it is not text in UTF-8 ({error}).") from None
-    except RecursionError:
-        raise InvalidInput(f"{file} is not YAML: it is nested too deeply.") from None
-    except yaml.YAMLError as error:
-        raise InvalidInput(f"{file} is not YAML: {' '.join(str(error).split())}.") from None
+    return _yaml.load(content, file, Loader)
 
 
 def number(where: str, value: Any) -> float:
-    """A number of a data file, `1e-3` too, which YAML takes for text.
+    """A number of a data file.
 
     Raises:
         InvalidInput: Something else, such as an expression.

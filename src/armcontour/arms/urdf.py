@@ -39,10 +39,7 @@ def load_urdf(
     Raises:
         InvalidInput: A description that no serial arm can be made of; says what and where.
     """
-    content: bytes | str = text.read_bytes(file, "robot description")
-    if file.suffix == ".xacro":
-        content = _worked_out(file)
-    tree = read_tree(str(file), content)
+    tree = read_description(file)
     route = tree.between(base, tip)
     held = dict(locked or {})
     for name in held:
@@ -66,6 +63,21 @@ def load_urdf(
         source=str(file),
         limits_hint=HINT if limits.joint_acceleration is None else "",
     )
+
+
+def read_description(file: FilePath) -> Tree:
+    """The links and joints in a robot description.
+
+    Args:
+        file: .urdf, or .xacro, which the package xacro works out.
+
+    Raises:
+        InvalidInput: No such file, or no description.
+    """
+    content: bytes | str = text.read_bytes(file, "robot description")
+    if file.suffix == ".xacro":
+        content = _worked_out(file)
+    return read_tree(str(file), content)
 
 
 def _worked_out(file: FilePath) -> str:

@@ -1,7 +1,8 @@
 """Path geometry: lines and arcs, nearest points, rounded corners. Knows no robot and no time."""
 
+from armcontour.frames import angle_between
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.path import Path, angle_between
+from armcontour.geometry.path import Path
 from armcontour.geometry.projection import Projection
 from armcontour.geometry.rounding import Corners, RoundedPath, corner_error, round_corners
 from armcontour.geometry.segments import Arc, Demand, Line

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.frames import exp
+from armcontour.frames import angle_between, exp
 
 # Orientations closer than this are one orientation [rad].
 SAME_ORIENTATION = 1e-9
@@ -156,7 +156,7 @@ class Orientation:
         before = self.on_piece(i, np.diff(self.breaks)[:-1])
         after = self.on_piece(i + 1, np.zeros(len(i)))
         if self.axis_only:
-            return _angles(before[:, :, 2], after[:, :, 2])
+            return angle_between(before[:, :, 2], after[:, :, 2])
         size = np.linalg.norm(before - after, axis=(1, 2)) / np.sqrt(8)
         return np.asarray(2 * np.arcsin(np.minimum(size, 1.0)))
 
@@ -183,12 +183,6 @@ class Orientation:
     def stops(self) -> FloatArray:
         """Arc lengths at which the rate jumps, (k,): no motion passes them moving."""
         return self.breaks[1:-1][(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)]
-
-
-def _angles(first: FloatArray, second: FloatArray) -> FloatArray:
-    difference = np.linalg.norm(first - second, axis=-1)
-    total = np.linalg.norm(first + second, axis=-1)
-    return np.asarray(2 * np.arctan2(difference, total))
 
 
 def _value(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:

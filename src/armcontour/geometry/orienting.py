@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, log, rotations, shortest
 from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
+
+if TYPE_CHECKING:
+    from armcontour.geometry.path import Path
 
 # Orientations that differ by half a turn have no shortest rotation between them [rad].
 HALF_TURN = np.pi - 1e-6
@@ -21,13 +24,12 @@ NO_TURN = 1e-14
 POINTING_DOWN = _checks.locked(np.diag([1.0, -1.0, -1.0]))
 
 
-def held(values: Any, lengths: FloatArray, merged: tuple[int, ...], axis_only: bool) -> Orientation:
+def held(path: Path, values: Any, *, axis_only: bool) -> Orientation:
     """One rotation for the whole path, or one per waypoint with the shortest rotation between.
 
     Args:
+        path: The path.
         values: Anything that `rotations` takes; one, or one per point that the path was given.
-        lengths: Of the path's segments [m], (n,).
-        merged: Indices of the given points that repeat the one before.
         axis_only: Turning about the tool axis is free.
 
     Raises:
@@ -35,20 +37,14 @@ def held(values: Any, lengths: FloatArray, merged: tuple[int, ...], axis_only: b
             neighbours that differ by half a turn.
     """
     given = rotations("tool orientation", values)
-    n = len(lengths)
     if given.ndim == 2:
-        return Orientation.even(
-            lengths, np.tile(given, (n, 1, 1)), np.zeros((n, 3)), axis_only=axis_only
-        )
-    at = _per_waypoint("tool orientation", given, n, merged)
-    turn = log(at[1:] @ np.swapaxes(at[:-1], 1, 2))
-    # Rounding of the given rotations is no turning, however short the segment.
-    turn[np.linalg.norm(turn, axis=1) < NO_TURN] = 0.0
-    _refuse_half_turns(turn)
-    return Orientation.even(lengths, at[:-1], turn / lengths[:, None], axis_only=axis_only)
+        return _still(path, given, axis_only)
+    at, names = _per_waypoint("tool orientation", given, path)
+    turn = _between(log(at[1:] @ np.swapaxes(at[:-1], 1, 2)), names)
+    return _spread(path, at[:-1], turn, axis_only)
 
 
-def pointing(values: npt.ArrayLike, lengths: FloatArray, merged: tuple[int, ...]) -> Orientation:
+def pointing(path: Path, values: npt.ArrayLike) -> Orientation:
     """A direction of the tool axis for the whole path, or one per waypoint; turning about it free.
 
     Raises:
@@ -61,26 +57,21 @@ def pointing(values: npt.ArrayLike, lengths: FloatArray, merged: tuple[int, ...]
     if (size == 0).any():
         raise InvalidInput("The direction of the tool axis has no length.")
     unit = given / size
-    n = len(lengths)
     start = exp(shortest([0.0, 0.0, 1.0], unit[0] if unit.ndim == 2 else unit))
     if unit.ndim == 1:
-        return Orientation.even(
-            lengths, np.tile(start, (n, 1, 1)), np.zeros((n, 3)), axis_only=True
-        )
-    axes = _per_waypoint("direction of the tool axis", unit, n, merged)
-    turn = shortest(axes[:-1], axes[1:])
-    turn[np.linalg.norm(turn, axis=1) < NO_TURN] = 0.0
-    _refuse_half_turns(turn)
-    starts = np.empty((n, 3, 3))
+        return _still(path, start, axis_only=True)
+    axes, names = _per_waypoint("direction of the tool axis", unit, path)
+    turn = _between(shortest(axes[:-1], axes[1:]), names)
+    starts = np.empty((len(turn), 3, 3))
     steps = exp(turn)
-    for i in range(n):
+    for i in range(len(turn)):
         starts[i] = start
         start = steps[i] @ start
-    return Orientation.even(lengths, starts, turn / lengths[:, None], axis_only=True)
+    return _spread(path, starts, turn, axis_only=True)
 
 
 def following(
-    path: Any, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
+    path: Path, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
     """An orientation that keeps its angle to the tangent of a path.
 
@@ -137,39 +128,69 @@ def following(
     return Orientation.even(path.lengths, starts, rates, axis_only=axis_only, follows=True)
 
 
-def turning_of_tangents(path: Any) -> FloatArray:
+def turning_of_tangents(path: Path) -> FloatArray:
     """Rotation vectors per length by which the tangents of segments turn [rad/m], (n, 3)."""
     return np.asarray(path.curvatures[:, None] * np.cross(path.tangents, path.inwards))
 
 
-def _per_waypoint(
-    name: str, given: FloatArray, segments: int, merged: tuple[int, ...]
-) -> FloatArray:
-    """One value per waypoint of the path, from one per given point."""
-    points = segments + 1 + len(merged)
-    if len(given) not in (points, segments + 1):
+def _still(path: Path, turned: FloatArray, axis_only: bool) -> Orientation:
+    """One rotation all along."""
+    n = len(path)
+    starts = np.tile(turned, (n, 1, 1))
+    return Orientation.even(path.lengths, starts, np.zeros((n, 3)), axis_only=axis_only)
+
+
+def _spread(path: Path, starts: FloatArray, turn: FloatArray, axis_only: bool) -> Orientation:
+    """Turning that is even over arc length from waypoint to waypoint.
+
+    Args:
+        path: The path.
+        starts: Rotations at all waypoints but the last, (k, 3, 3).
+        turn: How the tool turns from each to the next [rad], (k, 3).
+        axis_only: Turning about the tool axis is free.
+    """
+    first = path.waypoints[:-1]
+    of = np.repeat(np.arange(len(turn)), np.diff(path.waypoints))
+    rates = (turn / np.add.reduceat(path.lengths, first)[:, None])[of]
+    behind = path.breaks[:-1] - path.breaks[first[of]]
+    begun = exp(behind[:, None] * rates) @ starts[of]
+    return Orientation.even(path.lengths, begun, rates, axis_only=axis_only)
+
+
+def _per_waypoint(name: str, given: FloatArray, path: Path) -> tuple[FloatArray, IntArray]:
+    """One value per waypoint of the path, from one per given point, and what users call them."""
+    kept = len(path.waypoints)
+    points = kept + len(path.merged)
+    if len(given) not in (points, kept):
         raise InvalidInput(
             f"{name} has {len(given)} values, but the path has {points} waypoints: give one for "
             f"the whole path or {points}."
         )
-    if len(given) == segments + 1:
-        return given
-    for i in merged:
+    if len(given) == kept:
+        return given, np.arange(kept)
+    for i in path.merged:
         if np.abs(given[i] - given[i - 1]).max() > SAME_ORIENTATION:
             raise InvalidInput(
                 f"Waypoint {i} is the same point as the one before but with another {name}: a "
                 "path cannot turn the tool on the spot; move the point or split the path.",
                 index=i,
             )
-    return np.asarray(np.delete(given, merged, axis=0))
+    names = np.delete(np.arange(points), path.merged)
+    return given[names], names
 
 
-def _refuse_half_turns(turn: FloatArray) -> None:
+def _between(turn: FloatArray, names: IntArray) -> FloatArray:
+    """Turns from waypoint to waypoint, without those that are rounding of what was given.
+
+    Raises:
+        InvalidInput: One of half a turn, which has no shortest way.
+    """
     angle = np.linalg.norm(turn, axis=1)
     if (angle > HALF_TURN).any():
         i = int(np.argmax(angle > HALF_TURN))
         raise InvalidInput(
-            f"The tool orientations at waypoints {i} and {i + 1} differ by half a turn, between "
-            "which there is no shortest rotation: put a waypoint between them.",
-            index=i,
+            f"The tool orientations at waypoints {names[i]} and {names[i + 1]} differ by half a "
+            "turn, between which there is no shortest rotation: put a waypoint between them.",
+            index=int(names[i]),
         )
+    return np.where(angle[:, None] < NO_TURN, 0.0, turn)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
+from armcontour.frames import angle_between
 from armcontour.geometry import orienting
 from armcontour.geometry.cell_index import CellIndex
 from armcontour.geometry.orientation import Orientation
@@ -26,6 +27,7 @@ REPEATED_POINT = 1e-9
 TANGENT_TOLERANCE = 1e-9
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
 NOT_GIVEN = _checks.locked([])
+EVERY_VERTEX = _checks.locked_copy(np.empty(0, dtype=np.intp))
 # Breaks of an orientation this near to a joint of its path are that joint, in metres and in path
 # lengths: what rounding of corners leaves out, and what adding lengths up rounds.
 SAME_BREAK = 1e-12
@@ -49,6 +51,8 @@ class Path:
         tolerances: (n,) largest corner error of the segment [m], NaN where it has none.
         tags: Free text per segment.
         merged: Indices of the input points that were left out because they repeat the one before.
+        waypoints: Vertices at which the input points that were kept lie; by default every vertex is
+            one. A spline has more vertices than points.
         orientation: How the tool is held along the path, in space only; None says nothing of it.
             `oriented`, `pointing` and `following_tangent` give it.
 
@@ -65,6 +69,7 @@ class Path:
     tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tags: tuple[str | None, ...] = ()
     merged: tuple[int, ...] = ()
+    waypoints: IntArray = field(default_factory=lambda: EVERY_VERTEX)
     orientation: Orientation | None = None
     breaks: FloatArray = field(init=False, repr=False)
     _index: list[SegmentIndex | CellIndex] = field(init=False, repr=False)
@@ -95,6 +100,10 @@ class Path:
         if len(self.tags) not in (0, n):
             raise InvalidInput(f"tags of a path must be one per segment ({n}).")
         object.__setattr__(self, "tags", tuple(self.tags) or (None,) * n)
+        at = np.arange(n + 1) if self.waypoints is EVERY_VERTEX else np.asarray(self.waypoints)
+        if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or (np.diff(at) <= 0).any():
+            raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
+        object.__setattr__(self, "waypoints", _checks.locked_copy(at))
         object.__setattr__(
             self, "breaks", _checks.locked(np.concatenate([[0.0], np.cumsum(self.lengths)]))
         )
@@ -195,7 +204,7 @@ class Path:
         if len(kept) < 2:
             raise InvalidInput("A spline needs at least two different points.")
         _checks.positive("spline tolerance", tolerance, "m")
-        frames = arcs_along(given[kept], tolerance, closed)
+        frames, waypoints = arcs_along(given[kept], tolerance, closed)
         n = len(frames.lengths)
         return Path(
             starts=frames.starts,
@@ -207,12 +216,14 @@ class Path:
             tolerances=np.full(n, np.nan if demand.tolerance is None else demand.tolerance),
             tags=(demand.tag,) * n,
             merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
+            waypoints=waypoints,
         )
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Path:
         """The same path with the tool held in one way, or in a given way at every waypoint.
 
-        Between waypoints the tool turns evenly, by the shortest rotation.
+        Between waypoints, the points that the path was made of, the tool turns evenly, by the
+        shortest rotation.
 
         Args:
             rotations: Tool axes in the path's coordinates, as columns: one rotation or one per
@@ -223,7 +234,7 @@ class Path:
             InvalidInput: A path in the plane; no rotations or a wrong number of them; or
                 neighbours that differ by half a turn.
         """
-        found = orienting.held(rotations, self.lengths, self.merged, axis_only)
+        found = orienting.held(self, rotations, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
@@ -237,7 +248,7 @@ class Path:
         Raises:
             InvalidInput: A path in the plane, or directions that are none.
         """
-        found = orienting.pointing(directions, self.lengths, self.merged)
+        found = orienting.pointing(self, directions)
         return dataclasses.replace(self, orientation=found)
 
     def following_tangent(
@@ -400,13 +411,6 @@ class Path:
                 needed=float(gaps[first]),
                 allowed=REPEATED_POINT,
             )
-
-
-def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Angle between unit vectors [rad], in 0..pi, accurate at both ends of that range."""
-    difference = np.linalg.norm(first - second, axis=-1)
-    total = np.linalg.norm(first + second, axis=-1)
-    return np.asarray(2 * np.arctan2(difference, total))
 
 
 def _within(s: npt.ArrayLike, length: float) -> FloatArray:

@@ -11,8 +11,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.frames import exp, log
-from armcontour.geometry.orientation import LINEAR, Orientation
+from armcontour.frames import angle_between, exp, log
+from armcontour.geometry.orientation import LINEAR, RATE_FLOOR, SAME_RATE, Orientation
 from armcontour.geometry.orienting import turning_of_tangents
 from armcontour.geometry.path import Path
 
@@ -41,8 +41,7 @@ def kinked_joints(path: Path) -> IntArray:
 def largest_tangent(path: Path, joint: IntArray, half: FloatArray, allowed: float) -> FloatArray:
     """Tangent lengths at which the orientation in the middle of a corner is off by `allowed`.
 
-    The middle is off by `t (1/2 - arc / 8 t)` times the step of the rate, to first order and at
-    most: rotations are nowhere farther apart than their rotation vectors.
+    With tangent length t, the middle is `exp(k b) exp(-k a) R` with `k = t (1/2 - arc / 8 t)`.
 
     Args:
         path: The objective path.
@@ -56,12 +55,7 @@ def largest_tangent(path: Path, joint: IntArray, half: FloatArray, allowed: floa
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return np.full(len(joint), np.inf)
-    # A rate that goes on asks for nothing, though rounding makes two numbers of it.
-    step = orientation.first[joint + 1] - orientation.first[joint]
-    step[orientation.kinks[joint] == 0] = 0.0
-    off = _share_off(half) * np.linalg.norm(step, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(off > 0, allowed / off, np.inf))
+    return np.asarray(_largest_part(orientation, joint, allowed) / (0.5 - _ratio(half) / 8))
 
 
 def with_orientation(
@@ -81,7 +75,8 @@ def with_orientation(
         tangent: Tangent length of each [m], (k,); 0 where it stays sharp.
 
     Returns:
-        The orientation, and by how much it is off in the middle of each joint [rad], (k,).
+        The orientation, and by how much it, or its axis where only that counts, is off in the
+        middle of each joint [rad], (k,).
     """
     own = objective.orientation
     assert own is not None
@@ -101,6 +96,9 @@ def with_orientation(
     middle = exp((tangent / 2 - way[joint] / 8)[:, None] * own.first[joint + 1]) @ exp(
         -(tangent / 2 - way[joint] / 8)[:, None] * own.first[joint]
     )
+    if own.axis_only:
+        axis = own.starts[joint + 1][:, :, 2]
+        return found, angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
     return found, np.linalg.norm(log(middle), axis=1)
 
 
@@ -127,18 +125,48 @@ def along_rounded(rounded: Path, objective: Path, segment: IntArray, allowed: fl
         starts[k] = here
         here = turned[k] @ here
     sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
-    kinks = sharp.kinks
-    with np.errstate(divide="ignore"):
-        wanted = np.where(kinks > 0, 4 * allowed / kinks, 0.0)
+    joint = np.arange(len(sharp) - 1)
+    wanted = np.where(sharp.kinks > 0, 4 * _largest_part(sharp, joint, allowed), 0.0)
     room = rounded.lengths / 2
     reach = np.minimum(wanted, np.minimum(room[:-1], room[1:]))
     reach[sharp.jumps > 1e-9] = 0.0
     return _pieces(rounded.lengths, sharp, reach, 2 * reach)
 
 
-def _share_off(half: FloatArray) -> FloatArray:
-    """How far the middle is off, per tangent length and step of the rate."""
-    return np.asarray(0.5 - _ratio(half) / 8)
+def _largest_part(sharp: Orientation, joint: IntArray, allowed: float) -> FloatArray:
+    """The largest k with which `exp(k b) exp(-k a)` turns the tool by no more than `allowed`.
+
+    Rotations are nowhere farther apart than their rotation vectors: it turns by no more than
+    `k |b - a|`. The tool axis alone turns by no more than `k d + k² e m / 2` either, where d is the
+    part of b - a across the axis, e that along it, and m what the slower of both rates tilts it by:
+    see docs/concepts/rounding.md.
+
+    Args:
+        sharp: The even orientation.
+        joint: Joints between its pieces, (k,).
+        allowed: Largest angle [rad].
+
+    Returns:
+        (k,) [m], infinite where the rate goes on.
+    """
+    a, b = sharp.first[joint], sharp.first[joint + 1]
+    step = b - a
+    size = np.linalg.norm(step, axis=1)
+    # A rate that goes on asks for nothing, though rounding makes two numbers of it.
+    rates = np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1)
+    play = SAME_RATE * rates + RATE_FLOOR
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.where(size > play, allowed / size, np.inf)
+        if sharp.axis_only and np.isfinite(allowed):
+            axis = sharp.starts[joint + 1][:, :, 2]
+            across = sharp.kinks[joint]
+            along = np.abs(np.sum(step * axis, axis=1))
+            tilt = np.minimum(*(np.linalg.norm(np.cross(x, axis), axis=1) for x in (a, b)))
+            bend = along * np.where(tilt > play, tilt, 0.0)
+            root = across + np.sqrt(across**2 + 2 * allowed * bend)
+            free = np.where(root > 0, 2 * allowed / root, np.where(bend > 0, 0.0, np.inf))
+            found = np.maximum(found, free)
+    return np.asarray(found)
 
 
 def _ratio(half: FloatArray) -> FloatArray:

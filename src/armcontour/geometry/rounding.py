@@ -17,7 +17,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE, Path
+from armcontour.geometry.path import EVERY_VERTEX, REPEATED_POINT, TANGENT_TOLERANCE, Path
 from armcontour.geometry.rounded_orientation import (
     along_rounded,
     kinked_joints,
@@ -46,7 +46,8 @@ class Corners:
         speed: Largest speed on the arc under the given acceleration, (16) [m/s], (n,); NaN if no
             acceleration was given.
         angular_error: Angle between the tool's orientation in the middle of the arc and that at the
-            corner point [rad], (n,); 0 where the orientation follows the tangent or is not given.
+            corner point [rad], (n,), or that between the tool axes where only they count; 0 where
+            the orientation follows the tangent or is not given.
     """
 
     joint: IntArray
@@ -129,6 +130,53 @@ def round_corners(
         raise InvalidInput(
             "round_corners needs a tolerance (case II), or a speed and an acceleration (case I)."
         )
+    turn = path.turns
+    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
+    kinked = np.setdiff1d(kinked_joints(path), corner)
+    angle = _angular_tolerance(path, angular_tolerance, kinked)
+    half = turn[corner] / 2
+    radius, pull = _asked_radius(path, corner, half, (tolerance, speed, acceleration))
+    straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
+    reach = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
+    wanted = np.where(straight_sides, reach, 0.0)
+    # An arc below the resolution of a point is no arc; at a turn of 180° every radius vanishes.
+    wanted[wanted <= REPEATED_POINT] = 0.0
+    wanted[np.pi - turn[corner] <= TANGENT_TOLERANCE] = 0.0
+    # Where only the orientation turns, it shares the segments with the corners.
+    joint, halves = np.concatenate([corner, kinked]), np.append(half, np.zeros(len(kinked)))
+    turning = largest_tangent(path, kinked, halves[len(corner) :], angle)
+    order = np.argsort(joint)
+    tangents = np.empty(len(joint))
+    tangents[order] = _fit(np.concatenate([wanted, turning])[order], joint[order], path.lengths)
+    tangent = tangents[: len(corner)]
+    # A micro-segment between two corners can leave an arc below that resolution too.
+    tangent[tangent <= REPEATED_POINT / 4] = 0.0
+    shrunk = tangent < radius * np.tan(half) * (1 - 1e-12)
+    shrunk &= straight_sides & (wanted > 0)
+    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
+    speeds = np.sqrt(pull * radius)
+    rounded, of = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
+    return _turned(rounded, of, joint, halves, tangents, angle)
+
+
+def _asked_radius(
+    path: Path,
+    corner: IntArray,
+    half: FloatArray,
+    given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
+) -> tuple[FloatArray, FloatArray]:
+    """Radii that case I or case II asks for, and the acceleration at each corner, (n,) each.
+
+    Args:
+        path: The objective path.
+        corner: Joints that are corners, (n,).
+        half: Half of the turn at each [rad], (n,).
+        given: Tolerance, speed and acceleration as in `round_corners`.
+
+    Raises:
+        InvalidInput: Values that are none.
+    """
+    tolerance, speed, acceleration = given
     joints = len(path) - 1
     allowed = _per_joint("corner error tolerance", tolerance, joints, "m", np.inf)
     slowest = _per_joint("corner speed", speed, joints, "m/s", np.nan)
@@ -137,49 +185,38 @@ def round_corners(
         raise InvalidInput(f"corner acceleration must be above zero, but is {pull.min():g} m/s².")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))
-
-    turn = path.turns
-    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
-    kinked = np.setdiff1d(kinked_joints(path), corner)
-    angle = _angular_tolerance(path, angular_tolerance, kinked)
-    straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
-    half = turn[corner] / 2
     radius = _largest_radius(allowed[corner], half)
     if speed is not None:
         radius = np.minimum(radius, slowest[corner] ** 2 / pull[corner])
-    reach = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
-    wanted = np.where(straight_sides, reach, 0.0)
-    # An arc below the resolution of a point is no arc; at a turn of 180° every radius vanishes.
-    wanted[wanted <= REPEATED_POINT] = 0.0
-    wanted[np.pi - turn[corner] <= TANGENT_TOLERANCE] = 0.0
-    # Where only the orientation turns, it shares the segments with the corners.
-    straight = np.zeros(len(kinked))
-    turning = largest_tangent(path, kinked, straight, angle)
-    joint = np.concatenate([corner, kinked])
-    order = np.argsort(joint)
-    tangent = np.empty(len(joint))
-    tangent[order] = _fit(np.concatenate([wanted, turning])[order], joint[order], path.lengths)
-    tangent, eased = tangent[: len(corner)], tangent[len(corner) :]
-    # A micro-segment between two corners can leave an arc below that resolution too.
-    tangent[tangent <= REPEATED_POINT / 4] = 0.0
-    shrunk = tangent < radius * np.tan(half) * (1 - 1e-12)
-    shrunk &= straight_sides & (wanted > 0)
-    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
-    speeds = np.sqrt(pull[corner] * radius)
-    rounded, of = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
+    return radius, pull[corner]
+
+
+def _turned(
+    rounded: RoundedPath,
+    of: IntArray,
+    joint: IntArray,
+    half: FloatArray,
+    tangent: FloatArray,
+    angle: float,
+) -> RoundedPath:
+    """The rounded path with the orientation of its objective path, rounded too.
+
+    Args:
+        rounded: The path without it.
+        of: As `_assemble` tells.
+        joint: Joints at which it may turn: the corners and then those that go straight on, (k,).
+        half: Half of the turn at each [rad], (k,).
+        tangent: Tangent length of each [m], (k,).
+        angle: Largest angle by which it may be off [rad].
+    """
+    path = rounded.objective
     if path.orientation is None:
         return rounded
     if path.orientation.follows:
-        orientation = along_rounded(rounded, path, of, float(angle))
+        orientation = along_rounded(rounded, path, of, angle)
         return dataclasses.replace(rounded, orientation=orientation)
-    orientation, off = with_orientation(
-        path,
-        path.lengths,
-        joint,
-        np.concatenate([half, straight]),
-        np.concatenate([tangent, eased]),
-    )
-    corners = dataclasses.replace(rounded.corners, angular_error=off[: len(corner)])
+    orientation, off = with_orientation(path, path.lengths, joint, half, tangent)
+    corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
 
@@ -301,6 +338,8 @@ def _assemble(
         tolerances=tolerances[used],
         tags=tuple(path.tags[i] for i in of[used]),
         merged=path.merged,
+        # An arc leaves the waypoint of its corner aside: then every vertex is one.
+        waypoints=EVERY_VERTEX if rounded.any() else path.waypoints,
         objective=path,
         corners=Corners(
             joint=corner + 1,

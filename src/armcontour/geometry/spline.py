@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 
 # Places in an interval at which its arcs are compared with the spline.
@@ -17,7 +17,7 @@ MOST_HALVINGS = 30
 STRAIGHT = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Arcs:
     """Lines and arcs as a path holds them: see `Path`."""
 
@@ -28,7 +28,7 @@ class Arcs:
     lengths: FloatArray
 
 
-def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> Arcs:
+def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> tuple[Arcs, IntArray]:
     """Arcs along the cubic spline through points, tangent to each other.
 
     The spline is C² over chord length, natural at its ends or periodic. Every interval gets two
@@ -38,6 +38,9 @@ def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> Arcs:
         points: (n, dimension), no two neighbours equal [m].
         tolerance: Largest distance between the arcs and the spline [m].
         closed: Whether it is periodic.
+
+    Returns:
+        The arcs, and which of their ends the points are, (n,).
 
     Raises:
         InvalidInput: A closed spline whose ends differ, or one that turns back on the spot.
@@ -57,7 +60,7 @@ def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> Arcs:
             first, second = _pair(curve, begin, end)
             missed = _distance(curve, begin, end, first, second) > tolerance
         if not missed.any():
-            return _in_turn(first, second)
+            return _in_turn(first, second), 2 * np.searchsorted(begin, at)
         middle = (begin[missed] + end[missed]) / 2
         order = np.argsort(np.concatenate([begin, middle]), kind="stable")
         end = np.concatenate([np.where(missed, (begin + end) / 2, end), end[missed]])[order]
@@ -100,7 +103,9 @@ def _arc(start: FloatArray, tangent: FloatArray, onward: FloatArray, reach: Floa
     share = np.tan(half) / reach
     curvature = np.where(bent, share, 0.0)
     length = np.where(bent, 2 * half / share, 2 * reach)
-    return Arcs(start, tangent, inward, curvature, length)
+    return Arcs(
+        starts=start, tangents=tangent, inwards=inward, curvatures=curvature, lengths=length
+    )
 
 
 def _distance(
@@ -140,7 +145,7 @@ def _in_turn(first: Arcs, second: Arcs) -> Arcs:
         a, b = getattr(first, name), getattr(second, name)
         return np.stack([a, b], axis=1).reshape(2 * len(a), *a.shape[1:])
 
-    return Arcs(*(both(name) for name in Arcs.__slots__))
+    return Arcs(**{name: both(name) for name in Arcs.__slots__})
 
 
 def _unit(v: FloatArray) -> FloatArray:

@@ -2,8 +2,8 @@
 
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
-from armcontour.timing.joint_range import refuse_out_of_range
 from armcontour.timing.planner import METHODS, plan, refuse_jerk
+from armcontour.tracing import refuse_out_of_range
 
 __all__ = [
     "METHODS",

@@ -10,8 +10,8 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import JOINT_LIMITS, TOOL_LIMITS
 from armcontour.errors import NotRealizable
-from armcontour.motion import Law
-from armcontour.timing.common import law_states
+from armcontour.motion import Law, PathLaw
+from armcontour.timing.common import law_places, law_states
 from armcontour.timing.constraints.angular import oriented
 
 # A law may exceed a limit by rounding only.
@@ -33,20 +33,21 @@ def refuse_broken(
     """Refuse laws that break one of the named limits at a place that is looked at.
 
     Args:
-        laws: The laws.
+        laws: The laws, one after the other; those that are no `PathLaw` run along one line.
         arm: The arm.
         limits: The limits; of those named, what is not given is not limited.
         names: Fields of `Limits`.
-        where: Begins the sentence.
+        where: Begins the sentence; what follows it is the place along the path.
         s: Where they begin [m].
         t: When they begin [s].
         mends: Ends the sentence.
 
     Raises:
-        NotRealizable: With the joint, what it would need, and the limit.
+        NotRealizable: With place and time, the joint, what it would need, and the limit.
         InvalidInput: Torques of an arm without masses, or turning of a tool without orientation.
     """
     given = [name for name in names if getattr(limits, name) is not None]
+    begun = t
     for law in laws if given else ():
         states = law_states(law)
         for name in given:
@@ -59,16 +60,24 @@ def refuse_broken(
             joint = int(at[1]) + 1 if len(at) == 2 else None
             needed, limit = float(found[at]), float(allowed[at[1:]])
             who = "the tool" if joint is None else f"joint {joint}"
+            intervals, times = law_places(law)
+            local = float(times[at[0]])
+            if isinstance(law, PathLaw):
+                s = float(law.path_position(intervals[at[0]], times[at[0]]))
+            else:
+                ends = laws[0].on_interval(np.array([0]), np.array([0.0]), 0)[0], states[0][at[0]]
+                s += float(np.linalg.norm(np.diff(arm.forward(np.array(ends)), axis=0)))
             raise NotRealizable(
-                f"{where}, {who} would need {needed:.4g} {UNITS[name]}{_of(name)}, but its limit "
-                f"is {limit:.4g} {UNITS[name]}: {mends}.",
+                f"{where}, at {s:.4g} m, {who} would need {needed:.4g} {UNITS[name]}{_of(name)}, "
+                f"but its limit is {limit:.4g} {UNITS[name]}: {mends}.",
                 s=s,
-                t=t,
+                t=begun + local,
                 joint=joint,
                 limit=name,
                 needed=needed,
                 allowed=limit,
             )
+        begun += float(law.breaks[-1])
 
 
 def amounts(name: str, arm: Arm, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:

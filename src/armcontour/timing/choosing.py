@@ -31,7 +31,7 @@ def trace_fastest(
     Args:
         path: A tool path.
         arm: The arm.
-        limits: By default the arm's own.
+        limits: They rule the ranges of the joints too; by default the arm's own.
         branch: For an arm in the plane: the branch, as in `trace`; there is nothing to choose then.
         start: For an arm in space: joint positions near to those to start in.
         refuse: Raises for a joint path that cannot be taken.
@@ -40,8 +40,8 @@ def trace_fastest(
         Unreachable: No configuration completes the path.
         InvalidInput: A path that does not fit the arm.
     """
-    found = traces(path, arm, branch=branch, start=start)
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    found = traces(path, arm, limits=bounds, branch=branch, start=start)
     if len(found) == 1:
         return found[0]
     best, least = found[0], float("inf")

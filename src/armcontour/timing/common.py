@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
@@ -89,12 +89,17 @@ def law_peaks(law: Law, arm: Arm) -> Peaks:
 
 def law_states(law: Law) -> tuple[FloatArray, FloatArray, FloatArray]:
     """q, dq and ddq at the places along a law that are looked at, (n, dof) each."""
+    i, t = law_places(law)
+    return law.on_interval(i, t, 0), law.on_interval(i, t, 1), law.on_interval(i, t, 2)
+
+
+def law_places(law: Law) -> tuple[IntArray, FloatArray]:
+    """Intervals and times along a law that are looked at, (n,) each."""
     knots = _smooth_pieces(law) if isinstance(law, PathLaw) else law.breaks
     count = PEAK_SAMPLES if isinstance(law, PathLaw) else 3
     grid = np.linspace(knots[:-1], knots[1:], count)
     interval = np.searchsorted(law.breaks, (knots[:-1] + knots[1:]) / 2, side="right") - 1
-    i, t = np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
-    return law.on_interval(i, t, 0), law.on_interval(i, t, 1), law.on_interval(i, t, 2)
+    return np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
 
 
 def _smooth_pieces(law: PathLaw) -> FloatArray:

@@ -26,7 +26,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         arm,
         limits,
         ("joint_torque", "angular_speed", "angular_acceleration"),
-        where="At uniform speed",
+        where="At uniform speed along the path",
         s=0.0,
         t=0.0,
         mends="a lower assigned velocity or the method optimal helps",

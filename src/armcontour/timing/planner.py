@@ -13,9 +13,9 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
-from armcontour.timing.joint_range import refuse_out_of_range
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
+from armcontour.tracing import refuse_out_of_range
 
 METHODS = ("optimal", "mac", "conventional")
 OPTIONS = {
@@ -60,24 +60,8 @@ def plan(
     if not isinstance(path, Path | JointPath):
         raise InvalidInput(f"plan needs a Path or a JointPath, not {type(path).__name__}.")
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    if isinstance(path, JointPath) and not (branch is None and start is None):
-        given = "start" if branch is None else "branch"
-        raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
     refuse_jerk(bounds, ignore_jerk)
-
-    def refuse(found: JointPath) -> None:
-        refuse_out_of_range(found, bounds)
-
-    joint_path = (
-        path
-        if isinstance(path, JointPath)
-        else trace_fastest(path, arm, bounds, branch=branch, start=start, refuse=refuse)
-    )
-    if joint_path.dof != arm.dof:
-        raise InvalidInput(
-            f"The joint path has {joint_path.dof} joints, but the arm {arm.name} has {arm.dof}."
-        )
-    refuse(joint_path)
+    joint_path = _joint_path(path, arm, bounds, branch, start)
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -88,6 +72,32 @@ def plan(
     if method == "mac":
         return plan_mac(joint_path, arm, bounds, **options)
     return plan_conventional(joint_path, arm, bounds)
+
+
+def _joint_path(
+    path: Path | JointPath,
+    arm: Arm,
+    limits: Limits,
+    branch: str | None,
+    start: npt.ArrayLike | None,
+) -> JointPath:
+    """The path as a joint path inside the joints' ranges.
+
+    Raises:
+        InvalidInput: A joint path of another arm, or one with a branch or a start.
+        Unreachable: A place of the path is out of reach, out of a joint's range or singular.
+    """
+    if isinstance(path, Path):
+        return trace_fastest(path, arm, limits, branch=branch, start=start)
+    if not (branch is None and start is None):
+        given = "start" if branch is None else "branch"
+        raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
+    if path.dof != arm.dof:
+        raise InvalidInput(
+            f"The joint path has {path.dof} joints, but the arm {arm.name} has {arm.dof}."
+        )
+    refuse_out_of_range(path, limits)
+    return path
 
 
 def refuse_jerk(limits: Limits, ignored: bool) -> None:

@@ -14,7 +14,7 @@ FIRST_STEP = 1 / 16
 FIRST_TURN = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Knots:
     """Intervals between knots.
 
@@ -38,7 +38,25 @@ class Knots:
 
     def part(self, which: BoolArray | IntArray) -> Knots:
         """Some of the intervals."""
-        return Knots(*(getattr(self, name)[which] for name in Knots.__slots__))
+        return Knots(**{name: getattr(self, name)[which] for name in Knots.__slots__})
+
+    def halved(self, which: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
+        """The intervals with two in the place of some.
+
+        Args:
+            which: Those, (n,).
+            u: Where on its segment each of those is cut [m].
+
+        Returns:
+            The intervals; which of these each was; and which of them are second halves.
+        """
+        of = np.repeat(np.arange(len(self)), 1 + which)
+        second = np.flatnonzero(np.diff(of, prepend=-1) == 0)
+        u0, u1, s0 = self.u0[of], self.u1[of], self.s0[of]
+        s0[second] = self.part(which).at(u)
+        u0[second], u1[second - 1] = u, u
+        segment, piece = self.segment[of], self.piece[of]
+        return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), of, second
 
     def at(self, u: FloatArray) -> FloatArray:
         """Arc lengths of places on the segments."""
@@ -75,20 +93,24 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
     last = number + 1 == count[of]
     end = np.where(last, cells.u1[of], cells.u0[of] + share * (number + 1))
     s0 = np.where(number == 0, cells.s0[of], cells.s0[of] + share * number)
-    return Knots(cells.segment[of], cells.piece[of], begin, end, s0)
+    return Knots(segment=cells.segment[of], piece=cells.piece[of], u0=begin, u1=end, s0=s0)
 
 
 def _cells(path: Path) -> Knots:
     """The path cut at the breaks of its segments and of its orientation."""
     n = len(path)
     if path.orientation is None:
-        segment = np.arange(n)
-        zeros = np.zeros(n)
-        return Knots(segment, np.zeros(n, dtype=np.intp), zeros, path.lengths, path.breaks[:-1])
+        return Knots(
+            segment=np.arange(n),
+            piece=np.zeros(n, dtype=np.intp),
+            u0=np.zeros(n),
+            u1=path.lengths,
+            s0=path.breaks[:-1],
+        )
     s = np.union1d(path.breaks, path.orientation.breaks)
     middle = (s[:-1] + s[1:]) / 2
     segment, piece = path.locate(middle), path.orientation.locate(middle)
     u0 = s[:-1] - path.breaks[segment]
     ends = s[1:] == path.breaks[segment + 1]
     u1 = np.where(ends, path.lengths[segment], s[1:] - path.breaks[segment])
-    return Knots(segment, piece, u0, u1, s[:-1])
+    return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s[:-1])

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.motion import quintic
 
@@ -32,7 +32,7 @@ SETTLED = 1e-4
 DAMPING = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Guide:
     """Splines of g and w over arc length, one per stretch between stops.
 
@@ -64,22 +64,22 @@ class Guide:
             _curve(s[i : k + 1], values[i : k + 1])
             for i, k in zip(cuts[:-1], cuts[1:], strict=True)
         )
-        return cls(bounds, splines, q.shape[1])
+        return cls(bounds=bounds, splines=splines, dof=q.shape[1])
 
     def at(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
         """W and g with two derivatives, (n, 3, free, dof) and (n, 3, dof).
 
         Args:
             s: Arc lengths, (n,).
-            middle: Arc lengths inside the same stretches, which tell sides apart at stops, (n,).
+            middle: Arc lengths inside the same stretches, which tell sides apart at stops, in
+                increasing order, (n,).
         """
-        which: IntArray = np.clip(
-            np.searchsorted(self.bounds, middle, side="right") - 1, 0, len(self.splines) - 1
-        )
+        cuts = np.searchsorted(middle, self.bounds[1:-1])
+        first, last = np.append(0, cuts), np.append(cuts, len(s))
         width = self.splines[0].c.shape[2]
         values = np.empty((len(s), 3, width))
-        for k in np.unique(which):
-            on = which == k
+        for k in np.flatnonzero(first < last):
+            on = slice(first[k], last[k])
             for order in range(3):
                 values[on, order] = self.splines[k](s[on], order)
         free = width // self.dof - 1

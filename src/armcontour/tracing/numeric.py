@@ -10,7 +10,13 @@ from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.cells import Knots
 from armcontour.tracing.guide import Guide, free_motions
-from armcontour.tracing.poses import poses_at, rates_at, turning_too_fast
+from armcontour.tracing.poses import (
+    poses_at,
+    rates_at,
+    row_of_poses,
+    turning_too_fast,
+    what_helps,
+)
 from armcontour.tracing.solver import Ends, Solver
 from armcontour.tracing.ways import Way
 
@@ -46,9 +52,7 @@ class Numeric(Solver[SerialArm]):
         self._way = way
         self._guide: Guide | None = None
         if asked < arm.dof:
-            last = knots.part(np.array([len(knots) - 1]))
-            poses = np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
-            w = free_motions(arm, poses, asked, way.q)
+            w = free_motions(arm, row_of_poses(path, knots), asked, way.q)
             s = np.append(knots.s0, path.length)
             self._guide = Guide.through(s, way.q, w, path.stops)
 
@@ -106,8 +110,8 @@ class Numeric(Solver[SerialArm]):
         raise Unreachable(
             turning_too_fast(self.path, s)
             or f"At {s:.6g} m of {self.path.length:.6g} m along the path, at "
-            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular: move the "
-            "path or the arm, or leave turning about the tool axis free.",
+            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular: "
+            f"{what_helps(self.path)}.",
             point=point,
             s=s,
             limit="singularity",

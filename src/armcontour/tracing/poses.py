@@ -59,6 +59,14 @@ def asked_of(path: Path, arm: SerialArm) -> int:
     return asked
 
 
+def what_helps(path: Path | None) -> str:
+    """What users can do where an arm cannot follow a path."""
+    orientation = None if path is None else path.orientation
+    if orientation is None or orientation.axis_only:
+        return "move the path or the arm"
+    return "move the path or the arm, or leave turning about the tool axis free"
+
+
 def turning_too_fast(path: Path, s: float) -> str:
     """What to say of a place where the path turns the tool faster than anything could; or ""."""
     if path.orientation is None:
@@ -86,6 +94,12 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
         behind = knots.at(u) - path.orientation.breaks[knots.piece]
         poses[:, :, :3] = path.orientation.on_piece(knots.piece, behind)
     return poses
+
+
+def row_of_poses(path: Path, knots: Knots) -> FloatArray:
+    """Poses at the starts of all intervals and the end of the last, (n + 1, 3, 4)."""
+    last = knots.part(np.array([len(knots) - 1]))
+    return np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
 
 
 def rates_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from armcontour.arms import Arm
 from armcontour.errors import Unreachable
 from armcontour.motion import JointPath, quintic
 from armcontour.tracing.cells import Knots
-from armcontour.tracing.poses import turning_too_fast
+from armcontour.tracing.poses import turning_too_fast, what_helps
 from armcontour.tracing.solver import Ends, Solver
 
 # An interval this small that still misses the path means a singularity, not a coarse grid.
@@ -40,21 +40,17 @@ def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
         missed[open_[left]] = True
         if not missed.any():
             break
-        halved = knots.part(missed)
-        _refuse_singularity(solver, halved)
-        u = (halved.u0 + halved.u1) / 2
+        coarse = knots.part(missed)
+        _refuse_singularity(solver, coarse)
+        u = (coarse.u0 + coarse.u1) / 2
         guess = middle[left]
         # Near a singularity a quintic between ends far apart swings out: halfway is nearer then.
         halfway = (begin[0][missed] + end[0][missed]) / 2
-        nearer = solver.missed(halved, u, halfway) < solver.missed(halved, u, guess)
+        nearer = solver.missed(coarse, u, halfway) < solver.missed(coarse, u, guess)
         guess = np.where(nearer[:, None], halfway, guess)
-        between = solver.ends(halved, u, guess)
+        between = solver.ends(coarse, u, guess)
         # An interval that misses gives its place to its two halves.
-        twice = np.repeat(np.arange(len(settled)), 1 + missed)
-        second = np.flatnonzero(np.diff(twice, prepend=-1) == 0)
-        knots = knots.part(twice)
-        knots.s0[second] = halved.at(u)
-        knots.u0[second], knots.u1[second - 1] = u, u
+        knots, twice, second = knots.halved(missed, u)
         begin, end = _part(begin, twice), _part(end, twice)
         for k in range(3):
             begin[k][second], end[k][second - 1] = between[k], between[k]
@@ -90,8 +86,8 @@ def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:
         raise Unreachable(
             turning_too_fast(solver.path, s)
             or f"At {s:.6g} m along the path, near {tuple(round(x, 6) for x in point)} m, the arm "
-            f"{solver.arm.name} is singular or jumps between configurations: move the path or the "
-            "arm.",
+            f"{solver.arm.name} is singular or jumps between configurations: "
+            f"{what_helps(solver.path)}.",
             point=point,
             s=s,
             limit="singularity",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour.arms import Arm, PlanarTwoLink, SerialArm
+from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
@@ -13,7 +13,7 @@ from armcontour.tracing.cells import first_knots
 from armcontour.tracing.closed_form import ClosedForm
 from armcontour.tracing.numeric import Numeric
 from armcontour.tracing.poses import asked_of
-from armcontour.tracing.ranges import refuse_out_of_range
+from armcontour.tracing.ranges import refuse_out_of_range, turned_into_range
 from armcontour.tracing.refinement import refined
 from armcontour.tracing.ways import ways
 
@@ -25,6 +25,7 @@ def trace(
     path: Path,
     arm: Arm,
     *,
+    limits: Limits | None = None,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
@@ -38,6 +39,8 @@ def trace(
     Args:
         path: Tool path.
         arm: The arm.
+        limits: Their joint ranges hold, and their joint velocities tell long ways from short ones;
+            by default the arm's own.
         branch: For an arm in the plane, one of `arm.branches`; the first by default.
         start: For an arm in space, joint positions near to those to start in [rad]; by default the
             configuration whose way is the shortest. `plan` chooses the fastest instead.
@@ -47,37 +50,50 @@ def trace(
         Unreachable: A place out of reach, out of a joint's range or singular, with its arc length.
         InvalidInput: A path that does not fit the arm.
     """
-    return traces(path, arm, branch=branch, start=start, tolerance=tolerance, most=1)[0]
+    found = traces(
+        path, arm, limits=limits, branch=branch, start=start, tolerance=tolerance, most=1
+    )
+    return found[0]
 
 
 def traces(
     path: Path,
     arm: Arm,
     *,
+    limits: Limits | None = None,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
     most: int | None = None,
 ) -> list[JointPath]:
-    """The joint paths of all configurations that complete the path, the shortest way first.
+    """The joint paths of the configurations that complete the path, the shortest way first.
+
+    Of an arm in the plane, that of its branch. Of an arm in space all; with joints to spare, of
+    which there are infinitely many, a sample: 48 starts are followed, and 8 ways are kept at most.
 
     Args:
         path: Tool path.
         arm: The arm.
+        limits: As in `trace`.
         branch: As in `trace`.
         start: As in `trace`.
         tolerance: As in `trace`.
-        most: How many at most; all by default.
+        most: How many at most; all that there are by default.
 
     Raises:
         Unreachable: As in `trace`.
         InvalidInput: As in `trace`.
     """
     _checks.positive("tracing tolerance", tolerance, "m")
+    if limits is not None:
+        arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
         if start is not None:
             raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
-        return [refined(ClosedForm(path, arm, branch, tolerance), first_knots(path))]
+        only = refined(ClosedForm(path, arm, branch, tolerance), first_knots(path))
+        only = turned_into_range(only, arm.limits)
+        refuse_out_of_range(only, arm.limits)
+        return [only]
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
     if branch is not None:
@@ -95,7 +111,7 @@ def traces(
             break
         try:
             joint_path = refined(Numeric(path, arm, asked, knots, way, tolerance), knots)
-            refuse_out_of_range(joint_path, arm)
+            refuse_out_of_range(joint_path, arm.limits)
             found.append(joint_path)
         except Unreachable as error:
             # Between two knots it is singular or leaves a joint's range; another may not.

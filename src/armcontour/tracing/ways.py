@@ -14,7 +14,8 @@ from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.cells import Knots
 from armcontour.tracing.guide import free_motions, smoothed
-from armcontour.tracing.poses import poses_at
+from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
+from armcontour.tracing.ranges import left_range
 
 # With joints to spare, so many starts are followed, and so many different ways are kept.
 MOST_STARTS = 48
@@ -40,7 +41,7 @@ MANY_POSES = 300
 BISECTIONS = 30
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
     """Joint positions along a path.
 
@@ -53,7 +54,7 @@ class Way:
     cost: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Failure:
     """Why a way ends: where, and of which joint a range, if it was one."""
 
@@ -80,39 +81,49 @@ def ways(
         Unreachable: There is none; says why for the one that comes farthest.
     """
     fine, at = _finer(path, knots)
-    poses, s = _row_of_poses(path, fine), np.append(fine.s0, path.length)
+    poses, s = row_of_poses(path, fine), np.append(fine.s0, path.length)
     starts = configurations(arm, poses[0], asked, start)
     if len(starts) == 0:
-        _refuse_start(arm, poses, asked, start)
+        _refuse_start(path, arm, poses, asked, start)
+    followed, failures = _followed(arm, poses, asked, starts[:MOST_STARTS])
+    followed = [q[at] for q in followed]
+    s, some = s[at], poses[at]
+    spare = asked < arm.dof
+    if spare:
+        followed = _most_promising(arm, s, some, asked, followed, start)
+    found: list[Way] = []
+    for i, q in enumerate(followed):
+        if spare and found and i >= MOST_SMOOTHED:
+            break
+        cost = 0.0 if spare else _way(arm, q)
+        if spare:
+            q, cost = smoothed(arm, s, some, asked, q, start_stays=start is not None)
+        fitted = _in_range(arm, q, start)
+        if isinstance(fitted, _Failure):
+            failures.append(dataclasses.replace(fitted, reached=int(at[fitted.reached])))
+        elif not any(_same(arm, some, asked, x.q, fitted) for x in found):
+            found.append(Way(q=fitted, cost=cost))
+    if not found:
+        _refuse(path, arm, fine, poses, asked, max(failures, key=lambda x: x.reached))
+    found.sort(key=lambda x: x.cost)
+    return found[:MOST_WAYS] if spare else found
+
+
+def _followed(
+    arm: SerialArm, poses: FloatArray, asked: int, starts: FloatArray
+) -> tuple[list[FloatArray], list[_Failure]]:
+    """Joint positions along all poses, from each start that leads to the end; and the others."""
     followed: list[FloatArray] = []
     failures: list[_Failure] = []
-    for q0 in starts[:MOST_STARTS]:
+    for q0 in starts:
         q = np.empty((len(poses), arm.dof))
         q[0] = q0
         reached = _newton.follow(*arm.arrays, poses, asked, q)
         if reached < len(poses):
-            failures.append(_Failure(reached, q[reached - 1]))
+            failures.append(_Failure(reached=reached, q=q[reached - 1]))
         else:
-            followed.append(q[at])
-    found: list[Way] = []
-    if asked < arm.dof:
-        followed = _most_promising(arm, s[at], poses[at], asked, followed, start)
-    for i, q in enumerate(followed):
-        if asked < arm.dof:
-            if found and i >= MOST_SMOOTHED:
-                break
-            q, cost = smoothed(arm, s[at], poses[at], asked, q, start_stays=start is not None)
-        else:
-            cost = _way(arm, q)
-        fitted = _in_range(arm, q, start)
-        if isinstance(fitted, _Failure):
-            failures.append(dataclasses.replace(fitted, reached=int(at[fitted.reached])))
-        elif not any(_same(arm, poses[at], asked, x.q, fitted) for x in found):
-            found.append(Way(fitted, cost))
-    if not found:
-        _refuse(path, arm, fine, poses, asked, max(failures, key=lambda x: x.reached))
-    found.sort(key=lambda x: x.cost)
-    return found[:MOST_WAYS] if asked < arm.dof else found
+            followed.append(q)
+    return followed, failures
 
 
 def _most_promising(
@@ -160,7 +171,7 @@ def _same(arm: SerialArm, poses: FloatArray, asked: int, a: FloatArray, b: Float
 
 def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
     """Intervals on which a chord is near to the path, and where the knots are among their ends."""
-    poses = _row_of_poses(path, knots)
+    poses = row_of_poses(path, knots)
     width = knots.u1 - knots.u0
     turn = np.maximum(
         width * path.curvatures[knots.segment],
@@ -173,13 +184,14 @@ def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
     ahead = width[of] * (number / count[of])
     behind = width[of] * ((number + 1) / count[of])
     u0 = knots.u0[of]
-    found = Knots(knots.segment[of], knots.piece[of], u0 + ahead, u0 + behind, knots.s0[of] + ahead)
+    found = Knots(
+        segment=knots.segment[of],
+        piece=knots.piece[of],
+        u0=u0 + ahead,
+        u1=u0 + behind,
+        s0=knots.s0[of] + ahead,
+    )
     return found, at
-
-
-def _row_of_poses(path: Path, knots: Knots) -> FloatArray:
-    last = knots.part(np.array([len(knots) - 1]))
-    return np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
 
 
 def _way(arm: SerialArm, q: FloatArray) -> float:
@@ -221,21 +233,27 @@ def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatA
     outside = (below | above).any(axis=1)
     if not outside.any():
         return wanted
-    # Of all whole turns, those with which each joint comes farthest along the path.
+    # Of all whole turns, those with which each joint comes farthest along the path, and of these
+    # the one with which it is least beyond its range where it ends.
     wanted = wanted.copy()
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
         tried = wanted[:, joint, None] + turns
-        off = (tried < lower[joint]) | (tried > upper[joint])
-        wanted[:, joint] = tried[:, np.argmax(np.argmax(off, axis=0))]
+        beyond = np.maximum(lower[joint] - tried, tried - upper[joint])
+        left = np.argmax(beyond > 0, axis=0)
+        best = np.lexsort((beyond[left, np.arange(len(turns))], -left))[0]
+        wanted[:, joint] = tried[:, best]
     row = int(np.argmax(((wanted < lower) | (wanted > upper)).any(axis=1)))
     below, above = wanted < lower, wanted > upper
     worst = int(np.argmax((below | above)[row]))
     limit = float(lower[worst] if below[row, worst] else upper[worst])
-    return _Failure(row, wanted[row], worst, float(wanted[row, worst]), limit)
+    value = float(wanted[row, worst])
+    return _Failure(reached=row, q=wanted[row], joint=worst, value=value, limit=limit)
 
 
-def _refuse_start(arm: SerialArm, poses: FloatArray, asked: int, start: FloatArray | None) -> None:
+def _refuse_start(
+    path: Path, arm: SerialArm, poses: FloatArray, asked: int, start: FloatArray | None
+) -> None:
     """Say why the tool cannot be held at the start of the path.
 
     Raises:
@@ -267,8 +285,7 @@ def _refuse_start(arm: SerialArm, poses: FloatArray, asked: int, start: FloatArr
         more = f" (the path's worst place, {there} m, by {lacks.max():.3g} m)"
     raise Unreachable(
         f"At 0 m along the path the tool of the arm {arm.name} cannot be held as asked at "
-        f"{place} m: it stays {gap:.3g} m away{more}; move the path "
-        "or the arm, or leave turning about the tool axis free.",
+        f"{place} m: it stays {gap:.3g} m away{more}; {what_helps(path)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -310,20 +327,8 @@ def _refuse(
     s = np.append(knots.s0, path.length)
     i = failure.reached
     if failure.joint >= 0:
-        point = poses[i, :, 3].tolist()
-        beyond = abs(failure.value - failure.limit)
-        raise Unreachable(
-            f"At {s[i]:.6g} m of {path.length:.6g} m along the path joint {failure.joint + 1} of "
-            f"the arm {arm.name} would be at {failure.value:.4g} rad, {beyond:.3g} rad beyond the "
-            f"end of its range at {failure.limit:.4g} rad, and no other configuration comes "
-            "farther: move the path or the arm, or leave turning about the tool axis free.",
-            s=float(s[i]),
-            point=point,
-            joint=failure.joint + 1,
-            limit="joint range",
-            needed=failure.value,
-            allowed=failure.limit,
-        )
+        also = f", and no other configuration of the arm {arm.name} comes farther"
+        raise left_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
     q = failure.q[None]
     lack, where = _worst_lack(arm, poses[i:], asked, q)
     if lack > OUT_OF_REACH:
@@ -332,7 +337,7 @@ def _refuse(
         raise Unreachable(
             f"From {first:.6g} m of {path.length:.6g} m along the path it is out of reach of the "
             f"arm {arm.name}: at {tuple(np.round(worst, 6).tolist())} m, {s[i + where]:.6g} m "
-            f"along it, the tool stays {lack:.3g} m away; move the path or the arm.",
+            f"along it, the tool stays {lack:.3g} m away; {what_helps(path)}.",
             s=first,
             point=worst.tolist(),
             limit="reach",
@@ -346,8 +351,7 @@ def _refuse(
     raise Unreachable(
         f"Behind {s[i - 1]:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
         f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
-        f"singular value {sizes[asked - 1]:.2g}): move the path or the arm, or "
-        "leave turning about the tool axis free.",
+        f"singular value {sizes[asked - 1]:.2g}): {what_helps(path)}.",
         s=float(s[i - 1]),
         point=poses[i - 1, :, 3].tolist(),
         joint=joint + 1,
