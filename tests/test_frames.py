@@ -204,3 +204,9 @@ def test_a_transform_is_no_four_quaternions(refuses):
     np.testing.assert_allclose(rotations("x", four.as_quat()), four.as_matrix(), atol=1e-15)
     last = Rotation.concatenate([four[:3], Rotation.identity()])
     np.testing.assert_allclose(rotations("x", last.as_quat()), last.as_matrix(), atol=1e-15)
+
+
+def test_a_quaternion_of_four_digits_is_scaled() -> None:
+    np.testing.assert_allclose(
+        rotations("tool", [0.2588, 0.0, 0.0, 0.9659]), from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4
+    )

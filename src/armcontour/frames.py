@@ -14,6 +14,8 @@ from armcontour.errors import InvalidInput
 
 # A given rotation matrix may be off by this; it is then made orthonormal.
 ROTATION_TOLERANCE = 1e-6
+# A given quaternion may be off by this in length, as four printed digits are; it is then scaled.
+QUATERNION_TOLERANCE = 1e-3
 ORIGIN = _checks.locked(np.zeros(3))
 UNTURNED = _checks.locked(np.eye(3))
 
@@ -82,8 +84,12 @@ def rotations(name: str, values: Any) -> FloatArray:
         raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
     if array.ndim in (1, 2) and array.shape[-1] == 4:
         size = np.linalg.norm(array, axis=-1, keepdims=True)
-        if (np.abs(size - 1) > ROTATION_TOLERANCE).any():
-            raise InvalidInput(f"{name}: a quaternion (x, y, z, w) must have the length 1.")
+        off = np.abs(size - 1)
+        if (off > QUATERNION_TOLERANCE).any():
+            raise InvalidInput(
+                f"{name}: a quaternion (x, y, z, w) must have the length 1 within "
+                f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(off))]:.6g}."
+            )
         return _from_quaternions(array / size)
     if array.ndim not in (2, 3) or array.shape[-2:] != (3, 3):
         raise InvalidInput(

@@ -54,6 +54,13 @@ def test_what_is_switched_off_is_lifted(tmp_path):
     np.testing.assert_array_equal(limits.joint_jerk, [100] * 4)
 
 
+def test_jerk_may_be_given_for_some_joints_only(tmp_path):
+    text = "joint_limits:\n  elbow: {max_acceleration: 2, has_jerk_limits: true, max_jerk: 7}\n"
+    text += "".join(f"  {x}: {{max_acceleration: 2}}\n" for x in JOINTS if x != "elbow")
+    jerk = with_text(tmp_path, text).limits.joint_jerk
+    np.testing.assert_array_equal(jerk, [7.0 if x == "elbow" else np.inf for x in JOINTS])
+
+
 def test_a_file_for_the_parameter_server(tmp_path):
     text = for_all("max_acceleration: 2").replace("\n", "\n      ")
     wrapped = "/**:\n  ros__parameters:\n    robot_description_planning:\n      " + text

@@ -131,6 +131,9 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path, refuses):
     whole = ac.load_arm(ROBOT, base="base_link", tip="tcp")
     np.testing.assert_array_equal(arm.forward(np.ones(4)), whole.forward(np.ones(4)))
     refuses(lambda: arm.dynamics, ac.InvalidInput, "masses of the arm lifter")
+    # Efforts mean nothing then, and must not keep the arm from being planned for.
+    assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
+    assert "limits of effort are left out" in arm.source
 
 
 def test_tool_and_work_frames_go_with_it():

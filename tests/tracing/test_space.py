@@ -479,3 +479,22 @@ def test_halving_knots_leaves_the_knots_as_they_were():
     np.testing.assert_array_equal(halved.u0[second], halved.u1[second - 1])
     np.testing.assert_allclose(halved.at(halved.u0), halved.s0)
     np.testing.assert_allclose(halved.s0[second], knots.part(which).at(u))
+
+
+def test_a_start_in_degrees_is_refused(ur5e):
+    line = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)]).pointing((0, 0, -1))
+    with pytest.raises(ac.InvalidInput, match="joint 2 at -90 rad, outside its range") as caught:
+        ac.trace(line, ur5e, start=(0, -90, 90, -90, -90, 0))
+    assert caught.value.joint == 2
+
+
+def test_a_corner_beside_an_arc_is_not_to_be_rounded_but_made_tangent(ur5e):
+    path = ac.Path.from_segments(
+        [
+            ac.Line(start=(0.4, -0.1, 0.2), end=(0.5, -0.1, 0.2)),
+            ac.Arc.through((0.5, -0.1, 0.2), (0.57, -0.08, 0.2), (0.6, 0.0, 0.2)),
+        ]
+    ).following_tangent((0, 0, 1))
+    rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
+    with pytest.raises(ac.InvalidInput, match="make line and arc tangent"):
+        ac.trace(rounded, ur5e)

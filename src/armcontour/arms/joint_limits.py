@@ -99,13 +99,17 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
         lacking = [joint for joint, value in zip(joints, values, strict=True) if value is None]
         if len(lacking) == len(joints):
             continue
-        if lacking:
+        if name == "joint_jerk":
+            # No planner keeps it: that some joints have it is enough to know.
+            values = [math.inf if value is None else value for value in values]
+        elif lacking:
             raise InvalidInput(
                 f"{where}: joint {lacking[0]} has no {name}, but other joints have: give it to "
                 "every joint or to none, in the file or with joint_limits."
             )
         for joint, value in zip(joints, values, strict=True):
-            if value is not None and not 0 < value < math.inf:
+            endless = name == "joint_jerk" and value == math.inf
+            if value is not None and not (0 < value < math.inf or endless):
                 raise InvalidInput(
                     f"{where}: the {name} of joint {joint} must be above zero and finite, not "
                     f"{value:g} {unit}: give its true value in the file or with joint_limits.",

@@ -41,8 +41,8 @@ class Limits:
             amount [rad/s²], (dof,).
         joint_velocity: Largest velocity of each joint, either way [rad/s], (dof,).
         joint_torque: Largest torque of each joint's drive, either way [N m], (dof,).
-        joint_jerk: Largest jerk of each joint [rad/s³], (dof,). No planner keeps it yet: `plan`
-            refuses it unless told to ignore it.
+        joint_jerk: Largest jerk of each joint [rad/s³], (dof,), infinite where there is none. No
+            planner keeps it yet: `plan` refuses it unless told to ignore it.
         joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite where there is none.
         speed: Assigned velocity: tool speed asked for and not exceeded [m/s].
         tool_acceleration: Largest acceleration of the tool, as a vector's length [m/s²].
@@ -76,13 +76,15 @@ class Limits:
             values = getattr(self, name)
             if values is None:
                 continue
-            array = _checks.numbers(name, values, unit)
+            # Of jerk, which files give for some joints only, infinity is no limit.
+            finite = values if name != "joint_jerk" else np.nan_to_num(values, nan=np.nan)
+            array = _checks.numbers(name, finite, unit)
             if array.ndim > 1 or (array <= 0).any():
                 raise InvalidInput(
                     f"{name} must be above zero for every joint, but is {array.tolist()} {unit}.",
                     limit=name,
                 )
-            object.__setattr__(self, name, _checks.locked(array))
+            object.__setattr__(self, name, _checks.locked(values))
         for name in JOINT_RANGE:
             self._check_range(name)
         if self.joint_lower is not None and self.joint_upper is not None:

@@ -56,11 +56,16 @@ def load_urdf(
     if joint_limits is not None:
         override(table, chain.joints, joint_limits)
     limits = limits_of(table, chain.joints, str(file))
+    source = str(file)
+    if chain.masses is None and limits.joint_torque is not None:
+        # Every description gives efforts; without masses nobody can tell what they allow.
+        limits = limits.replace(joint_torque=None)
+        source += " (no link has a mass, so limits of effort are left out)"
     return SerialArm(
         name=tree.name,
         chain=chain,
         limits=limits,
-        source=str(file),
+        source=source,
         limits_hint=HINT if limits.joint_acceleration is None else "",
     )
 

@@ -33,8 +33,8 @@ def asked_of(path: Path, arm: SerialArm) -> int:
         if arm.dof > 3:
             raise InvalidInput(
                 f"The path does not say how the arm {arm.name} is to hold its tool: give it an "
-                "orientation, such as path.oriented(rotation), or path.pointing(direction) where "
-                "only the tool axis counts."
+                "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
+                "path.pointing(direction) where only the tool axis counts)."
             )
         return 3
     asked = 5 if orientation.axis_only else 6
@@ -42,17 +42,24 @@ def asked_of(path: Path, arm: SerialArm) -> int:
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
             f"{'axis' if asked == 5 else 'orientation'} in space needs {asked}"
-            f"{'' if asked == 5 else '; leave turning about the tool axis free with axis_only'}."
+            f"{'; leave turning about the tool axis free with axis_only' if arm.dof == 5 else ''}."
         )
     jumps = orientation.jumps
     if (jumps > NO_JUMP).any():
         i = int(np.argmax(jumps > NO_JUMP))
         s = float(orientation.breaks[i + 1])
         point = path(s).tolist()
+        k = int(path.locate(s))
+        beside_an_arc = bool(path.curvatures[max(k - 1, 0) : k + 1].any())
+        helps = (
+            "beside an arc, where corners are not rounded: make line and arc tangent to each other"
+            if beside_an_arc
+            else "round a sharp corner: round the corner, with an angular tolerance"
+        )
         raise InvalidInput(
             f"At {s:.6g} m along the path the tool's orientation jumps by "
-            f"{np.degrees(jumps[i]):.3g}°, as it follows the tangent round a sharp corner: round "
-            "the corner, or leave the orientation fixed there.",
+            f"{np.degrees(jumps[i]):.3g}°, as it follows the tangent {helps}, or leave the "
+            "orientation fixed there.",
             s=s,
             point=point,
         )

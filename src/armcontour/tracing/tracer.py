@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
+from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
@@ -101,7 +103,7 @@ def traces(
             f"The arm {arm.name} has no named branches: give start, joint positions near to those "
             "to start in."
         )
-    near = None if start is None else _checks.per_joint("start", start, arm.dof, "rad")
+    near = None if start is None else _start(arm, start)
     asked = asked_of(path, arm)
     knots = first_knots(path, FINER if asked < arm.dof else 1)
     found: list[JointPath] = []
@@ -119,3 +121,24 @@ def traces(
     if not found:
         raise refusals[0]
     return found
+
+
+def _start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
+    """Joint positions to start near to.
+
+    Raises:
+        InvalidInput: A wrong number of them, or a joint beyond its range.
+    """
+    near = _checks.per_joint("start", start, arm.dof, "rad")
+    lower, upper = arm.limits.joint_range(arm.dof)
+    outside = (near < lower) | (near > upper)
+    if outside.any():
+        j = int(np.argmax(outside))
+        raise InvalidInput(
+            f"start has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
+            f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
+            joint=j + 1,
+            needed=float(near[j]),
+            allowed=float(lower[j] if near[j] < lower[j] else upper[j]),
+        )
+    return near
