@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.report import write_report
     from armcontour.servo import ServoModel
-    from armcontour.study import Job, Study, run
+    from armcontour.study import Certificate, Goal, Job, Study, Sweep, certify, run, sweep
     from armcontour.timing import Explanation, explain, plan
     from armcontour.tracing import trace
 
@@ -90,7 +90,7 @@ _HOME = {
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "report": ("write_report",),
     "servo": ("ServoModel",),
-    "study": ("Job", "Study", "run"),
+    "study": ("Certificate", "Goal", "Job", "Study", "Sweep", "certify", "run", "sweep"),
     "timing": ("Explanation", "explain", "plan"),
     "tracing": ("trace",),
 }
@@ -100,6 +100,7 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "Certificate",
     "Check",
     "CompensationError",
     "Demand",
@@ -108,6 +109,7 @@ __all__ = [
     "ExecutionError",
     "Explanation",
     "Frame",
+    "Goal",
     "InvalidInput",
     "Job",
     "JointPath",
@@ -126,11 +128,13 @@ __all__ = [
     "ServoModel",
     "ServoPlant",
     "Study",
+    "Sweep",
     "TaughtData",
     "Trajectory",
     "Unreachable",
     "__version__",
     "arm_names",
+    "certify",
     "check",
     "compensate",
     "evaluate",
@@ -142,6 +146,7 @@ __all__ = [
     "read_job",
     "round_corners",
     "run",
+    "sweep",
     "trace",
     "write_report",
 ]

@@ -37,7 +37,9 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {error}.") from None
+        # The library's first sentence says what is wrong.
+        said = str(error).split(". ")[0].rstrip(".")
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {said}.") from None
     bad = ~np.isfinite(array)
     if bad.any():
         where = np.argwhere(bad)[0]

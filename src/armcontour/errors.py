@@ -10,7 +10,8 @@ ArmContourError
 ```
 
 A message is one sentence: what is wrong, where, and what would mend it. The same facts stand as
-attributes, in SI units, for programs.
+attributes, in SI units, for programs. Sentences count from 1, as people do: joints, segments,
+waypoints, corners, items of a list in a file. The attribute `index` counts from 0, as Python does.
 """
 
 from __future__ import annotations

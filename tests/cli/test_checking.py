@@ -187,6 +187,26 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path: FilePath) -> None:
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
 
+def test_a_job_brings_its_limits(folder: FilePath) -> None:
+    arguments = ("planned.csv", "--path", "job.yaml", "--json")
+    found = json.loads(check(folder, *arguments).stdout)
+    uses = {x["name"]: x for x in found["limits"]}
+    assert uses["speed"]["limit"] == 0.15
+    assert uses["centripetal_acceleration"]["limit"] == 0.09
+    fast = {"timing": {"method": "mac"}, "limits": {"speed": 0.2}}
+    runs = {**JOB["runs"], "fast": fast}
+    (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
+    torn = check(folder, *arguments)
+    assert torn.returncode == 2
+    assert "have different limits: choose one with --run (rounded, fast)" in torn.stderr.replace(
+        "(fast, rounded)", "(rounded, fast)"
+    )
+    named = json.loads(check(folder, *arguments, "--run", "fast").stdout)
+    assert {x["name"]: x for x in named["limits"]}["speed"]["limit"] == 0.2
+    table = check(folder, "planned.csv", "--path", "job.yaml", "--run", "fast").stdout
+    assert "t [s]" in table
+
+
 def test_the_jobs_own_arm_is_the_default(folder: FilePath) -> None:
     named = check(folder, "planned.csv", "--arm", "pmk3s", "--path", "job.yaml", "--json")
     default = check(folder, "planned.csv", "--path", "job.yaml", "--json")
@@ -197,3 +217,42 @@ def test_the_jobs_own_arm_is_the_default(folder: FilePath) -> None:
     both = check(folder, "planned.csv", "--path", "job.yaml", "--tip", "tcp")
     assert both.returncode == 2
     assert "--tip, --base and --joint-limits go with --arm" in both.stderr
+
+
+def test_how_the_tool_is_held_is_checked_too(tmp_path: FilePath) -> None:
+    robot = ac.load_arm("ur5e")
+    points = [[0.4, -0.1, 0.3], [0.45, 0.1, 0.3]]
+    planned = ac.plan(ac.Path.polyline(points).pointing((0, 0, -1)), robot, robot.limits)
+    x = planned.sample(4e-3)
+    np.savetxt(
+        tmp_path / "planned.csv",
+        np.column_stack([x.t, x.q]),
+        "%.9f",
+        ",",
+        header=",".join(["t [s]", *(f"{name} [rad]" for name in robot.joint_names)]),
+        comments="",
+    )
+    job = {
+        "name": "held",
+        "arm": "ur5e",
+        "path": {"points": points, "orientation": {"axis": [0, 0.1, -1]}},
+        "servo": {"kp": 25, "kv": 150},
+        "runs": {"one": {}},
+    }
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
+    given = ("planned.csv", "--path", "job.yaml", "--json")
+    without = json.loads(check(tmp_path, *given).stdout)
+    assert without["not_judged"] == ["joint_torque", "orientation_deviation"]
+    for allowed, code in (("0.5 deg", 1), ("6 deg", 0)):
+        (tmp_path / "limits.yaml").write_text(
+            f"orientation_deviation: {allowed}\njoint_acceleration: 100\n"
+        )
+        done = check(tmp_path, *given, "--limits", "limits.yaml")
+        assert done.returncode == code, done.stdout + done.stderr
+        (use,) = (
+            x for x in json.loads(done.stdout)["limits"] if x["name"] == "orientation_deviation"
+        )
+        assert use["value"] == pytest.approx(np.arctan(0.1), abs=1e-4)
+    (tmp_path / "limits.yaml").write_text("orientation_deviation: 1 deg\n")
+    lost = check(tmp_path, "planned.csv", "--arm", "ur5e", "--limits", "limits.yaml")
+    assert lost.returncode == 2 and "name its job with --path" in lost.stderr

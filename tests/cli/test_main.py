@@ -75,7 +75,7 @@ def test_runs_a_job(tmp_path: FilePath) -> None:
             4,
             "joint 2",
         ),
-        ({"runs": {"a": {"timing": {"method": "magic"}}}}, 2, "method must be one of"),
+        ({"runs": {"a": {"timing": {"method": "magic"}}}}, 2, "runs.a.timing.method: must be"),
     ],
 )
 def test_an_error_is_one_sentence_with_its_code_and_leaves_nothing(
@@ -109,6 +109,43 @@ def test_an_experiment_has_its_columns_and_files(tmp_path: FilePath) -> None:
     assert {"one/taught.csv", "one/planned.csv", "one/torque.csv"} <= set(files)
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
     assert header == "t [s],joint 1 [N m],joint 2 [N m]"
+
+
+def test_a_failed_experiment_leaves_the_other_results(tmp_path: FilePath) -> None:
+    job = {
+        "name": "line",
+        "arm": "panda",
+        "path": {
+            "points": [[0.4, 0, 0.3], [0.45, 0, 0.3]],
+            "orientation": {"rpy": ["180 deg", 0, 0]},
+        },
+        "limits": {"speed": 0.25},
+        "servo": {"kp": 25, "kv": 150},
+        "experiment": {"step": "20 ms"},
+        "runs": {"one": {}},
+    }
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
+    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Run one: experiment: Joint 2 is unstable" in done.stdout
+    assert "failed" in done.stdout
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["one"]
+    assert found["experiment"]["failed"].startswith("experiment: Joint 2 is unstable")
+    assert found["contour_error"]["rms"] > 0
+    assert (tmp_path / "out" / "one" / "taught.csv").is_file()
+
+
+def test_tables_keep_their_units_and_coarse_set_points_are_said(tmp_path: FilePath) -> None:
+    job = {**JOB, "title": "A [s] title", "command_interval": "0.5 s"}
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
+    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for words in ("A [s] title", "motion [s]", "RMS error [mm]"):
+        assert words in done.stdout
+    warning = "the command interval of 0.5 s is more than a tenth of the motion"
+    assert f"Warning: Run planned: {warning}" in done.stdout
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["planned"]
+    assert warning in found["warnings"][0]
 
 
 def test_arms_are_listed_with_what_is_assumed(tmp_path: FilePath) -> None:

@@ -73,3 +73,18 @@ def test_every_corner_has_its_own_region():
 def test_a_smooth_path_has_no_corners():
     path = ac.round_corners(RIGHT_ANGLE, tolerance=0.01)
     assert corner_deviations(dense([(0, 0), (1, 0)]), path) == ()
+
+
+def test_every_corner_of_many_has_its_own_region():
+    rng = np.random.default_rng(0)
+    points = np.column_stack([np.arange(60.0), rng.normal(size=60)])
+    path = ac.Path.polyline(points)
+    tool = path(np.linspace(0, path.length, 9001)) + 0.02 * rng.normal(size=(9001, 2))
+    s = path.project(tool).s
+    found = corner_deviations(tool, path)
+    assert len(found) == 58
+    for x in found:
+        low = path.breaks[x.joint] - path.lengths[x.joint - 1] / 2
+        high = path.breaks[x.joint] + path.lengths[x.joint] / 2
+        near = tool[(s >= low) & (s <= high)] - x.point
+        assert x.rounding == np.linalg.norm(near, axis=1).min()

@@ -27,7 +27,7 @@ def by_hand(arm, t, tool, demand=None, planned=None):
         dq=dq,
         ddq=np.clip(demand, -0.72, 0.72),
         demand=demand,
-        peak_demand=np.abs(demand).max(axis=0),
+        demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
         saturated_time=np.array([0.5, 0.0]),
     )
 
@@ -110,7 +110,7 @@ def test_by_default_errors_are_covered_until_the_tool_rests(arm):
         arm=arm,
         taught=ac.TaughtData(period=0.1, q=done.q[:1], trajectory=short, method="hand"),
         t=T, q=done.q, dq=done.dq, ddq=done.ddq, demand=done.demand,
-        peak_demand=done.peak_demand, saturated_time=done.saturated_time,
+        demand_range=done.demand_range, saturated_time=done.saturated_time,
     )  # fmt: skip
     found = ac.evaluate(late, LINE)
     assert found.duration == 0.5 and found.until == found.settled == 2.0
@@ -218,3 +218,15 @@ def test_a_tool_that_is_turned_is_off_by_that_angle() -> None:
     )
     error = ac.evaluate(executed, free).orientation_error
     assert error is not None and error.max < 2e-3
+
+
+def test_a_demand_is_counted_in_its_own_direction(arm):
+    demand = np.zeros((len(T), 2))
+    demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
+    executed = by_hand(arm, T, ALONG, demand=demand)
+    both = ac.Limits(joint_acceleration=1.0)
+    assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
+    weak = both.replace(joint_deceleration=[0.5, 2.0])
+    found = ac.evaluate(executed, LINE, limits=weak)
+    np.testing.assert_allclose(found.demand_ratio, [1.2, 0.3])
+    np.testing.assert_array_equal(found.demand, [0.9, 0.6])

@@ -25,7 +25,7 @@ def executed(arm, tool, period, planned):
         dq=dq,
         ddq=np.zeros_like(q),
         demand=np.zeros_like(q),
-        peak_demand=np.zeros(2),
+        demand_range=np.zeros((2, 2)),
         saturated_time=np.zeros(2),
     )
 

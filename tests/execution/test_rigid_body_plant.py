@@ -293,7 +293,11 @@ def test_arms_of_the_library(name):
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
     given = {"q": np.zeros((1, 1)), "dq": np.zeros((1, 1)), "ddq": np.ones((1, 1))}
     given |= {"arm": pendulum(), "taught": taught_data([[0.0]]), "t": np.zeros(1)}
-    given |= {"demand": np.ones((1, 1)), "peak_demand": np.ones(1), "saturated_time": np.zeros(1)}
+    given |= {
+        "demand": np.ones((1, 1)),
+        "demand_range": np.ones((2, 1)),
+        "saturated_time": np.zeros(1),
+    }
     torque = np.array([[2.0]])
     done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
     torque[:] = 0
@@ -376,13 +380,24 @@ def test_drives_that_are_too_weak_are_errors(refuses):
     )
 
 
+def test_a_missing_armature_is_named_where_a_servo_does_not_settle(refuses):
+    light = pendulum(gravity=WEIGHTLESS, armature=[0.0])
+    refuses(
+        lambda: run(light, [[0.0], [1.0]], kp=0.01, period=0.02, step=5e-3, resolution=0.02),
+        ac.ExecutionError,
+        "do not let it settle; the inertia of its drive, armature, is missing.",
+        joint=1,
+    )
+
+
 def test_a_servo_that_does_not_settle_is_an_error(refuses):
     refuses(
         lambda: run(pendulum(gravity=WEIGHTLESS), [[0.0], [1.0]], kp=0.01, period=0.02, step=5e-3,
                     resolution=0.02),
         ac.ExecutionError,
         "Joint 1 is not at rest",
-        "do not let it settle",
+        "rad from it, it still moves",
+        "do not let it settle.",
         joint=1,
     )  # fmt: skip
     refuses(

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import armcontour as ac
+from armcontour.arms.chain import Chain
+from armcontour.arms.serial import SerialArm
+from armcontour.execution.servo_run import PiecedRun, TorqueBounds
 from armcontour.motion import LapLaw
+from armcontour.servo.command import polynomials
 
 
 def taught_data(q, period=0.02):
@@ -244,14 +249,160 @@ def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
     )
 
 
+def test_what_cannot_be_held_at_the_end_is_an_error_too(refuses):
+    heavy = ac.load_arm("ur5e")
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    limits = ac.Limits(joint_torque=[150.0, 20.0, 150.0, 28.0, 28.0, 28.0])
+    up = np.array([0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0])
+    q = np.array([up, up, up + [0, 1.0, 0, 0, 0, 0]])
+    simulated = ac.ServoPlant(heavy, servo, limits)
+    refuses(
+        lambda: ac.execute(taught_data(q, 0.5), simulated),
+        ac.ExecutionError,
+        "Joint 2",
+        "at the last set-point",
+        joint=2,
+        t=1.0,
+        allowed=20.0,
+    )
+
+
+def pendulum(viscous, gravity=0.0):
+    """A point mass of 2 kg at 0.5 m that lies along x at 0, with an inertia of 0.6 kg m²."""
+    chain = Chain(
+        joints=("hinge",),
+        rotations=np.eye(3)[None],
+        positions=np.zeros((1, 3)),
+        axes=[[0.0, -1.0, 0.0]],
+        masses=[2.0],
+        centers=[[0.5, 0.0, 0.0]],
+        inertias=np.zeros((1, 3, 3)),
+        armature=[0.1],
+        viscous=[viscous],
+        gravity=[0.0, 0.0, -gravity],
+    )
+    return SerialArm(name="pendulum", chain=chain, limits=ac.Limits())
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolation):
+    """Friction brakes for the drive: what is left of its torque has one sign."""
+    limited, viscous = 12.0, 6.0
+    arm = pendulum(viscous, gravity)
+    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
+    fast = np.concatenate([np.cumsum(np.linspace(0, 0.08, 20)), np.full(10, 0.9)])
+    taught = taught_data(np.pi / 2 - 0.9 + fast[:, None])
+    start = ac.ServoPlant(arm, servo, ac.Limits(joint_torque=3 * limited))
+    before = ac.execute(taught, start, resolution=0.02)
+    # The first half with a strong drive, then it gets a third of that, and the joint is too fast.
+    assert np.abs(arm.torque(before.q, before.dq, 0 * before.q)).max() > limited
+    bounds = TorqueBounds(arm, np.array([limited]), taught)
+    run = PiecedRun(taught, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
+    k = int(np.argmax(before.dq))
+    q, dq = before.q[k], before.dq[k]
+    low, high = bounds.at(k, q, dq)
+    assert high < 0  # it brakes, whatever the servo asks for
+    part = run.advance(k, 6, q, dq)
+    pieces = polynomials(taught.q, 0.02, interpolation)[0]
+    for number in range(6):
+        low, high = bounds.at(k + number, q, dq)
+        command = pieces[k + number + 1]
+
+        def motion(t, x, command=command, low=low, high=high):
+            u = command @ t ** np.arange(4)
+            return [x[1], np.clip(150 * (25 * (u - x[0]) - x[1]), low[0], high[0])]
+
+        found = solve_ivp(
+            motion, (0, 0.02), [q[0], dq[0]], method="DOP853", rtol=1e-10, atol=1e-12,
+            max_step=1e-4,
+        ).y[:, -1]  # fmt: skip
+        end = 200 * (number + 1) - 1
+        np.testing.assert_allclose([part.q[end, 0], part.dq[end, 0]], found, atol=1e-7)
+        q, dq = found[:1], found[1:]
+    assert part.saturated[0] > 0.01
+    steps = part.ddq[:, 0].reshape(6, 200)
+    assert (steps[0] < 0).all()
+
+
+def test_a_plan_within_every_torque_limit_runs():
+    """While it brakes, viscous friction and velocities take more than the drives could give."""
+    own = ac.load_arm("ur5e")
+    chain = own.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
+    arm = SerialArm(name="stiff", chain=chain, limits=own.limits)
+    torque = 0.7 * own.limits.joint_torque
+    limits = ac.Limits(joint_velocity=6.0, joint_torque=torque)
+    path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
+    planned = ac.plan(path, arm, limits)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(planned, servo, method="pole_placement", period=0.004)
+    done = ac.execute(taught, ac.ServoPlant(arm, servo, limits))
+    assert (np.abs(arm.torque(done.q, done.dq, 0 * done.q)) / torque).max() > 1.02
+    np.testing.assert_allclose(done.q[-1], taught.q[-1], atol=1e-8)
+
+
+def test_saturation_by_default_is_in_what_is_limited(arm):
+    servo, lag = ac.ServoModel(kp=25.0, kv=150.0), ac.ServoModel(kp=25.0, order="first")
+    torque = ac.Limits(joint_torque=30.0)
+    both = torque.replace(joint_acceleration=1.0)
+    hung = pendulum(0.0)
+    bare = SerialArm(
+        name="bare",
+        chain=hung.chain.replace(masses=None, centers=None, inertias=None),
+        limits=ac.Limits(),
+    )
+    for of, limits, model, expected in (
+        (hung, both, servo, "acceleration"),
+        (hung, torque, servo, "torque"),
+        (bare, torque, servo, "none"),
+        (hung, ac.Limits(joint_velocity=1.0), servo, "none"),
+        (hung, both, lag, "none"),
+        (hung, torque, lag, "none"),
+    ):
+        assert ac.ServoPlant(of, model, limits).saturation == expected
+    target = taught_data([(0.0,), (1.0,), (1.0,)], 0.1)
+    done = ac.execute(target, ac.ServoPlant(hung, servo, torque))
+    assert done.saturated_time[0] > 0.01 and done.saturated.any()
+    assert done.ddq.max() == pytest.approx(30 / 0.6)
+
+
+def test_the_range_of_the_demand_has_both_directions(arm):
+    limits = ac.Limits(joint_acceleration=[2.0, 5.0], joint_deceleration=[1.0, 3.0])
+    for interpolation in ("linear", "cubic"):
+        servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
+        for bounds in (limits, ac.Limits(), ac.Limits(joint_acceleration=3.0)):
+            done = ac.execute(
+                taught_data(RANDOM, 0.05), ac.ServoPlant(arm, servo, bounds), resolution=2e-5
+            )
+            seen = [done.demand.min(axis=0), done.demand.max(axis=0)]
+            np.testing.assert_allclose(done.demand_range, seen, rtol=1e-3)
+            np.testing.assert_array_equal(done.peak_demand, np.abs(done.demand_range).max(axis=0))
+    lag = ac.ServoModel(kp=25.0, order="first", interpolation="cubic")
+    done = ac.execute(taught_data(RANDOM, 0.05), ac.ServoPlant(arm, lag), resolution=2e-5)
+    seen = [done.demand.min(axis=0), done.demand.max(axis=0)]
+    np.testing.assert_allclose(done.demand_range, seen, rtol=1e-2)
+
+
 def test_a_servo_that_does_not_settle_is_an_error(arm, refuses):
     refuses(
         lambda: ac.execute(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02),
         ac.ExecutionError,
         "Joint 2 is not at rest",
-        "do not let it settle",
+        "rad from it: its servo gains do not let it settle",
         joint=2,
     )
+    heavy = pendulum(0.0, gravity=9.81)
+    servo = ac.ServoModel(kp=0.01, kv=150.0)
+    for limits, words in (
+        (ac.Limits(joint_acceleration=1.0), "gains and acceleration limit do not"),
+        (ac.Limits(joint_torque=20.0), "gains and torque limit do not"),
+    ):
+        simulated = ac.ServoPlant(heavy, servo, limits)
+        refuses(
+            lambda simulated=simulated: ac.execute(taught_data([(0,), (1,)], 0.1), simulated),
+            ac.ExecutionError,
+            words,
+        )
 
 
 @pytest.mark.parametrize(

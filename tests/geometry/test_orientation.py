@@ -156,7 +156,7 @@ def test_repeated_points_take_one_orientation_each():
 
 def test_a_path_does_not_turn_on_the_spot(refuses):
     path = ac.Path.polyline([(0, 0, 0), (0.1, 0, 0), (0.1, 0, 0), (0.2, 0, 0)])
-    words = ("Waypoint 2", "cannot turn the tool on the spot")
+    words = ("Waypoint 3", "cannot turn the tool on the spot")
     refuses(lambda: path.oriented(turns(4)), ac.InvalidInput, *words, index=2)
     directions = [(0, 0, -1), (0, 0, -1), (0, 1, -1), (0, 0, -1)]
     refuses(lambda: path.pointing(directions), ac.InvalidInput, *words, index=2)
@@ -172,7 +172,7 @@ def test_a_wrong_number_of_orientations_is_refused(count, refuses):
 def test_half_a_turn_between_waypoints_is_refused(refuses):
     given = np.tile(DOWN, (5, 1, 1))
     given[3:] = np.eye(3)
-    words = ("waypoints 2 and 3 differ by half a turn", "put a waypoint between them")
+    words = ("waypoints 3 and 4 differ by half a turn", "put a waypoint between them")
     refuses(lambda: PATH.oriented(given), ac.InvalidInput, *words, index=2)
     refuses(lambda: PATH.pointing(given[:, 2]), ac.InvalidInput, *words, index=2)
     nearly = np.tile(DOWN, (5, 1, 1))
@@ -272,7 +272,7 @@ def test_a_turn_back_is_refused_where_the_tool_follows(refuses):
     refuses(
         lambda: path.following_tangent([0, 0, 1]),
         ac.InvalidInput,
-        "behind segment 1",
+        "behind segment 2",
         "180°",
         "split the path",
         index=1,

@@ -167,7 +167,7 @@ def test_messages_count_the_points_of_a_spline(refuses):
         f"{len(path) + 1} values",
         "the path has 5 waypoints",
     )
-    refuses(lambda: path.oriented(TURNS[[0, 1, 2, 2, 3]]), ac.InvalidInput, "Waypoint 2", index=2)
+    refuses(lambda: path.oriented(TURNS[[0, 1, 2, 2, 3]]), ac.InvalidInput, "Waypoint 3", index=2)
     half = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0], [0, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0]])
     for whole in (path, ac.Path.polyline(repeated)):
         refuses(

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path as FilePath
+from typing import get_args
 
 import jsonschema
 import numpy as np
 import pytest
 import yaml
 
+from armcontour.arms import load_arm
 from armcontour.cli.running import built_in_job
+from armcontour.compensation import compensator
 from armcontour.errors import InvalidInput
 from armcontour.io import json_schema, parse_job, read_job
+from armcontour.io.job_model import CompensationModel, TimingModel
+from armcontour.timing import planner
 
 ROOT = FilePath(__file__).parents[2]
 GOOD = {
@@ -79,6 +84,38 @@ def test_the_acceleration_of_case_one_limits_the_corner_speed_too() -> None:
     assert job.runs[0].limits.centripetal_acceleration == 0.05
 
 
+def test_null_lifts_a_limit_of_the_arm_or_of_the_job() -> None:
+    arm = load_arm("pmk3s")
+    assert arm.limits.joint_acceleration is not None
+    assert parse_job(yaml.safe_dump(GOOD)).runs[0].limits.joint_acceleration is not None
+    lifted = with_change("limits.joint_velocity", 2.0).replace("0.10 m/s", "0.10 m/s\n  Z: null")
+    (run,) = parse_job(lifted.replace("Z", "joint_acceleration")).runs
+    assert run.limits.joint_acceleration is None
+    np.testing.assert_array_equal(run.limits.joint_velocity, [2, 2])
+    runs = {"one": {"limits": {"speed": None, "joint_acceleration": None}}, "two": {}}
+    one, two = parse_job(with_change("runs", runs)).runs
+    assert one.limits.speed is None and one.limits.joint_acceleration is None
+    assert two.limits.speed == 0.10 and two.limits.joint_acceleration is not None
+
+
+def test_the_plant_is_the_servo_but_for_what_it_says() -> None:
+    job = parse_job(with_change("plant", {"dead_time": "44 ms"}))
+    np.testing.assert_array_equal(job.plant_servo.kp, job.servo.kp)
+    np.testing.assert_array_equal(job.plant_servo.kv, job.servo.kv)
+    np.testing.assert_array_equal(job.plant_servo.dead_time, [0.044, 0.044])
+    np.testing.assert_array_equal(job.servo.dead_time, [0, 0])
+    first = parse_job(with_change("plant", {"order": "first"})).plant_servo
+    assert first.order == "first" and first.kv is None
+    assert parse_job(with_change("plant", {})).plant_servo.order == "second"
+
+
+def test_methods_are_those_of_the_doors() -> None:
+    timing = TimingModel.model_fields["method"].annotation
+    assert set(get_args(timing)) == set(planner.METHODS)
+    compensation = CompensationModel.model_fields["method"].annotation
+    assert set(get_args(compensation)) == set(compensator.METHODS)
+
+
 def test_lines_and_arcs() -> None:
     path = {
         "start": [0.28, 0.20],
@@ -98,25 +135,61 @@ def test_lines_and_arcs() -> None:
     [
         ("arm", None, "the key arm is missing"),
         ("arm", "pmk4", "no built-in arm 'pmk4'"),
-        ("limits.speeed", 1, "unknown key limits.speeed"),
+        ("limits.speeed", 1, r"unknown key limits.speeed: did you mean speed\?$"),
+        ("corners.tolerence", 1, r"unknown key corners.tolerence: did you mean tolerance\?$"),
+        ("runs.one.limits.sped", 1, r"runs.one.limits.sped: did you mean speed\?$"),
+        ("servo.colour", 1, "unknown key servo.colour: the keys there are kp, kv, order, "),
+        ("corners", {}, "corners needs tolerance, the largest corner error, or speed and acceler"),
+        ("runs.one.corners", {"acceleration": 1}, "runs.one.corners needs tolerance"),
+        ("corners", "round", "corners: must be a mapping of keys or sharp, not 'round'.$"),
+        ("runs.one", [], r"runs.one: must be a mapping of keys, not \[\].$"),
+        ("runs.one.timing.method", "fast", "runs.one.timing.method: must be optimal, mac or conv"),
+        ("runs.one.compensation", {"method": "full"}, "method: must be inverse, pole_placement or"),
+        (
+            "runs.one.compensation",
+            {"poles": [-1, -1]},
+            "poles: needs at least 3 entries, but has 2",
+        ),
+        (
+            "runs.one.compensation",
+            {"poles": [-1, -1, 1]},
+            r"\(item 3\): must be below zero, but is 1",
+        ),
+        (
+            "runs.one.compensation",
+            {"method": "inverse", "poles": [-1, -1, -1]},
+            "runs.one.compensation.poles goes with the method pole_placement, not inverse.$",
+        ),
+        ("runs.one.timing.intervals", 50, "timing.intervals goes with the method optimal, not mac"),
+        ("runs.one.timing.knots", 1, "runs.one.timing.knots: must be at least 8, but is 1.$"),
+        ("runs.one.limits", {"speed": 0}, "runs.one.limits.speed: must be above zero"),
+        ("command_interval", "0 s", "command_interval: must be above zero, but is 0 s.$"),
+        ("plant", {"kp": "-1 1/s"}, "plant.kp: must be above zero"),
+        ("plant", {"kp": [1, 2, 3]}, "plant: servo gain kp has 3 values"),
+        ("title", 5, "title: must be text, not 5.$"),
+        ("path.points", 5, "path.points: must be a list, not 5.$"),
         ("limits.speed", "0.1", "limits.speed: '0.1' has no unit"),
         ("limits.speed", "5 mm", "limits.speed: must be a quantity in m/s"),
-        ("limits.speed", -1, "speed must be above zero, but is -1"),
-        ("limits.joint_acceleration", -0.72, "joint_acceleration must be above zero"),
+        ("limits.speed", -1, "limits.speed: must be above zero, but is -1 m/s"),
+        ("limits.joint_acceleration", -0.72, "limits.joint_acceleration: must be above zero"),
         ("limits.joint_acceleration", [1, 2, 3], "joint_acceleration has 3 values.*2 joints"),
         ("path.points", [[0.3, 0.2]], "at least two different points"),
         ("path.points", [[0.3, 0.2], [0.3, 0.2]], "all the same"),
         ("path.points", [], "points of path are empty"),
-        ("path.points", [[0.3, float("nan")], [0.3, 0.2]], "path.points.0.1: must be finite"),
+        (
+            "path.points",
+            [[0.3, float("nan")], [0.3, 0.2]],
+            r"path.points \(item 1, item 2\): must be finite",
+        ),
         ("path.points", [[0.3, 0.2], [0.3, 0.2, 0.1]], "all have 2 or all have 3"),
         ("path.start", [0, 0], "either points, or start and segments"),
-        ("servo.kp", [25, 20, 10], "kp has 3 values, but the arm has 2 joints"),
-        ("servo.kp", 0, "kp must be above zero"),
+        ("servo.kp", [25, 20, 10], "servo: servo gain kp has 3 values, but the arm has 2"),
+        ("servo.kp", 0, "servo.kp: must be above zero, but is 0 1/s"),
         ("servo.interpolation", "quartic", "servo.interpolation"),
-        ("servo.dead_time", "-1 ms", "dead_time must not be negative"),
+        ("servo.dead_time", "-1 ms", "servo.dead_time: must not be negative, but is -0.001 s"),
         ("servo.order", "first", "leave its gain kv out"),
-        ("runs", {}, "runs"),
-        ("runs", {"../up": {"timing": {"method": "mac"}}}, "runs"),
+        ("runs", {}, "runs: needs at least one entry, but has 0.$"),
+        ("runs", {"../up": {}}, "runs.../up: a name must be letters, digits, - and _, 64 at most"),
         ("published", {"source": "x", "runs": {"two": {}}}, "names the run two"),
         (
             "published",

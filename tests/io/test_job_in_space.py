@@ -93,6 +93,18 @@ def test_a_description_is_found_beside_the_job(folder: FilePath) -> None:
     assert arm.links(np.zeros(4))[1][2] == pytest.approx(0.4 + 0.1 + 0.3 + 0.2)
 
 
+def test_a_sliding_joint_of_a_xacro_file_is_locked_at_a_length(folder: FilePath) -> None:
+    pytest.importorskip("xacro")
+    (folder / "robot.urdf").rename(folder / "robot.xacro")
+    described = {"file": "robot.xacro", "tip": "tcp", "locked": {"lift": "100 mm"}}
+    found = job(folder, arm=described).arm
+    assert "lift" not in found.joint_names
+    with pytest.raises(InvalidInput, match="arm.locked.lift: must be a quantity in m, which '2 de"):
+        job(folder, arm={**described, "locked": {"lift": "2 deg"}})
+    with pytest.raises(InvalidInput, match="only the joints of a .urdf or .xacro file"):
+        job(arm={"name": "ur5e", "locked": {"lift": 0}})
+
+
 def test_a_description_may_be_named_alone(folder: FilePath) -> None:
     with pytest.raises(InvalidInput, match=r"job.yaml: .*robot.urdf"):
         job(folder, arm="robot.urdf")  # it has three ends, so a tip must be chosen
@@ -108,10 +120,10 @@ def test_a_description_may_be_named_alone(folder: FilePath) -> None:
         ({"file": "robot.txt"}, "arm.file must be a .yaml, .yml, .urdf, .xacro file"),
         ({"file": "none.urdf"}, "no robot description .*none.urdf"),
         ({"name": "ur5e", "tip": "tcp"}, "no other tip"),
-        ({"name": "ur5e", "tip": 5}, "arm.tip: input should be a valid string"),
+        ({"name": "ur5e", "tip": 5}, "arm.tip: must be text, not 5"),
         (
             {"name": "ur5e", "tool": {"position": [0, 0, "1 deg"]}},
-            "arm.tool.position.2: must be a quantity in m",
+            r"arm.tool.position \(item 3\): must be a quantity in m",
         ),
         ({"name": "ur5e", "tool": {"position": [0, 0]}}, "arm.tool.position"),
         (
@@ -122,7 +134,10 @@ def test_a_description_may_be_named_alone(folder: FilePath) -> None:
             {"name": "ur5e", "tool": {"quaternion": [0, 0, 0, 2]}},
             "arm.tool.quaternion: a quaternion .* must have the length 1",
         ),
-        ({"name": "ur5e", "tool": {"rpy": ["90", 0, 0]}}, "arm.tool.rpy.0: '90' has no unit"),
+        (
+            {"name": "ur5e", "tool": {"rpy": ["90", 0, 0]}},
+            r"arm.tool.rpy \(item 1\): '90' has no unit",
+        ),
         ({"name": "ur5e", "payload": {"mass": -1}}, "arm.payload: payload mass"),
         ({"name": "ur5e", "payload": {}}, "the key arm.payload.mass is missing"),
         (
@@ -224,12 +239,15 @@ def test_tool_axis_and_tangent() -> None:
             {"points": POINTS, "orientation": {"rpy": [0, 0, 0], "axis": [0, 0, 1]}},
             "path.orientation takes one of .*, not rpy and axis",
         ),
-        ({"points": POINTS, "orientation": {"rpy": [0, 0, "1 m"]}}, "orientation.rpy.2: must be"),
+        (
+            {"points": POINTS, "orientation": {"rpy": [0, 0, "1 m"]}},
+            r"orientation.rpy \(item 3\): must",
+        ),
         ({"points": POINTS, "orientation": {"rpyy": [0, 0, 0]}}, "unknown key path.orientation.r"),
         ({"points": POINTS, "orientation": {"axis": [0, 0, 0]}}, "has no length"),
         (
             {"points": POINTS, "orientation": {"axis": [0, 0, 1], "axis_only": "yes"}},
-            "path.orientation.axis_only: input should be a valid boolean",
+            "path.orientation.axis_only: must be true or false, not 'yes'",
         ),
         ({"points": POINTS, "orientation": []}, "path.orientation is an empty list"),
         ({"points": POINTS, "orientation": [{"rpy": [0, 0, 0]}] * 2}, "has 2 values.*3 waypoints"),
@@ -239,7 +257,7 @@ def test_tool_axis_and_tangent() -> None:
         ),
         (
             {"points": POINTS, "orientation": [{"follow_tangent": {"up": [0, 0, 1]}}] * 3},
-            "path.orientation.0: follow_tangent holds for the whole path",
+            r"path.orientation \(item 1\): follow_tangent holds for the whole path",
         ),
         (
             {"points": POINTS, "orientation": {"follow_tangent": {"up": [1, 0, 0]}}},
@@ -261,15 +279,22 @@ def test_tool_axis_and_tangent() -> None:
         ({"start": POINTS[0], "segments": []}, "path.segments is empty"),
         (
             {"start": POINTS[0], "segments": [{"via": [0.45, 0, 0.2], "to": [0.5, 0, 0.2]}]},
-            "path.segments.0: The points .* lie on one line",
+            r"path.segments \(item 1\): The points .* lie on one line",
         ),
         (
             {"start": POINTS[0], "segments": [{"via": [0.5, 0.1, 0.2]}]},
-            "path.segments.0 takes either to .*, or via and to",
+            r"path.segments \(item 1\) takes either to .*, or via and to",
         ),
         (
             {"start": POINTS[0], "segments": [{"center": [0.5, 0, 0.2], "angle": "360 deg"}]},
             "is an arc in space and needs its normal",
+        ),
+        (
+            {
+                "start": POINTS[0],
+                "segments": [{"to": POINTS[1]}, {"center": POINTS[1], "angle": 1}],
+            },
+            "egment [12] must be an arc with a radius above zero",
         ),
     ],
 )
@@ -330,15 +355,15 @@ def test_experiments() -> None:
     ("changes", "words"),
     [
         ({"start": [0, 0, 0]}, "start has 3 values, but the arm has 6 joints"),
-        ({"start": ["1 m", 0, 0, 0, 0, 0]}, "start.0: must be a quantity in rad"),
+        ({"start": ["1 m", 0, 0, 0, 0, 0]}, r"start \(item 1\): must be a quantity in rad"),
         ({"limits": {"joint_torque": "5 m"}}, "limits.joint_torque: must be a quantity in N m"),
         ({"limits": {"joint_lower": 1, "joint_upper": 0}}, "range of joint 1 is empty"),
-        ({"limits": {"angular_speed": 0}}, "angular_speed must be above zero"),
-        ({"ignore_jerk": "yes"}, "ignore_jerk: input should be a valid boolean"),
+        ({"limits": {"angular_speed": 0}}, "limits.angular_speed: must be above zero"),
+        ({"ignore_jerk": "yes"}, "ignore_jerk: must be true or false, not 'yes'"),
         ({"experiment": {"runs": ["three"]}}, "experiment.runs names the run three"),
         ({"experiment": {"noise": "1 m"}}, "experiment.noise: must be a quantity in rad"),
-        ({"experiment": {"friction": 1}}, "experiment.friction: input should be a valid boolean"),
-        ({"experiment": {"seed": 1.5}}, "experiment.seed: input should be a valid integer"),
+        ({"experiment": {"friction": 1}}, "experiment.friction: must be true or false, not 1"),
+        ({"experiment": {"seed": 1.5}}, "experiment.seed: must be a whole number, not 1.5"),
         ({"experiment": {"steps": 1}}, "unknown key experiment.steps"),
         ({"corners": {"angular_tolerance": "1 mm"}}, "corners.angular_tolerance: must be"),
     ],

@@ -83,5 +83,6 @@ def test_refuses_a_file_in_place_of_the_folder(tmp_path: FilePath) -> None:
 
 def test_refuses_what_cannot_be_written(tmp_path: FilePath) -> None:
     (tmp_path / "file").write_text("a file")
-    with pytest.raises(InvalidInput, match="Cannot write to the folder"):
-        ResultFolder(tmp_path / "file" / "out")
+    for name in ("out", "deep/er"):
+        with pytest.raises(InvalidInput, match="Cannot write to the folder .*file is a file: cho"):
+            ResultFolder(tmp_path / "file" / name)

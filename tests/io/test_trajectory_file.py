@@ -133,7 +133,7 @@ def test_limits_with_units(tmp_path: FilePath, arm: ac.Arm) -> None:
         "speed: 150 mm/s\ntool_acceleration: 2\ncentripetal_acceleration: 0.09 m/s^2\n"
         "joint_velocity: [90 deg/s, 1.0]\njoint_deceleration: 0.5 rad/s^2\ndeviation: 0.1 mm\n"
     )
-    limits, deviation = read_limits(file, arm)
+    limits, deviation, _ = read_limits(file, arm)
     assert deviation == pytest.approx(1e-4)
     assert (limits.speed, limits.tool_acceleration) == (0.15, 2)
     assert limits.joint_velocity is not None
@@ -151,7 +151,7 @@ def test_limits_with_units(tmp_path: FilePath, arm: ac.Arm) -> None:
         ("{", "not valid YAML"),
         ("speeed: 1", "unknown key speeed"),
         ("speed: '0.1'", "speed: '0.1' has no unit"),
-        ("speed: -1", "speed must be above zero"),
+        ("speed: -1", "speed: must be above zero"),
         ("deviation: 1 s", "deviation: must be a quantity in m"),
         ("joint_velocity: [1, 2, 3]", "3 values.*2 joints"),
     ],

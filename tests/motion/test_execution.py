@@ -22,7 +22,7 @@ def test_tool_speed_and_saturation(arm):
         dq=np.array([[1.0, 0.0], [0.0, 1.0]]),
         ddq=np.array([[0.72, -0.5], [-0.72, 0.0]]),
         demand=np.array([[3.0, -0.5], [-0.73, 0.0]]),
-        peak_demand=np.ones(2),
+        demand_range=np.ones((2, 2)),
         saturated_time=np.zeros(2),
     )
     np.testing.assert_allclose(executed.tool, [(0.135, 0.465), (0.35, 0.25)], atol=1e-15)

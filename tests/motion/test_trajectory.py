@@ -137,7 +137,7 @@ def arrays_of(value):
 def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
     given = {
         "t": np.zeros(3), "q": np.ones((3, 2)), "dq": np.ones((3, 2)), "ddq": np.ones((3, 2)),
-        "demand": np.ones((3, 2)), "peak_demand": np.ones(2), "saturated_time": np.ones(2),
+        "demand": np.ones((3, 2)), "demand_range": np.ones((2, 2)), "saturated_time": np.ones(2),
     }  # fmt: skip
     taught = ac.TaughtData(period=0.1, q=given["q"], trajectory=bent, method="none")
     made = [
@@ -145,7 +145,7 @@ def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
         (taught, 1),
         (ac.Execution(arm=arm, taught=taught, **given), 7),
         (
-            Stretch(name="x", kind="y", t=(0, 1), s=(0, 1), demand=given["peak_demand"], speed=1.0),
+            Stretch(name="x", kind="y", t=(0, 1), s=(0, 1), demand=np.ones(2), speed=1.0),
             1,
         ),
         (bent, 1),

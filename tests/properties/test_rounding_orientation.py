@@ -183,7 +183,7 @@ def test_a_kink_without_a_corner_needs_an_angular_tolerance(refuses):
     refuses(
         lambda: ac.round_corners(kinked, tolerance=0.1),
         ac.InvalidInput,
-        "another rate behind segment 1",
+        "another rate behind segment 2",
         "angular_tolerance",
     )
     rounded = ac.round_corners(kinked, tolerance=0.1, angular_tolerance=0.01)

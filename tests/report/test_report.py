@@ -8,11 +8,14 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+import yaml
 
 from armcontour.cli.running import built_in_job
-from armcontour.errors import InvalidInput
+from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.io import parse_job
 from armcontour.report import render_report, write_report
-from armcontour.report.sections.motion import _saturated
+from armcontour.report.sections import bindings, overview, paths
+from armcontour.report.sections.motion import _saturated, accelerations
 from armcontour.report.style import thinned
 from armcontour.study import Study, run
 
@@ -39,8 +42,95 @@ def test_figures_of_the_evaluation_stand_in_the_page(study: Study, page: str) ->
 
 
 def test_published_figures_ratios_and_time_stamps_stand_beside_ours(page: str) -> None:
-    for text in ("2.630 mm", "0.164 mm", "46.4%", "6.2%", "5.770", "P9", "line 2: AVC"):
+    for text in ("2.630 mm", "0.164 mm", "46.4%", "6.24%", "5.770", "P9", "line 2: AVC"):
         assert text in page
+
+
+def test_more_than_two_runs_are_compared_in_a_table(study: Study) -> None:
+    section = overview(study)
+    assert section.tiles == ()
+    (table,) = section.tables
+    assert [row[0] for row in table.rows] == list(study.runs)
+    assert table.header[:2] == ("run", "motion")
+    e = study.runs["uncompensated"].evaluation
+    found = dict(zip(table.header, table.rows[1], strict=True))
+    assert found["motion"] == f"{e.duration:.3f} s"
+    assert found["saturated"].startswith("joint 1 ")
+
+
+def test_tiles_say_who_was_saturated(study: Study) -> None:
+    result = study.runs["proposed"]
+    for saturated, words in (
+        ([0.0, 0.0], "joint 2; no joint saturated"),
+        ([0.0, 0.25], "joint 2; saturated: joint 2 25.0% of the time"),
+    ):
+        evaluation = dataclasses.replace(result.evaluation, saturated=np.array(saturated))
+        one = dataclasses.replace(result, evaluation=evaluation)
+        ((_, tiles),) = overview(Study(job=study.job, runs={"proposed": one})).tiles
+        assert words[9:] in tiles[3].note
+
+
+def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
+    assert not any("On rigid bodies" in x for x in overview(study).notes)
+    plain, made_up = study.runs["uncompensated"], study.runs["proposed"]
+    assert plain.experiment is not None and made_up.experiment is not None
+    swapped = {
+        "uncompensated": dataclasses.replace(plain, experiment=made_up.experiment),
+        "proposed": dataclasses.replace(made_up, experiment=plain.experiment),
+    }
+    (note,) = overview(Study(job=study.job, runs=swapped)).notes
+    assert note.startswith(
+        "On rigid bodies the run proposed is farther from the path than uncompensated, which is "
+        "the same plan without compensation"
+    )
+    assert "leads the joints by too much or too little" in note
+
+
+def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study: Study) -> None:
+    failed = dataclasses.replace(
+        study.runs["proposed"],
+        experiment=None,
+        failure=ExecutionError("experiment: joint 1 does not rest."),
+    )
+    slow = dataclasses.replace(failed.run, period=2.0)
+    job = dataclasses.replace(study.job, published=None)
+    page = render_report(Study(job=job, runs={"proposed": dataclasses.replace(failed, run=slow)}))
+    assert "Run proposed: experiment: joint 1 does not rest." in page
+    assert "command interval of 2 s is more than a tenth of the motion" in page
+
+
+def test_the_same_plan_is_explained_once(study: Study) -> None:
+    one = study.runs["optimal"]
+    two = dataclasses.replace(one, run=dataclasses.replace(one.run, name="again"))
+    section = bindings(Study(job=study.job, runs={"optimal": one, "again": two}))
+    assert section is not None
+    assert [x.caption for x in section.tables] == ["Runs optimal and again"]
+    assert len(section.figures) == 1
+    assert "between two limits" in [row[0] for row in section.tables[0].rows]
+
+
+def test_a_servo_of_first_order_has_a_report() -> None:
+    text = yaml.safe_dump(
+        {
+            "name": "first",
+            "arm": "pmk3s",
+            "path": {"points": [[0.30, 0.20], [0.40, 0.20]]},
+            "limits": {"speed": 0.1},
+            "servo": {"order": "first", "kp": 25, "dead_time": "12 ms"},
+            "runs": {"one": {"compensation": {"method": "inverse"}}},
+        }
+    )
+    page = render_report(run(parse_job(text)))
+    header = page[page.index("<header>") : page.index("</header>")]
+    assert "25.0 1/s, dead time 0.012 s</p>" in header
+    assert "K<sub>v</sub>" not in header
+
+
+def test_a_tall_path_leaves_room_for_its_corners(study: Study, page: str) -> None:
+    section = paths(study)
+    assert section is not None
+    assert section.columns == (2, 3)
+    assert 'class="figures beside" style="--columns: 2fr 3fr"' in page
 
 
 def test_all_sections_are_there_in_order(page: str) -> None:
@@ -97,7 +187,18 @@ def test_saturated_stretches_are_joined_where_they_are_neighbours() -> None:
     demand[2005:2991] = -2.0
     demand[7000:] = 2.0
     demand[5000] = 1.0005
-    assert _saturated(t, demand, 1.0) == [
+    assert _saturated(t, demand, np.clip(demand, -1.0, 1.0)) == [
         (pytest.approx(1.0), pytest.approx(2.99)),
         (pytest.approx(7.0), pytest.approx(10.0)),
     ]
+
+
+def test_limit_lines_of_accelerations_are_those_of_each_direction(study: Study) -> None:
+    job = study.job
+    one = dataclasses.replace(
+        job.runs[0], limits=job.runs[0].limits.replace(joint_deceleration=0.5), experiment=None
+    )
+    section = accelerations(run(dataclasses.replace(job, runs=(one,), published=None)))
+    assert section is not None
+    lines = {x.y0 for x in section.figures[0].layout.shapes if x.type == "line" and x.y0 == x.y1}
+    assert lines == {0.72, -0.5}

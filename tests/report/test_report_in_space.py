@@ -209,3 +209,40 @@ def test_an_arm_without_bodies_has_no_torques() -> None:
     section = sections.joints(study)
     assert section is not None
     assert "planned torque [N m]" not in section.tables[0].header
+
+
+def test_rounded_paths_that_differ_are_all_drawn() -> None:
+    runs = {
+        "plain": {},
+        "same": {"compensation": {"method": "none"}},
+        "wide": {"corners": {"tolerance": "4 mm", "angular_tolerance": "5 deg"}},
+    }
+    zigzag = [[0.4 + 0.02 * (k % 2), 0.02 * k, 0.2] for k in range(8)]
+    path = {**UR["path"], "points": zigzag}  # type: ignore[dict-item]
+    job = {k: v for k, v in UR.items() if k != "experiment"}
+    study = run(parse_job(yaml.safe_dump(job | {"runs": runs, "path": path})))
+    expected = {"rounded path of plain", "rounded path of wide"}
+    section = sections.space(study)
+    assert section is not None
+    (figure,) = corners(study)
+    for found in (section.figures[0], figure):
+        drawn = [x for x in found.data if x.name.startswith("rounded path")]
+        assert {x.name for x in drawn} == expected
+        assert len({x.line.dash for x in drawn}) == 2
+    title = figure.layout.title.text
+    assert "the first 4 of 6" in title and "those of the rounded path of plain" in title
+
+
+def test_accelerations_have_a_limit_per_direction() -> None:
+    limits = {**UR["limits"], "joint_acceleration": 10, "joint_deceleration": 4}  # type: ignore[dict-item]
+    job = {k: v for k, v in UR.items() if k != "experiment"}
+    study = run(parse_job(yaml.safe_dump(job | {"runs": {"one": {}}, "limits": limits})))
+    section = sections.joints(study)
+    assert section is not None
+    ddq = study.runs["one"].execution.ddq
+    for j, row in enumerate(section.tables[0].rows):
+        down, up = -ddq[:, j].min(), ddq[:, j].max()
+        share = max(down / 4, up / 10)
+        limit = 4 if down / 4 > up / 10 else 10
+        if share > 1e-3:
+            assert row[4].endswith(f"of {limit} ({share:.0%})")

@@ -9,10 +9,9 @@ import pytest
 
 import armcontour as ac
 from armcontour.frames import from_rpy, log
-from armcontour.study import STEPS, Experiment, Rounding, Run, path_of, steps_of
+from armcontour.study import STEPS, Experiment, Rounding, Run, path_of, same_plan, steps_of
 from armcontour.study.quantities import (
     angular_speed,
-    has_bodies,
     planned_torques,
 )
 from armcontour.tracing.tracer import traces
@@ -177,7 +176,38 @@ def test_an_experiment_with_slow_drives_has_as_many_results_as_there_are(job):
     assert np.diff(found.experiment.execution.t).max() == pytest.approx(2e-3)
 
 
-def test_an_experiment_that_fails_says_so_with_its_run(job, refuses):
+def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
+    def fails(*_):
+        raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
+
+    monkeypatch.setattr("armcontour.study.study.on_bodies", fails)
+    this = dataclasses.replace(job.runs[0], experiment=Experiment())
+    found = ac.run(dataclasses.replace(job, runs=(this, job.runs[1]))).runs
+    assert found["proposed"].experiment is None
+    assert str(found["proposed"].failure) == "experiment: Joint 1 does not rest."
+    assert found["proposed"].failure.joint == 1
+    assert found["proposed"].evaluation.contour_error.rms > 0
+    assert found["conventional"].failure is None
+
+
+def test_coarse_set_points_are_said(job):
+    found = ac.run(job).runs["proposed"]
+    assert found.warnings == ()
+    coarse = dataclasses.replace(found, run=dataclasses.replace(found.run, period=1.0))
+    (warning,) = coarse.warnings
+    assert warning.startswith("Run proposed: the command interval of 1 s is more than a tenth")
+
+
+def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
+    (this,) = in_space.runs
+    again = dataclasses.replace(this, name="again", compensation="pole_placement")
+    slow = dataclasses.replace(this, name="slow", limits=this.limits.replace(speed=0.1))
+    found = ac.run(dataclasses.replace(in_space, runs=(this, again, slow))).runs
+    assert same_plan(found["one"], found["again"])
+    assert not same_plan(found["one"], found["slow"])
+
+
+def test_an_experiment_that_cannot_be_says_so_with_its_run(job, refuses):
     this = dataclasses.replace(job.runs[0], experiment=Experiment(step=-1.0))
     refuses(
         lambda: ac.run(dataclasses.replace(job, runs=(this,))),
@@ -290,7 +320,7 @@ class TestQuantities:
         bare.arm.chain = bare.arm.chain.replace(masses=None)
         found = ac.run(bare).runs["conventional"]
         assert planned_torques(found) is None
-        assert not has_bodies(bare.arm)
+        assert not bare.arm.has_bodies
         assert angular_speed(found.execution) is None
         assert found.evaluation.orientation_error is None
 

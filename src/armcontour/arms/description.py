@@ -129,10 +129,11 @@ class Description:
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
             if not lower <= value <= upper:
+                unit = "m" if joint.kind == "prismatic" else "rad"
                 raise InvalidInput(
-                    f"Joint {joint.name} of {file} is held still at {value:g}, outside its range "
-                    f"from {lower:g} to {upper:g}: say where it is held, with "
-                    f"locked={{{joint.name!r}: ...}}."
+                    f"Joint {joint.name} of {file} is held still at {value:g} {unit}, outside its "
+                    f"range from {lower:g} to {upper:g} {unit}: say where it is held, with "
+                    f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
                 )
         return value
 
@@ -146,7 +147,7 @@ class Description:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics {master.name} of the arm: "
                 "what hangs on such a joint has no place in an arm; hold it still with "
-                f"locked={{{joint.name!r}: ...}}."
+                f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
             )
         file = self.tree.file
         factor = joint.number("mimic", "multiplier", file)

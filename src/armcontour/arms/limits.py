@@ -90,9 +90,14 @@ class Limits:
         if self.joint_lower is not None and self.joint_upper is not None:
             empty = np.atleast_1d(self.joint_lower >= self.joint_upper)
             if empty.any():
+                j = int(np.argmax(empty))
+                low, high = (
+                    float(np.broadcast_to(x, empty.shape)[j])
+                    for x in (self.joint_lower, self.joint_upper)
+                )
                 raise InvalidInput(
-                    f"The range of joint {int(np.argmax(empty)) + 1} is empty: its joint_lower "
-                    "must lie below its joint_upper."
+                    f"The range of joint {j + 1} is empty: its joint_lower, {low:g} rad, must lie "
+                    f"below its joint_upper, {high:g} rad."
                 )
         for name, unit in TOOL_LIMITS.items():
             value = getattr(self, name)

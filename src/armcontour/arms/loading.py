@@ -49,6 +49,7 @@ def load_arm(
     Raises:
         InvalidInput: No such arm or file, or a file that does not describe an arm.
     """
+    _refuse_misuse(name, tool, work, payload)
     file = FilePath(name)
     limits_file = None if joint_limits is None else FilePath(joint_limits)
     if file.suffix in (".urdf", ".xacro"):
@@ -69,6 +70,23 @@ def load_arm(
             own = limits_of(table, arm.joint_names, str(limits_file))
             arm.limits = arm.limits.replace(**{key: getattr(own, key) for key in table})
     return _equipped(arm, tool, work, payload)
+
+
+def _refuse_misuse(name: object, tool: object, work: object, payload: object) -> None:
+    """Refuse arguments of other kinds, which would fail far from here."""
+    if not isinstance(name, str | FilePath):
+        raise InvalidInput(
+            f"load_arm needs a name such as 'ur5e', or a file, not {type(name).__name__}."
+        )
+    for key, value, kind, example in (
+        ("tool", tool, Frame, "Frame(position=(0, 0, 0.1))"),
+        ("work", work, Frame, "Frame(position=(0.5, 0, 0))"),
+        ("payload", payload, Payload, "Payload(mass=2.0)"),
+    ):
+        if value is not None and not isinstance(value, kind):
+            raise InvalidInput(
+                f"{key} must be a {kind.__name__}, such as {example}, not {type(value).__name__}."
+            )
 
 
 def _read(name: str, payload: Payload | None) -> Arm:

@@ -109,13 +109,13 @@ def _refuse(tree: Tree, moving: list[Joint]) -> None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, and an arm takes joints that "
                 "turn: choose a base and a tip without it between them, or hold it still with "
-                f"locked={{{joint.name!r}: ...}}."
+                f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
             )
         if joint.element.find("mimic") is not None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} mimics another, and the joints of an arm move "
                 "by themselves: choose a base and a tip without it between them, or hold it still "
-                f"with locked={{{joint.name!r}: ...}}."
+                f"with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
             )
 
 

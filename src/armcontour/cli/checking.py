@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armcontour.evaluation import Check, LimitUse
-    from armcontour.geometry import Path
-    from armcontour.study import Job
+    from armcontour.study import Job, Run
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -29,6 +28,7 @@ UNITS = {
     "tool_acceleration": "m/s²",
     "centripetal_acceleration": "m/s²",
     "path_deviation": "m",
+    "orientation_deviation": "rad",
 }
 
 
@@ -49,7 +49,7 @@ def check_file(
     Args:
         trajectory: CSV file.
         arm_name: Built-in arm, or its file; by default the job's, with its tool and payload.
-        limits_file: Limits; by default the arm's own.
+        limits_file: Limits; by default those of the job's run, or else the arm's own.
         job_file: The job whose path the tool was to follow.
         run_name: The run of that job.
         tip: Link at the end of an arm from a robot description.
@@ -64,6 +64,7 @@ def check_file(
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits, read_trajectory
+    from armcontour.study import path_of
 
     job = None if job_file is None else read_job(job_file)
     if arm_name is not None:
@@ -76,14 +77,21 @@ def check_file(
         )
     else:
         arm = job.arm
-    limits, deviation = (arm.limits, None) if limits_file is None else read_limits(limits_file, arm)
-    path = None if job is None else _path(job, run_name)
-    if deviation is not None and path is None:
+    limits, deviation, turned = arm.limits, None, None
+    path = None
+    if job is not None:
+        run = _run(job, run_name, limited=limits_file is None)
+        path, limits = path_of(job, run), run.limits
+        if run.ignore_jerk:
+            limits = limits.replace(joint_jerk=None)
+    if limits_file is not None:
+        limits, deviation, turned = read_limits(limits_file, arm)
+    if (deviation is not None or turned is not None) and path is None:
         raise InvalidInput(
             f"{limits_file} limits the deviation from a path: name its job with --path."
         )
     samples = read_trajectory(trajectory, arm.joint_names)
-    found = check(samples, arm, limits, path, deviation=deviation)
+    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=turned)
     if not found.uses and found.path_deviation is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     if as_json:
@@ -93,32 +101,35 @@ def check_file(
     return not found.violated
 
 
-def _path(job: Job, run_name: str | None) -> Path:
-    """The path of a job, with the corners of its run rounded.
+def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
+    """The run of a job whose path counts, and whose limits if it is to be `limited` by them.
 
-    Without a run's name it is the rounded path, if the job's runs round corners in one way only.
+    Without a name it is any of those that round corners, if these do not differ in that.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.study import path_of
+    from armcontour.study import traced_alike
 
     if run_name is not None:
         for run in job.runs:
             if run.name == run_name:
-                return path_of(job, run)
+                return run
         names = ", ".join(x.name for x in job.runs)
         raise InvalidInput(f"The job {job.name} has no run {run_name!r}: its runs are {names}.")
-    rounding = {
-        (x.rounding, x.limits.centripetal_acceleration): x
-        for x in job.runs
-        if x.rounding is not None
-    }
-    if len(rounding) > 1:
+    runs = [x for x in job.runs if x.rounding is not None] or list(job.runs)
+    rounding = {(x.rounding, x.limits.centripetal_acceleration): x for x in runs}
+    if runs[0].rounding is not None and len(rounding) > 1:
         names = ", ".join(x.name for x in rounding.values())
         raise InvalidInput(
             f"The runs of the job {job.name} round corners differently: choose one with --run "
             f"({names})."
         )
-    return path_of(job, next(iter(rounding.values()))) if rounding else job.path
+    if limited and not all(traced_alike(runs[0], x) for x in runs):
+        names = ", ".join(x.name for x in runs)
+        raise InvalidInput(
+            f"The runs of the job {job.name} have different limits: choose one with --run "
+            f"({names}), or give --limits."
+        )
+    return runs[0]
 
 
 def _plain(found: Check) -> dict[str, Any]:
@@ -157,11 +168,12 @@ def _verdict(use: LimitUse, tolerance: float) -> str:
 
 def _print(found: Check) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table()
     for name in ("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"):
-        table.add_column(name, justify="left" if name == "limit" else "right")
+        table.add_column(escape(name), justify="left" if name == "limit" else "right")
     table.add_column("verdict")
     for x in found.uses:
         unit = UNITS.get(x.name, "")
@@ -187,6 +199,7 @@ def _print(found: Check) -> None:
             f"s = {far.s:.6g} m."
         )
     if found.not_judged:
-        lines.append(f"Not judged, for these samples do not tell: {', '.join(found.not_judged)}.")
+        names = ", ".join(found.not_judged)
+        lines.append(f"Not judged, for no limit is given or these samples do not tell: {names}.")
     for line in lines:
         console.print(line, soft_wrap=True, highlight=False)

@@ -75,7 +75,7 @@ def check(
     ] = None,
     limits: Annotated[
         FilePath | None,
-        typer.Option("--limits", help="Limits file (YAML); by default the arm's own limits."),
+        typer.Option("--limits", help="Limits file (YAML); else the job's, or the arm's own."),
     ] = None,
     path: Annotated[
         FilePath | None,
@@ -111,6 +111,71 @@ def check(
         as_json=as_json,
     )
     raise typer.Exit(0 if kept else 1)
+
+
+Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+
+
+@app.command()
+def certify(
+    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    run_name: Name = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option("--tolerance", help="Total tolerance, such as '1 mm'; else the job's."),
+    ] = None,
+    servo: Annotated[
+        str | None,
+        typer.Option("--servo", help="Contour error of the execution, such as '2 um'; likewise."),
+    ] = None,
+    out: Annotated[
+        FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
+    ] = None,
+    force: Force = False,
+    open_report: Open = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
+    """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
+    from armcontour.cli.certifying import certify_file
+
+    certify_file(
+        job,
+        run_name,
+        out,
+        tolerance=tolerance,
+        servo=servo,
+        force=force,
+        open_report=open_report,
+        as_json=as_json,
+    )
+
+
+@app.command()
+def sweep(
+    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    out: Out,
+    run_name: Name = None,
+    tolerances: Annotated[
+        str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
+    ] = None,
+    speeds: Annotated[
+        str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")
+    ] = None,
+    force: Force = False,
+    open_report: Open = False,
+) -> None:
+    """Plot certified times against corner tolerance and against assigned velocity."""
+    from armcontour.cli.sweeping import sweep_file
+
+    sweep_file(
+        job,
+        run_name,
+        out,
+        tolerances=tolerances,
+        speeds=speeds,
+        force=force,
+        open_report=open_report,
+    )
 
 
 @app.command()

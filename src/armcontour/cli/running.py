@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
-    from armcontour.study import Job, Study
+    from armcontour.study import Job, RunResult, Study
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -59,7 +59,6 @@ def run_job(
     ):
         from armcontour.report import render_report
         from armcontour.study import run, steps_of
-        from armcontour.study.quantities import has_bodies
 
         task = progress.add_task("starting", total=sum(len(steps_of(x)) for x in job.runs) + 2)
 
@@ -72,7 +71,7 @@ def run_job(
             folder.write(f"{name}/taught.csv", taught_csv(result.taught, job.arm.joint_names))
             plan, period = result.trajectory, result.run.period
             folder.write(f"{name}/planned.csv", planned_csv(plan, period, job.arm.joint_names))
-            if has_bodies(job.arm):
+            if job.arm.has_bodies:
                 folder.write(f"{name}/torque.csv", torque_csv(plan, job.arm, period))
         folder.write("report.html", render_report(study))
         folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
@@ -91,14 +90,14 @@ def _print_results(study: Study, report: FilePath) -> None:
 
     from armcontour.study.quantities import assumed
 
-    tried = any(x.experiment is not None for x in study.runs.values())
+    tried = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
     if tried:
         headings += ["experiment: RMS error [mm]", "largest [mm]"]
     table = Table(title=escape(study.job.title), title_justify="left")
     table.add_column("run")
     for name in headings:
-        table.add_column(name, justify="right")
+        table.add_column(escape(name), justify="right")
     for name, result in study.runs.items():
         e = result.evaluation
         cells = [
@@ -108,16 +107,28 @@ def _print_results(study: Study, report: FilePath) -> None:
             f"{e.demand_ratio.max():.4f}",
         ]
         if tried:
-            seen = result.experiment
-            cells += ["", ""] if seen is None else _errors(seen.evaluation)
+            cells += _tried(result)
         table.add_row(name, *cells)
     console = Console()
     if not console.is_terminal:
         console = Console(width=WIDTH)
     console.print(table)
+    lines = []
+    for name, result in study.runs.items():
+        if result.failure is not None:
+            lines.append(f"Run {name}: {result.failure}")
+        lines += [f"Warning: {x}" for x in result.warnings]
     if tried and (rests_on := assumed(study.job.arm)):
-        console.print(f"Masses: {rests_on}", highlight=False, markup=False)
-    console.print(f"Report: {report.as_uri()}", soft_wrap=True, highlight=False)
+        lines.append(f"Masses: {rests_on}")
+    for text in (*lines, f"Report: {report.as_uri()}"):
+        console.print(text, soft_wrap=True, highlight=False, markup=False)
+
+
+def _tried(result: RunResult) -> list[str]:
+    """The cells of an experiment: its errors, or that it failed."""
+    if result.failure is not None:
+        return ["failed", "failed"]
+    return ["", ""] if result.experiment is None else _errors(result.experiment.evaluation)
 
 
 def _errors(e: Evaluation) -> list[str]:

@@ -143,7 +143,9 @@ def checked_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
     try:
         placed = np.array(poles, dtype=np.complex128)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"poles must be three finite numbers [1/s]: {error}.") from None
+        raise InvalidInput(
+            f"poles must be three finite numbers [1/s]: {str(error).split('. ')[0].rstrip('.')}."
+        ) from None
     if placed.shape == (3,):
         placed = np.tile(placed, (dof, 1))
     if placed.shape != (dof, 3) or not np.isfinite(placed).all():
@@ -161,8 +163,9 @@ def checked_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
         )
     if (placed.real >= 0).any():
         j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
+        shown = placed[j] if placed[j].imag.any() else placed[j].real
         raise CompensationError(
-            f"The compensator's poles of joint {j + 1} are {placed[j].tolist()} 1/s: they must "
+            f"The compensator's poles of joint {j + 1} are {shown.tolist()} 1/s: they must "
             "have negative real parts, or the set-points grow without bound.",
             joint=j + 1,
         )

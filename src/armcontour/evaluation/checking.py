@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_samples import Log, judge_samples
@@ -55,7 +55,8 @@ class Check:
 
     Args:
         uses: One entry for every limit that could be judged.
-        not_judged: Limits that these samples cannot tell anything about.
+        not_judged: Limits that these samples cannot tell anything about, and what the path says
+            but no limit was given for.
         reconstruction: One sentence: what was taken to happen between samples.
         tolerance: Part by which a limit may be exceeded.
         states: Number of times that were looked at.
@@ -106,6 +107,7 @@ def check(
     path: Path | None = None,
     *,
     deviation: float | None = None,
+    orientation_deviation: float | None = None,
     resolution: Mapping[str, npt.ArrayLike] | None = None,
     tolerance: float = 1e-9,
     velocity_step: float = 1e-4,
@@ -126,6 +128,8 @@ def check(
         limits: By default the arm's own.
         path: The path the tool was to follow.
         deviation: Largest distance of the tool from it [m].
+        orientation_deviation: Largest angle between the tool and how the path has it held at its
+            nearest place [rad]; between axes, where only these count.
         resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI], for
             samples; by default their own `resolution`, or none.
         tolerance: Part by which a limit may be exceeded.
@@ -137,62 +141,90 @@ def check(
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
     dof = arm.dof
+    _refuse_path(arm, path, deviation, orientation_deviation)
+    bounds = (arm.limits if limits is None else limits).for_joints(dof)
+    tally = Tally(arm, bounds, path, deviation, orientation_deviation)
+    tolerance = _checks.not_negative("tolerance", tolerance)
+    points = _checks.whole("points", points, 0, 10_000)
+    if callable(samples):
+        step = _checks.positive("velocity_step", velocity_step, "rad/s")
+        looked_at = _of_law(samples, tally, points, seed, step)
+    else:
+        looked_at = _of_log(_log(samples, dof, resolution), tally)
+    uses = tally.uses()
+    return Check(
+        uses=uses,
+        not_judged=_not_judged(bounds, path, {use.name for use in uses}),
+        tolerance=tolerance,
+        path_deviation=None if path is None else PathDeviation(**tally.farthest),
+        **looked_at,
+    )
+
+
+def _of_law(law: Law, tally: Tally, points: int, seed: int, velocity_step: float) -> dict[str, Any]:
+    """What a check says of a law beyond the uses of limits."""
+    count = judge_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
+    start, end = float(law.breaks[0]), float(law.breaks[-1])
+    first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
+    return {
+        "reconstruction": (
+            f"A continuous law: nothing is reconstructed; judged at {points} random places "
+            f"(seed {seed}) between any two breaks and on both sides of every break."
+        ),
+        "states": count,
+        "start": start,
+        "end": end,
+        "end_speeds": (float(np.abs(first).max()), float(np.abs(last).max())),
+        "rounding": {},
+    }
+
+
+def _of_log(log: Log, tally: Tally) -> dict[str, Any]:
+    """What a check says of samples beyond the uses of limits."""
+    judge_samples(log, tally)
+    known = None if log.dq is None else np.abs(log.dq).max(axis=1)
+    rounding = {"t": float(log.t_error.max())} | {
+        name: float(error.max())
+        for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
+        if getattr(log, name) is not None
+    }
+    return {
+        "reconstruction": _reconstruction(log),
+        "states": len(log.t),
+        "start": float(log.t[0]),
+        "end": float(log.t[-1]),
+        "end_speeds": (np.nan, np.nan) if known is None else (float(known[0]), float(known[-1])),
+        "rounding": rounding,
+    }
+
+
+def _refuse_path(
+    arm: Arm, path: Path | None, deviation: float | None, orientation_deviation: float | None
+) -> None:
     if path is not None and path.dimension != arm.dimension:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
             f"{arm.dimension}."
         )
     if deviation is not None:
-        deviation = _checks.positive("deviation", deviation, "m")
+        _checks.positive("deviation", deviation, "m")
         if path is None:
             raise InvalidInput("A largest deviation needs the path that the tool was to follow.")
-    bounds = (arm.limits if limits is None else limits).for_joints(dof)
-    tally = Tally(arm, bounds, path, deviation)
-    tolerance = _checks.not_negative("tolerance", tolerance)
-    points = _checks.whole("points", points, 0, 10_000)
-    if callable(samples):
-        step = _checks.positive("velocity_step", velocity_step, "rad/s")
-        count = judge_law(samples, tally, points=points, seed=seed, velocity_step=step)
-        start, end = float(samples.breaks[0]), float(samples.breaks[-1])
-        reconstruction = (
-            f"A continuous law: nothing is reconstructed; judged at {points} random places "
-            f"(seed {seed}) between any two breaks and on both sides of every break."
-        )
-        ends = samples(np.array([start]), 1)[0], samples(np.array([end]), 1, side="left")[0]
-        rounding: dict[str, float] = {}
-    else:
-        log = _log(samples, dof, resolution)
-        judge_samples(log, tally)
-        count, start, end = len(log.t), float(log.t[0]), float(log.t[-1])
-        reconstruction = _reconstruction(log)
-        nan = np.array([np.nan])
-        ends = (nan, nan) if log.dq is None else (log.dq[0], log.dq[-1])
-        rounding = {"t": float(log.t_error.max())} | {
-            name: float(error.max())
-            for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
-            if getattr(log, name) is not None
-        }
-    uses = tally.uses()
-    wanted = [x for x in Limits.__dataclass_fields__ if getattr(bounds, x) is not None]
-    return Check(
-        uses=uses,
-        not_judged=(
-            *(x for x in wanted if x not in {use.name for use in uses}),
-            *(("segments' own speeds",) if _has_own_speeds(path) else ()),
-        ),
-        reconstruction=reconstruction,
-        tolerance=tolerance,
-        states=count,
-        start=start,
-        end=end,
-        end_speeds=(float(np.abs(ends[0]).max()), float(np.abs(ends[1]).max())),
-        path_deviation=None if path is None else PathDeviation(**tally.farthest),
-        rounding=rounding,
-    )
+    if orientation_deviation is not None:
+        _checks.positive("orientation_deviation", orientation_deviation, "rad")
+        if path is None or path.orientation is None or not isinstance(arm, SerialArm):
+            raise InvalidInput(
+                "A largest orientation_deviation needs a path that says how the tool is held, and "
+                "an arm in space."
+            )
 
 
-def _has_own_speeds(path: Path | None) -> bool:
-    return path is not None and bool(np.isfinite(path.speeds).any())
+def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
+    wanted = [x for x in Limits.__dataclass_fields__ if getattr(limits, x) is not None]
+    if path is not None and path.orientation is not None:
+        wanted.append("orientation_deviation")
+    own = path is not None and bool(np.isfinite(path.speeds).any())
+    return (*(x for x in wanted if x not in judged), *(("segments' own speeds",) if own else ()))
 
 
 def _reconstruction(log: Log) -> str:
@@ -287,7 +319,9 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} must be numbers in {UNITS[name]}: {error}.") from None
+        raise InvalidInput(
+            f"{name} must be numbers in {UNITS[name]}: {str(error).split('. ')[0].rstrip('.')}."
+        ) from None
     if dof is None and array.ndim != 1:
         raise InvalidInput(f"t must be one row of times, but has the shape {array.shape}.")
     if dof is not None and (array.ndim != 2 or array.shape[1] != dof):

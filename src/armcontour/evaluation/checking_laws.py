@@ -59,7 +59,7 @@ def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: 
         states = _states(law, right, left, tally.arm.dof)
         count += len(states.t)
         tally.states(states)
-        tally.distance(states.t, states.q, states.errors[0])
+        tally.pose(states.t, states.q, states.errors[0])
         _steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
         )

@@ -137,11 +137,11 @@ def judge_samples(log: Log, tally: Tally) -> None:
             break
         width *= 2
     if tally.path is not None:
-        tally.distance(log.t, log.q, log.errors[0])
+        tally.pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
             # The weights of dq sum to at most a quarter of the interval.
             off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
-            tally.distance(*_cubic(log.t, log.q, log.dq), off)
+            tally.pose(*_cubic(log.t, log.q, log.dq), off)
 
 
 def _at_samples(log: Log, tally: Tally) -> None:

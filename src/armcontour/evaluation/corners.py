@@ -33,27 +33,30 @@ def corner_deviations(tool: FloatArray, objective: Path) -> tuple[CornerDeviatio
     """The deviations at every corner of a path.
 
     Args:
-        tool: Places of the tool in the order of time, (n, dimension) [m].
+        tool: Places of the tool, (n, dimension) [m].
         objective: The path with its corners.
     """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
         return ()
     s = objective.project(tool).s
-    return tuple(_deviation(tool, s, objective, int(joint)) for joint in corners)
-
-
-def _deviation(tool: FloatArray, s: FloatArray, path: Path, joint: int) -> CornerDeviation:
-    corner = path.starts[joint]
-    # The corner's own region: from the middle of the segment before to the middle of the one after.
-    low, high = (
-        path.breaks[joint] - path.lengths[joint - 1] / 2,
-        path.breaks[joint] + path.lengths[joint] / 2,
+    order = np.argsort(s)
+    s, sorted_tool = s[order], tool[order]
+    # A corner's own region: from the middle of the segment before to the middle of the one after.
+    low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
+    high = objective.breaks[corners] + objective.lengths[corners] / 2
+    first, last = np.searchsorted(s, low), np.searchsorted(s, high, side="right")
+    arriving = objective.on_segment(corners - 1, objective.lengths[corners - 1], 1)
+    return tuple(
+        _deviation(sorted_tool[i:k] if i < k else tool, objective, joint, before)
+        for i, k, joint, before in zip(
+            first.tolist(), last.tolist(), corners.tolist(), arriving, strict=True
+        )
     )
-    near = tool[(s >= low) & (s <= high)]
-    if not len(near):
-        near = tool
-    before = path(path.breaks[joint], 1, side="left")
+
+
+def _deviation(near: FloatArray, path: Path, joint: int, before: FloatArray) -> CornerDeviation:
+    corner = path.starts[joint]
     after = path.tangents[joint]
     # Beyond: the part of the arriving direction that is at right angles to the leaving one.
     across = before - (before @ after) * after

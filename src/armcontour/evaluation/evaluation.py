@@ -18,8 +18,9 @@ from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
 from armcontour.evaluation.corners import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile
-from armcontour.frames import log
-from armcontour.geometry import Path, angle_between
+from armcontour.evaluation.tally import judges_torque
+from armcontour.evaluation.turning import angle_off
+from armcontour.geometry import Path
 from armcontour.motion import Execution
 
 # The tool is at rest below this speed [m/s].
@@ -55,7 +56,8 @@ class Evaluation:
         limit_ratios: Of the planned motion, the largest share of every limit, over times 20 times
             as close as its knots.
         demand: Largest acceleration that each joint was asked for [rad/s²], (dof,).
-        demand_ratio: The same over its limit; 0 for a joint without one, (dof,).
+        demand_ratio: The largest share of the limit in its direction that each joint was asked
+            for; 0 for a joint without one, (dof,).
         saturated: Share of the time for which each joint was saturated, (dof,).
     """
 
@@ -106,6 +108,11 @@ def evaluate(
     Raises:
         InvalidInput: A path of another dimension than the arm's, or a time that is not above zero.
     """
+    if not isinstance(executed, Execution) or not isinstance(path, Path):
+        raise InvalidInput(
+            "evaluate needs an Execution, as execute gives it, and a Path, not "
+            f"{type(executed).__name__} and {type(path).__name__}."
+        )
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
     t, tool, speed = executed.t, executed.tool, executed.tool_speed
     moving = np.flatnonzero(speed > REST_SPEED)
@@ -121,7 +128,8 @@ def evaluate(
     moved = (t >= 0) & (t <= trajectory.duration)
     planned = executed.arm.forward(trajectory(np.clip(t, 0.0, trajectory.duration)))
     off_objective = None if objective is None else objective.project(tool)
-    allowed = or_unlimited(bounds.joint_acceleration, executed.arm.dof)
+    low, high = bounds.acceleration_bounds(executed.arm.dof)
+    lowest, highest = executed.demand_range
     return Evaluation(
         duration=trajectory.duration,
         settled=settled,
@@ -146,7 +154,7 @@ def evaluate(
         utilisation=_utilisation(executed, bounds, trajectory.duration),
         limit_ratios=_limit_ratios(executed, bounds),
         demand=executed.peak_demand,
-        demand_ratio=executed.peak_demand / allowed,
+        demand_ratio=np.maximum(lowest / low, highest / high),
         saturated=executed.saturated_time / (max(end, float(t[-1])) - float(t[0])),
     )
 
@@ -157,11 +165,7 @@ def _orientation_error(
     """Angle between the tool's orientation, or its axis, and the path's at the nearest place."""
     if path.orientation is None or not isinstance(executed.arm, SerialArm):
         return None
-    wanted, turned = path.orientation(s), executed.arm.pose(executed.q)[1]
-    if path.orientation.axis_only:
-        angle = angle_between(turned[:, :, 2], wanted[:, :, 2])
-    else:
-        angle = np.linalg.norm(log(wanted @ np.swapaxes(turned, 1, 2)), axis=1)
+    angle = angle_off(path.orientation, s, executed.arm.pose(executed.q)[1])
     return ErrorProfile.over_time(t, angle, s, end)
 
 
@@ -201,10 +205,9 @@ def _torque(executed: Execution) -> FloatArray | None:
     """Torques of the drives: those of the plant, or what the motion takes; None if not known."""
     if executed.torque is not None:
         return executed.torque
-    try:
-        return executed.arm.torque(executed.q, executed.dq, executed.ddq)
-    except InvalidInput:
+    if not judges_torque(executed.arm):
         return None
+    return executed.arm.torque(executed.q, executed.dq, executed.ddq)
 
 
 def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:

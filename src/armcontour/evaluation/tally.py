@@ -11,6 +11,7 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.errors import InvalidInput
+from armcontour.evaluation.turning import least_off
 from armcontour.geometry import Path
 
 # Below this tool speed [m/s] the direction of motion, and so the centripetal part, is not defined.
@@ -29,7 +30,8 @@ class LimitUse:
     """How far one limit is used, at the place where it is certainly used most.
 
     Args:
-        name: The limit: a field of `Limits`, "path_deviation", "position_step" or "velocity_step".
+        name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation",
+            "position_step" or "velocity_step".
         ratio: value / limit; for joint_lower and joint_upper both counted from the middle of the
             joint's range.
         value: Amount [unit of the limit].
@@ -80,10 +82,19 @@ class Tally:
         limits: One value per joint.
         path: The path the tool was to follow.
         deviation: Largest distance from it [m].
+        orientation_deviation: Largest angle from how the path has the tool held [rad].
     """
 
-    def __init__(self, arm: Arm, limits: Limits, path: Path | None, deviation: float | None):
+    def __init__(
+        self,
+        arm: Arm,
+        limits: Limits,
+        path: Path | None,
+        deviation: float | None,
+        orientation_deviation: float | None = None,
+    ):
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
+        self.orientation_deviation = orientation_deviation
         self.found: dict[str, LimitUse] = {}
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
         self._q: dict[str, FloatArray] = {}
@@ -164,7 +175,7 @@ class Tally:
     def torque(self, x: States) -> None:
         """Offer joint torques, where the arm's masses are known."""
         limit = self.limits.joint_torque
-        if limit is None or x.ddq is None or not self.judges_torque():
+        if limit is None or x.ddq is None or not judges_torque(self.arm):
             return
         chain = self.arm.chain
         assert chain is not None and chain.coulomb is not None
@@ -182,13 +193,6 @@ class Tally:
         still = np.abs(x.dq) <= STILL + x.errors[1]
         torque += np.where(still, helping, coulomb * np.sign(x.dq))
         self.offer("joint_torque", x.t, np.abs(torque), limit, x.q, error)
-
-    def judges_torque(self) -> bool:
-        """Whether the arm's torques can be told."""
-        try:
-            return self.arm.dynamics is not None
-        except InvalidInput:
-            return False
 
     def turning(self, x: States) -> None:
         """Offer angular velocity and acceleration of the tool, where it has an orientation."""
@@ -271,8 +275,8 @@ class Tally:
         points = self.arm.forward(q)
         return points, self._spread(x, self.arm.forward, points, 0)
 
-    def distance(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
-        """Offer the tool's distance from the path."""
+    def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
+        """Offer the tool's distance from the path, and its angle from how it is held there."""
         if self.path is None:
             return
         points, off = self.tool(q, error)
@@ -286,6 +290,16 @@ class Tally:
             }
         if self.deviation is not None:
             self.offer("path_deviation", t, nearest.distance, self.deviation, q, off)
+        allowed, orientation = self.orientation_deviation, self.path.orientation
+        if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
+            return
+        reach = self.farthest["distance"] if self.deviation is None else self.deviation
+        angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], allowed, reach)
+        # A joint that is off by an angle turns the tool by that angle; a tool that is off may be
+        # nearest to a place where it is held otherwise.
+        rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)
+        slack = float(error.sum()) + rate * off
+        self.offer("orientation_deviation", t, angle, allowed, q, slack)
 
     def uses(self) -> tuple[LimitUse, ...]:
         """The uses, each with its place on the path."""
@@ -302,6 +316,14 @@ class Tally:
         for change in _changes(x, function, value, order):
             total += np.linalg.norm(change, axis=1)
         return total
+
+
+def judges_torque(arm: Arm) -> bool:
+    """Whether an arm's torques can be told: its masses, and the package that takes them."""
+    try:
+        return arm.has_bodies and arm.dynamics is not None
+    except InvalidInput:
+        return False
 
 
 def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:

@@ -163,22 +163,24 @@ def _entry(
     w: float,
     t: float,
     span: float,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """The linear motion for at most `t`, up to where saturation starts.
 
     Returns:
-        Time until then, the sign of the saturation (0 if there is none), largest demand.
+        Time until then, which bound saturates (1 for the upper, -1 for the lower one, 0 for none),
+        lowest and highest demand.
     """
     beta = 6 * u[3]
     alpha = 2 * u[2] - beta / kp
     z = kv * (kp * (u[0] - q) - w)
     h, dh = z - alpha, kv * (kp * (u[1] - w) - z) - beta
-    peak = abs(z)
+    lowest = highest = z
     low = 0.0
     for stop in _turns(kp, kv, beta, h, dh, t):
         value = _demand(kp, kv, alpha, beta, h, dh, stop)
         if stop > low and not lower <= value <= upper:
-            sign = math.copysign(1.0, value)
+            # Both bounds may lie on one side of 0: what counts is which one is passed.
+            sign = 1.0 if value > upper else -1.0
             bound = upper if sign > 0.0 else lower
             high = stop
             for _ in range(200):
@@ -193,14 +195,14 @@ def _entry(
             ahead = _excess(kp, kv, sign, bound, _shifted(u, high), x, v)
             # Saturation shorter than this is a touch of the limit, not a stay.
             if _stay(ahead, span) > SHORTEST_STAY * span:
-                return high, sign, max(peak, abs(bound))
-        peak = max(peak, abs(value))
+                return high, sign, min(lowest, bound), max(highest, bound)
+        lowest, highest = min(lowest, value), max(highest, value)
         low = stop
-    return t, 0.0, peak
+    return t, 0.0, lowest, highest
 
 
 @njit(cache=True, error_model="numpy")
-def _advance_cubic(
+def _advance_bent(
     kp: float,
     kv: float,
     lower: float,
@@ -209,11 +211,11 @@ def _advance_cubic(
     q: float,
     w: float,
     span: float,
-) -> tuple[float, float, float, float]:
-    """As `_advance`, under a command that is a cubic in time."""
+) -> tuple[float, float, float, float, float]:
+    """As `_advance`, under a command that is a cubic in time, and between any two accelerations."""
     now = 0.0
     saturated = 0.0
-    peak = 0.0
+    lowest = highest = kv * (kp * (command[0] - q) - w)
     mode = 0.0
     fast = kv if kv >= 4 * kp else math.sqrt(kp * kv)
     while now < span:
@@ -221,14 +223,14 @@ def _advance_cubic(
         u = _shifted(command, now)
         z = kv * (kp * (u[0] - q) - w)
         if mode == 0.0 and not lower <= z <= upper:
-            sign = math.copysign(1.0, z)
+            sign = 1.0 if z > upper else -1.0
             over = _excess(kp, kv, sign, upper if sign > 0.0 else lower, u, q, w)
             if _stay(over, left) > SHORTEST_STAY * span:
                 mode = sign
         if mode == 0.0:
             longest = min(left, LARGEST_STEP / fast)
-            t, mode, most = _entry(kp, kv, lower, upper, u, q, w, longest, span)
-            peak = max(peak, most)
+            t, mode, low, high = _entry(kp, kv, lower, upper, u, q, w, longest, span)
+            lowest, highest = min(lowest, low), max(highest, high)
             q, w = _moved(kp, kv, u, q, w, t)
             now = now + t if t < left else span
             continue
@@ -237,13 +239,14 @@ def _advance_cubic(
         t = _stay(over, left)
         first, second = _bends(over, t)
         for at in (0.0, first, second, t):
-            peak = max(peak, abs(bound + mode * _cubic(over, at)))
+            z = bound + mode * _cubic(over, at)
+            lowest, highest = min(lowest, z), max(highest, z)
         q += t * (w + bound * t / 2)
         w += bound * t
         saturated += t
         mode = 0.0
         now = now + t if t < left else span
-    return q, w, saturated, peak
+    return q, w, saturated, lowest, highest
 
 
 @njit(cache=True, error_model="numpy")
@@ -261,8 +264,8 @@ def _lagged(kp: float, u: FloatArray, q: float, t: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float, float]:
-    """Run a joint of first order for `span` under a cubic command; its acceleration's largest."""
+def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float, float, float]:
+    """Run a joint of first order for `span` under a cubic command; its acceleration's range."""
     a = 1 / kp
     d1, d2, d3 = u[1], 2 * u[2], 6 * u[3]
     # Its acceleration is alpha + beta t + rest exp(-kp t).
@@ -270,16 +273,38 @@ def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float
     alpha = d2 - a * d3
     e = q - (u[0] - a * d1 + a * a * d2 - a**3 * d3)
     rest = kp * kp * e
-    peak = max(abs(alpha + rest), abs(alpha + beta * span + rest * math.exp(-kp * span)))
+    begin, end = alpha + rest, alpha + beta * span + rest * math.exp(-kp * span)
+    lowest, highest = min(begin, end), max(begin, end)
     if rest * beta > 0.0:
         turn = math.log(kp * rest / beta) / kp
         if 0.0 < turn < span:
-            peak = max(peak, abs(alpha + beta * turn + beta / kp))
+            most = alpha + beta * turn + beta / kp
+            lowest, highest = min(lowest, most), max(highest, most)
     steps = int(math.ceil(kp * span / LARGEST_STEP))
     t = span / steps
     for i in range(steps):
         q = _lagged(kp, _shifted(u, i * t), q, t)
-    return q, peak
+    return q, lowest, highest
+
+
+@njit(cache=True, error_model="numpy")
+def _advance_any(
+    kp: float,
+    kv: float,
+    lower: float,
+    upper: float,
+    u: FloatArray,
+    q: float,
+    w: float,
+    span: float,
+) -> tuple[float, float, float, float, float]:
+    """As `_advance_bent`, by what is fastest; a servo of first order, too, whose kv is 0."""
+    if kv == 0.0:
+        q, low, high = _advance_lag(kp, u, q, span)
+        return q, kp * (_cubic(u, span) - q), 0.0, low, high
+    if u[2] == 0.0 and u[3] == 0.0 and lower < 0.0 < upper:
+        return _advance(kp, kv, lower, upper, u[0], u[1], q, w, span)
+    return _advance_bent(kp, kv, lower, upper, u, q, w, span)
 
 
 @njit(cache=True, error_model="numpy")
@@ -297,14 +322,14 @@ def run_joint(
     upper: float,
     q: float,
     w: float,
-) -> tuple[FloatArray, float, float]:
+) -> tuple[FloatArray, float, float, float]:
     """Run one joint through command intervals.
 
     Args:
         command: `servo.command.polynomials` of this joint, (n + 1, 4).
         begin: First interval, from 0 at the first set-point.
         count: Number of intervals.
-        width: `command.Pattern` of this joint, as are the next three.
+        width: `dead_time.Pattern` of this joint, as are the next three.
         source: Which interval's command.
         local: At what time in it.
         result: Where results are due.
@@ -316,11 +341,11 @@ def run_joint(
         w: Velocity there [rad/s].
 
     Returns:
-        q, dq, demand and ddq at the results, (number, 4); time in saturation [s]; largest demand.
+        q, dq, demand and ddq at the results, (number, 4); time in saturation [s]; lowest and
+        highest demand.
     """
     states = np.empty((count * int(result.sum()), 4))
-    saturated = 0.0
-    peak = 0.0
+    saturated = lowest = highest = 0.0
     row = 0
     last = len(command) - 1
     for k in range(begin, begin + count):
@@ -329,21 +354,13 @@ def run_joint(
             # Constant before the first set-point and behind the last, whatever the time there.
             u = _shifted(command[which], local[i] if 0 < which < last else 0.0)
             span = width[i]
-            if kv == 0.0:
-                q, most = _advance_lag(kp, u, q, span)
-                end = _shifted(u, span)
-                w = kp * (end[0] - q)
-                z = kp * (end[1] - w)
-            else:
-                if u[2] == 0.0 and u[3] == 0.0:
-                    q, w, time, most = _advance(kp, kv, lower, upper, u[0], u[1], q, w, span)
-                else:
-                    q, w, time, most = _advance_cubic(kp, kv, lower, upper, u, q, w, span)
-                saturated += time
-                z = kv * (kp * (_cubic(u, span) - q) - w)
-            peak = max(peak, most)
+            q, w, time, low, high = _advance_any(kp, kv, lower, upper, u, q, w, span)
+            saturated += time
+            lowest, highest = min(lowest, low), max(highest, high)
             if result[i]:
+                end = _shifted(u, span)
+                z = kp * (end[1] - w) if kv == 0.0 else kv * (kp * (end[0] - q) - w)
                 states[row, 0], states[row, 1], states[row, 2] = q, w, z
-                states[row, 3] = z if kv == 0.0 else min(max(z, lower), upper)
+                states[row, 3] = min(max(z, lower), upper)
                 row += 1
-    return states, saturated, peak
+    return states, saturated, lowest, highest

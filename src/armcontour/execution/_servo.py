@@ -93,15 +93,17 @@ def _advance(
     q: float,
     w: float,
     span: float,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """Run one joint for `span` under the command `u + r t`, (7), between two accelerations.
 
+    The lower one must be below 0 and the upper one above it.
+
     Returns:
-        Position, velocity, time in saturation, largest amount of the demand.
+        Position, velocity, time in saturation, lowest and highest demand.
     """
     now = 0.0
     saturated = 0.0
-    peak = 0.0
+    lowest = highest = kv * (kp * (u - q) - w)
     fast = kv if kv >= 4 * kp else math.sqrt(kp * kv)
     z = kv * (kp * (u - q) - w)
     mode = 0.0 if lower <= z <= upper else math.copysign(1.0, z)
@@ -109,7 +111,7 @@ def _advance(
         left = span - now
         command = u + r * now
         z = kv * (kp * (command - q) - w)
-        peak = max(peak, abs(z))
+        lowest, highest = min(lowest, z), max(highest, z)
         if mode != 0.0:
             limit = upper if mode > 0.0 else -lower
             bend = kv * kp * limit / 2
@@ -121,7 +123,8 @@ def _advance(
             t = min(t, left)
             top = z1 / (2 * bend)
             if 0.0 < top < t:
-                peak = max(peak, limit + excess + z1 * top - bend * top * top)
+                most = mode * (limit + excess + z1 * top - bend * top * top)
+                lowest, highest = min(lowest, most), max(highest, most)
             q += t * (w + mode * limit * t / 2)
             w += mode * limit * t
             saturated += t
@@ -145,9 +148,9 @@ def _advance(
                 if rise > bend * SHORTEST_STAY * span:
                     mode = sign
                     end = at
-                    peak = max(peak, limit)
+                    lowest, highest = min(lowest, sign * limit), max(highest, sign * limit)
                     break
-            peak = max(peak, abs(value))
+            lowest, highest = min(lowest, value), max(highest, value)
             previous = stop
         e = q - command + r / kp
         de = w - r
@@ -155,7 +158,7 @@ def _advance(
         q = command + r * end - r / kp + e * c + (de + kv / 2 * e) * s
         w = r + de * c - (kp * kv * e + kv / 2 * de) * s
         now = now + end if end < left else span
-    return q, w, saturated, peak
+    return q, w, saturated, lowest, highest
 
 
 @njit(cache=True, error_model="numpy")
@@ -185,7 +188,7 @@ def simulate(
 
     Returns:
         q, dq and demand at n * steps times, the first one step behind the first command,
-        (n * steps, dof); time in saturation and largest demand, (dof,).
+        (n * steps, dof); time in saturation, (dof,); lowest and highest demand, (2, dof).
     """
     n = len(commands) - 1
     dof = len(kp)
@@ -193,7 +196,7 @@ def simulate(
     velocity = np.empty((n * steps, dof))
     demand = np.empty((n * steps, dof))
     saturated = np.zeros(dof)
-    peak = np.zeros(dof)
+    extremes = np.zeros((2, dof))
     span = period / steps
     for j in range(dof):
         x, w = q[j], dq[j]
@@ -202,10 +205,13 @@ def simulate(
             r = (commands[k + 1, j] - u) / period if linear else 0.0
             for i in range(steps):
                 begin = u + r * span * i
-                x, w, time, most = _advance(kp[j], kv[j], -limit[j], limit[j], begin, r, x, w, span)
+                x, w, time, low, high = _advance(
+                    kp[j], kv[j], -limit[j], limit[j], begin, r, x, w, span
+                )
                 saturated[j] += time
-                peak[j] = max(peak[j], most)
+                extremes[0, j] = min(extremes[0, j], low)
+                extremes[1, j] = max(extremes[1, j], high)
                 position[k * steps + i, j] = x
                 velocity[k * steps + i, j] = w
                 demand[k * steps + i, j] = kv[j] * (kp[j] * (begin + r * span - x) - w)
-    return position, velocity, demand, saturated, peak
+    return position, velocity, demand, saturated, extremes

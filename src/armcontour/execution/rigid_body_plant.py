@@ -13,8 +13,16 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco
-from armcontour.execution.command import values
-from armcontour.execution.plant import Plant
+from armcontour.execution.dead_time import values
+from armcontour.execution.plant import (
+    PATIENCE,
+    RUNAWAY,
+    Plant,
+    intervals,
+    patience,
+    refuse_other_joints,
+    refuse_too_heavy,
+)
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
@@ -29,11 +37,6 @@ REST_TIME = 0.25
 REST_RANGE = 1e-6
 # Noise on the measured position moves a joint by less than this many of its standard deviations.
 REST_NOISE = 4.0
-# They get this long to come to rest [s], or this many durations.
-PATIENCE = 60.0
-PATIENCE_IN_DURATIONS = 10.0
-# No joint of an arm is that fast [rad/s]: the servo is unstable.
-RUNAWAY = 1e3
 # Where the arm rests under its weight is found to this [rad], in that many iterations.
 EQUILIBRIUM = 1e-13
 ITERATIONS = 200
@@ -120,11 +123,7 @@ class RigidBodyPlant(Plant):
             InvalidInput: Taught data for another number of joints, or a resolution below the step.
             ExecutionError: The drives are unstable, too weak to hold the arm, or do not settle.
         """
-        if taught.q.shape[1] != self.arm.dof:
-            raise InvalidInput(
-                f"The taught data is for {taught.q.shape[1]} joints, but the arm {self.arm.name} "
-                f"has {self.arm.dof}."
-            )
+        refuse_other_joints(taught, self.arm)
         steps = int(np.ceil(taught.period / self.step * (1 - 1e-12)))
         span = taught.period / steps
         every = _every(steps, span, resolution)
@@ -133,10 +132,9 @@ class RigidBodyPlant(Plant):
         rows = max(1, round(BLOCK / taught.period))
         logs = []
         command = self._command(taught, steps)
-        late = int(np.ceil(self.servo.dead_time.max() / taught.period * (1 - 1e-12)))
-        intervals = len(taught.q) - 1 + late
-        for k in range(0, intervals, rows):
-            commands = command(k, min(rows, intervals - k))
+        count = intervals(taught, self.servo)
+        for k in range(0, count, rows):
+            commands = command(k, min(rows, count - k))
             logs.append(robot.advance(commands).thinned(every))
         logs += self._come_to_rest(robot, taught, steps, every)
         return self._execution(taught, logs, span * every)
@@ -160,9 +158,9 @@ class RigidBodyPlant(Plant):
         window = min(max(REST_TIME, 1 / self.servo.kp.min()), PATIENCE)
         commands = np.tile(taught.q[-1], (int(np.ceil(window / taught.period)) * steps, 1))
         begin = robot.now
-        patience = max(PATIENCE, PATIENCE_IN_DURATIONS * (begin - taught.start_time))
+        longest = patience(begin - taught.start_time)
         logs = []
-        while robot.now - begin <= patience:
+        while robot.now - begin <= longest:
             log = robot.advance(commands)
             logs.append(log.thinned(every))
             moved = np.ptp(log.q, axis=0) + np.abs(log.dq).max(axis=0) * robot.step
@@ -170,10 +168,16 @@ class RigidBodyPlant(Plant):
                 self._refuse_weak(log, taught.q[-1], robot.now)
                 return logs
         j = int(np.argmax(moved))
+        off = abs(float(log.q[-1, j] - taught.q[-1, j]))
+        missing = (
+            "; the inertia of its drive, armature, is missing"
+            if np.asarray(self.chain.armature)[j] == 0
+            else ""
+        )
         raise ExecutionError(
-            f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: it "
-            f"still moves by {moved[j]:.3g} rad in {window:.3g} s, so its servo gains, torque "
-            "limit and friction do not let it settle.",
+            f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: "
+            f"{off:.3g} rad from it, it still moves by {moved[j]:.3g} rad in {window:.3g} s, so "
+            f"its servo gains, torque limit and friction do not let it settle{missing}.",
             t=robot.now,
             joint=j + 1,
         )
@@ -238,7 +242,12 @@ class RigidBodyPlant(Plant):
             demand=demand,
             torque=torque,
             torque_demand=wanted,
-            peak_demand=np.max([x.peak for x in logs], axis=0),
+            demand_range=np.stack(
+                [
+                    np.min([x.demand_range[0] for x in logs], axis=0),
+                    np.max([x.demand_range[1] for x in logs], axis=0),
+                ]
+            ),
             saturated_time=np.sum([x.saturated for x in logs], axis=0),
         )
 
@@ -253,13 +262,13 @@ class _Log:
     demand: FloatArray
     wanted: FloatArray
     torque: FloatArray
-    peak: FloatArray
+    demand_range: FloatArray
     saturated: FloatArray
 
     def thinned(self, every: int) -> _Log:
         """Every so many steps of it; copies, so that the rest is let go."""
         return _Log(
-            peak=self.peak,
+            demand_range=self.demand_range,
             saturated=self.saturated,
             **{
                 name: getattr(self, name)[::every].copy()
@@ -338,7 +347,7 @@ class _Robot:
             demand=demand,
             wanted=wanted,
             torque=torque,
-            peak=np.abs(demand).max(axis=0),
+            demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
             saturated=(wanted != torque).sum(axis=0) * self.step,
         )
 
@@ -374,25 +383,8 @@ class _Robot:
                     joint=j + 1,
                 )
         if not (plant._on_top and plant.gravity_feedforward):
-            self._refuse_too_heavy(np.abs(weight))
+            refuse_too_heavy(np.abs(weight), plant.torque_limit, "the first set-point", self.start)
         return q
-
-    def _refuse_too_heavy(self, weight: FloatArray) -> None:
-        limit = self.plant.torque_limit
-        heavy = weight > limit
-        if not heavy.any():
-            return
-        j = int(np.argmax(heavy))
-        raise ExecutionError(
-            f"Joint {j + 1} takes {weight[j]:.4g} N m to be held against gravity at the first "
-            f"set-point, but its drive gives at most {limit[j]:.4g} N m: raise its torque limit or "
-            "lighten its load.",
-            t=self.start,
-            joint=j + 1,
-            limit="joint_torque",
-            needed=float(weight[j]),
-            allowed=float(limit[j]),
-        )
 
     def _refuse_runaway(self, k: int) -> None:
         velocity = np.abs(self.data.qvel)
@@ -421,8 +413,8 @@ def _bodies(arm: Arm) -> Chain:
     Raises:
         InvalidInput: It has none.
     """
-    chain: Chain | None = getattr(arm, "chain", None)
-    if chain is None or chain.masses is None:
+    chain = arm.chain
+    if chain is None or not arm.has_bodies:
         raise InvalidInput(
             f"The masses of the arm {arm.name} are not known, so it has no rigid bodies: load it "
             "from a file whose links have masses, centres of mass and inertias."

@@ -9,8 +9,8 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.execution.plant import Plant
-from armcontour.execution.servo_run import PiecedRun, PlainRun, TorqueBounds
+from armcontour.execution.plant import Plant, intervals, patience, refuse_other_joints
+from armcontour.execution.servo_run import Part, PiecedRun, PlainRun, TorqueBounds, joined
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
@@ -18,9 +18,6 @@ SATURATIONS = ("acceleration", "torque", "none")
 # A joint is at rest when it is this slow [rad/s] and this near to its last set-point [rad].
 REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
-# Behind the last set-point the joints get this long to come to rest [s], or this many durations.
-PATIENCE = 60.0
-PATIENCE_IN_DURATIONS = 10.0
 # The tail is run in chunks of this time [s].
 CHUNK = 0.25
 
@@ -32,14 +29,15 @@ class ServoPlant(Plant):
         arm: The arm.
         servo: The real servo; it may differ from the one that the taught data was made with.
         limits: Whose joint accelerations or torques saturate; the arm's own by default.
-        saturation: What a servo of second order can give at most. "acceleration", the default, is
-            (7): joint_acceleration, and joint_deceleration in the negative direction, if there is
-            one. "torque" is what joint_torque leaves for the joint in the state in which a command
+        saturation: What a servo of second order can give at most. "acceleration" is (7):
+            joint_acceleration, and joint_deceleration in the negative direction, if there is one.
+            "torque" is what joint_torque leaves for the joint in the state in which a command
             interval begins, kept for that interval: `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T`. b is
             gravity, centrifugal and Coriolis torques, and friction; what other joints'
-            accelerations cost is left out. "none" never saturates. A servo of first order has no
-            acceleration to limit: it only runs with "none", its default, and demands are its
-            accelerations.
+            accelerations cost is left out. "none" never saturates. By default it is "acceleration"
+            if there are such limits; else "torque", if there are such limits and the arm has
+            bodies; else "none". A servo of first order has no acceleration to limit: it only runs
+            with "none", and demands are its accelerations.
 
     Attributes:
         saturation: As given, or by default.
@@ -62,7 +60,7 @@ class ServoPlant(Plant):
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
-        self.saturation = _saturation(saturation, servo.order)
+        self.saturation = _saturation(saturation, servo.order, own, arm)
         self.torque_limit: FloatArray | None = None
         self.acceleration: FloatArray = np.full(arm.dof, np.inf)
         self.lower: FloatArray = -self.acceleration
@@ -84,53 +82,50 @@ class ServoPlant(Plant):
 
         Raises:
             InvalidInput: Taught data for another number of joints.
-            ExecutionError: The joints do not come to rest, or a drive is too weak for its arm.
+            ExecutionError: The joints do not come to rest, or a drive is too weak to hold its arm.
         """
-        if taught.q.shape[1] != self.arm.dof:
-            raise InvalidInput(
-                f"The taught data is for {taught.q.shape[1]} joints, but the arm {self.arm.name} "
-                f"has {self.arm.dof}."
-            )
+        refuse_other_joints(taught, self.arm)
         steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
         run = self._begin(taught, steps)
         first, last = taught.q[0], taught.q[-1]
-        # The last set-point reaches the joints this many intervals later than it is due.
-        late = int(np.ceil(self.servo.dead_time.max() / taught.period * (1 - 1e-12)))
-        done = len(taught.q) - 1 + late
+        done = intervals(taught, self.servo)
         parts = [run.advance(0, done, first, np.zeros_like(first))]
         more = int(np.ceil(CHUNK / taught.period))
         end = (done + 1) * taught.period
-        now, patience = end, end + max(PATIENCE, PATIENCE_IN_DURATIONS * end)
+        now, last_time = end, end + patience(end)
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[0][:2], (first, 0 * first), strict=True)
         )
         while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
-            if now > patience:
-                j = int(np.argmax(np.abs(q - last)))
-                raise ExecutionError(
-                    f"Joint {j + 1} is not at rest {now - end:.3g} s after its last set-point: its "
-                    "servo gains and acceleration limit do not let it settle.",
-                    t=taught.start_time + now,
-                    joint=j + 1,
-                )
+            if now > last_time:
+                self._refuse_restless(q - last, now - end, taught.start_time + now)
             parts.append(run.advance(done, more, q, dq))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
             done += more
             now += more * taught.period
-        position, velocity, demand, ddq = (
-            np.concatenate([start[None], *(x[i] for x in parts)])
-            for i, start in enumerate((first, 0 * first, 0 * first, 0 * first))
-        )
+        still = np.zeros((1, len(first)))
+        begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
+        whole = joined([begin, *parts])
         return Execution(
             arm=self.arm,
             taught=taught,
-            t=taught.times(len(position), taught.period / steps),
-            q=position,
-            dq=velocity,
-            ddq=ddq,
-            demand=demand,
-            peak_demand=np.max([x.peak for x in parts], axis=0),
-            saturated_time=np.sum([x.saturated for x in parts], axis=0),
+            t=taught.times(len(whole.q), taught.period / steps),
+            q=whole.q,
+            dq=whole.dq,
+            ddq=whole.ddq,
+            demand=whole.demand,
+            demand_range=whole.demand_range,
+            saturated_time=whole.saturated,
+        )
+
+    def _refuse_restless(self, off: FloatArray, waited: float, now: float) -> None:
+        j = int(np.argmax(np.abs(off)))
+        limit = "" if self.saturation == "none" else f" and {self.saturation} limit"
+        raise ExecutionError(
+            f"Joint {j + 1} is not at rest {waited:.3g} s after its last set-point, but "
+            f"{abs(off[j]):.3g} rad from it: its servo gains{limit} do not let it settle.",
+            t=now,
+            joint=j + 1,
         )
 
     def _begin(self, taught: TaughtData, steps: int) -> PlainRun | PiecedRun:
@@ -149,9 +144,12 @@ class ServoPlant(Plant):
         return PiecedRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
-def _saturation(asked: str | None, order: str) -> str:
+def _saturation(asked: str | None, order: str, limits: Limits, arm: Arm) -> str:
     if asked is None:
-        return "acceleration" if order == "second" else "none"
+        if order == "second" and limits.joint_acceleration is not None:
+            return "acceleration"
+        torque = order == "second" and limits.joint_torque is not None and arm.has_bodies
+        return "torque" if torque else "none"
     _checks.choice("saturation", asked, SATURATIONS)
     if order == "first" and asked != "none":
         raise InvalidInput(

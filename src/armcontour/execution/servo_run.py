@@ -11,21 +11,39 @@ from armcontour.arms import Arm
 from armcontour.errors import ExecutionError
 from armcontour.execution._pieces import run_joint
 from armcontour.execution._servo import simulate
-from armcontour.execution.command import pattern
+from armcontour.execution.dead_time import pattern
+from armcontour.execution.plant import RUNAWAY, refuse_too_heavy
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
 
 
 class Part(NamedTuple):
-    """What happened in some command intervals: at results (n, dof), and over all time (dof,)."""
+    """What happened in some command intervals: at results (n, dof), and over all time.
+
+    Time in saturation is (dof,), the demand's lowest and highest value (2, dof).
+    """
 
     q: FloatArray
     dq: FloatArray
     demand: FloatArray
     ddq: FloatArray
     saturated: FloatArray
-    peak: FloatArray
+    demand_range: FloatArray
+
+
+def joined(parts: list[Part]) -> Part:
+    """What happened in parts that follow each other."""
+    ends = np.concatenate([x.demand_range for x in parts])
+    q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
+    return Part(
+        q,
+        dq,
+        demand,
+        ddq,
+        saturated=np.sum([x.saturated for x in parts], axis=0),
+        demand_range=np.stack([ends.min(axis=0), ends.max(axis=0)]),
+    )
 
 
 class PlainRun:
@@ -52,7 +70,7 @@ class PlainRun:
         missing = count + 1 - len(commands)
         if missing:
             commands = np.concatenate([commands, np.tile(taught.q[-1], (missing, 1))])
-        position, velocity, demand, saturated, peak = simulate(
+        position, velocity, demand, saturated, extremes = simulate(
             np.ascontiguousarray(commands),
             taught.period,
             self.steps,
@@ -64,7 +82,7 @@ class PlainRun:
             dq,
         )
         ddq = np.clip(demand, -self.limit, self.limit)
-        return Part(position, velocity, demand, ddq, saturated, peak)
+        return Part(position, velocity, demand, ddq, saturated, extremes)
 
 
 class TorqueBounds:
@@ -73,33 +91,39 @@ class TorqueBounds:
     Args:
         arm: With masses.
         limit: Torque limits, (dof,) [N m].
-        taught: The set-points, for their times.
+        taught: The set-points.
+
+    Raises:
+        ExecutionError: Gravity alone takes more at the first or the last set-point.
     """
 
     def __init__(self, arm: Arm, limit: FloatArray, taught: TaughtData) -> None:
         self.arm, self.limit, self.taught = arm, limit, taught
+        for which, k in (("first", 0), ("last", -1)):
+            q, still = taught.q[k], np.zeros(arm.dof)
+            weight = np.abs(arm.torque(q, still, still))
+            refuse_too_heavy(weight, limit, f"the {which} set-point", float(taught.t[k]))
 
     def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
         """`(-T - b) / M_jj` and `(T - b) / M_jj` at the beginning of interval k [rad/s²].
 
+        Where b alone exceeds T both have one sign: the joint brakes, or it falls.
+
         Raises:
-            ExecutionError: Gravity, friction and the joints' velocities alone take more than T.
+            ExecutionError: A joint that falls faster than any arm moves.
         """
-        bias = self.arm.torque(q, dq, np.zeros_like(q))
-        weak = np.abs(bias) >= self.limit
-        if weak.any():
-            j = int(np.argmax(weak))
+        fast = ~(np.abs(dq) < RUNAWAY)
+        if fast.any():
+            j = int(np.argmax(fast))
             t = self.taught.start_time + k * self.taught.period
             raise ExecutionError(
-                f"Joint {j + 1} takes {abs(bias[j]):.4g} N m at t = {t:.4g} s to keep its velocity "
-                f"of {dq[j]:.3g} rad/s, but its drive gives at most {self.limit[j]:.4g} N m: raise "
-                "its torque limit, lighten its load, or move slower.",
+                f"Joint {j + 1} runs away at t = {t:.4g} s, at {abs(dq[j]):.3g} rad/s: its drive "
+                f"gives at most {self.limit[j]:.4g} N m; raise its torque limit or lighten its "
+                "load.",
                 t=t,
                 joint=j + 1,
-                limit="joint_torque",
-                needed=float(abs(bias[j])),
-                allowed=float(self.limit[j]),
             )
+        bias = self.arm.torque(q, dq, np.zeros_like(q))
         inertia = np.diagonal(self.arm.dynamics.mass_matrix(q))
         return (-self.limit - bias) / inertia, (self.limit - bias) / inertia
 
@@ -131,7 +155,7 @@ class PiecedRun:
         """Run from command interval `begin` on.
 
         Raises:
-            ExecutionError: A drive is too weak.
+            ExecutionError: A joint runs away.
         """
         if self.torque is None or count == 0:
             return self._run(begin, count, q, dq, self.accelerations)
@@ -139,10 +163,7 @@ class PiecedRun:
         for k in range(begin, begin + count):
             parts.append(self._run(k, 1, q, dq, self.torque.at(k, q, dq)))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
-        position, velocity, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
-        saturated = np.sum([x.saturated for x in parts], axis=0)
-        peak = np.max([x.peak for x in parts], axis=0)
-        return Part(position, velocity, demand, ddq, saturated, peak)
+        return joined(parts)
 
     def _run(
         self,
@@ -173,5 +194,6 @@ class PiecedRun:
         ]
         states = np.stack([x[0] for x in joints], axis=2)
         position, velocity, demand, ddq = (states[:, i] for i in range(4))
-        saturated, peak = (np.array([x[i] for x in joints]) for i in (1, 2))
-        return Part(position, velocity, demand, ddq, saturated, peak)
+        saturated = np.array([x[1] for x in joints])
+        extremes = np.array([x[2:] for x in joints]).T
+        return Part(position, velocity, demand, ddq, saturated, extremes)

@@ -113,9 +113,9 @@ def following(
     if (about > HALF_TURN).any():
         first = int(np.argmax(about > HALF_TURN))
         raise InvalidInput(
-            f"At the joint behind segment {first} the path turns back by 180°, where a tool that "
-            "follows the tangent could turn either way: leave the tool's orientation fixed there, "
-            "or split the path.",
+            f"At the joint behind segment {first + 1} the path turns back by 180°, where a tool "
+            "that follows the tangent could turn either way: leave the tool's orientation fixed "
+            "there, or split the path.",
             index=first,
             point=path.starts[first + 1].tolist(),
         )
@@ -171,7 +171,7 @@ def _per_waypoint(name: str, given: FloatArray, path: Path) -> tuple[FloatArray,
     for i in path.merged:
         if np.abs(given[i] - given[i - 1]).max() > SAME_ORIENTATION:
             raise InvalidInput(
-                f"Waypoint {i} is the same point as the one before but with another {name}: a "
+                f"Waypoint {i + 1} is the same point as the one before but with another {name}: a "
                 "path cannot turn the tool on the spot; move the point or split the path.",
                 index=i,
             )
@@ -189,8 +189,9 @@ def _between(turn: FloatArray, names: IntArray) -> FloatArray:
     if (angle > HALF_TURN).any():
         i = int(np.argmax(angle > HALF_TURN))
         raise InvalidInput(
-            f"The tool orientations at waypoints {names[i]} and {names[i + 1]} differ by half a "
-            "turn, between which there is no shortest rotation: put a waypoint between them.",
+            f"The tool orientations at waypoints {names[i] + 1} and {names[i + 1] + 1} differ by "
+            "half a turn, between which there is no shortest rotation: put a waypoint between "
+            "them.",
             index=int(names[i]),
         )
     return np.where(angle[:, None] < NO_TURN, 0.0, turn)

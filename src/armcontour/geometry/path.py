@@ -154,7 +154,7 @@ class Path:
         for i, x in enumerate(listed):
             if not isinstance(x, (Line, Arc)):
                 raise InvalidInput(
-                    f"Segment {i} must be a Line or an Arc, not a {type(x).__name__}.", index=i
+                    f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
                 )
         frames = [
             line_frame(x, i) if isinstance(x, Line) else arc_frame(x, i)
@@ -404,8 +404,8 @@ class Path:
             first = int(np.argmax(gaps > REPEATED_POINT))
             point = self.starts[first + 1].tolist()
             raise InvalidInput(
-                f"Segment {first + 1} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
-                f"of segment {first}: a path must be continuous.",
+                f"Segment {first + 2} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
+                f"of segment {first + 1}: a path must be continuous.",
                 index=first + 1,
                 point=point,
                 needed=float(gaps[first]),

@@ -128,7 +128,8 @@ def round_corners(
     """
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
-            "round_corners needs a tolerance (case II), or a speed and an acceleration (case I)."
+            "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
+            "Python arguments of round_corners, in a job keys of corners."
         )
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
@@ -233,12 +234,13 @@ def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> flo
         why = (
             "follows the tangent"
             if orientation.follows
-            else f"turns at another rate behind segment {int(kinked[0])}, where the path goes "
+            else f"turns at another rate behind segment {int(kinked[0]) + 1}, where the path goes "
             "straight on"
         )
         raise InvalidInput(
-            f"The tool's orientation {why}: give round_corners an angular_tolerance [rad] by which "
-            "it may be off (0 stops there)."
+            f"The tool's orientation {why}: give an angular tolerance by which it may be off (in "
+            "Python round_corners(angular_tolerance=...) in rad, in a job "
+            "corners.angular_tolerance; 0 stops there)."
         )
     return np.inf
 

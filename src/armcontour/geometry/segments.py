@@ -147,13 +147,14 @@ def line_frame(line: Line, index: int) -> Frame:
     Raises:
         InvalidInput: Its ends coincide.
     """
-    start = numbers(f"start of segment {index}", line.start, "m")
-    end = numbers(f"end of segment {index}", line.end, "m")
+    start = numbers(f"start of segment {index + 1}", line.start, "m")
+    end = numbers(f"end of segment {index + 1}", line.end, "m")
     _same_dimension(index, start, end)
     length = float(np.linalg.norm(end - start))
     if length == 0:
         raise InvalidInput(
-            f"Segment {index} is a line of zero length at {tuple(start.tolist())} m: leave it out.",
+            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: leave it "
+            "out.",
             index=index,
             point=start.tolist(),
         )
@@ -166,15 +167,15 @@ def arc_frame(arc: Arc, index: int) -> Frame:
     Raises:
         InvalidInput: No radius, no angle, more than a circle, or a normal that does not fit.
     """
-    start = numbers(f"start of segment {index}", arc.start, "m")
-    center = numbers(f"centre of segment {index}", arc.center, "m")
+    start = numbers(f"start of segment {index + 1}", arc.start, "m")
+    center = numbers(f"centre of segment {index + 1}", arc.center, "m")
     _same_dimension(index, start, center)
-    angle = number(f"angle of segment {index}", arc.angle, "rad")
+    angle = number(f"angle of segment {index + 1}", arc.angle, "rad")
     radius = float(np.linalg.norm(center - start))
     if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
         raise InvalidInput(
-            f"Segment {index} must be an arc with a radius above zero and an angle between 0 and "
-            f"2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
+            f"Segment {index + 1} must be an arc with a radius above zero and an angle between 0 "
+            f"and 2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
             index=index,
         )
     inward = (center - start) / radius
@@ -190,15 +191,17 @@ def _counter_clockwise(
     """Unit tangent of the counter-clockwise motion at the point whose inward normal is given."""
     if len(inward) == 2:
         if normal is not None:
-            raise InvalidInput(f"Segment {index} lies in the plane and takes no normal.")
+            raise InvalidInput(f"Segment {index + 1} lies in the plane and takes no normal.")
         return np.array([inward[1], -inward[0]])
     if normal is None:
-        raise InvalidInput(f"Segment {index} is an arc in space and needs its normal.", index=index)
-    axis = numbers(f"normal of segment {index}", normal)
+        raise InvalidInput(
+            f"Segment {index + 1} is an arc in space and needs its normal.", index=index
+        )
+    axis = numbers(f"normal of segment {index + 1}", normal)
     size = float(np.linalg.norm(axis))
     if axis.shape != (3,) or size == 0 or abs(axis @ inward) > 1e-9 * size:
         raise InvalidInput(
-            f"The normal of segment {index} must be a vector at right angles to its radius.",
+            f"The normal of segment {index + 1} must be a vector at right angles to its radius.",
             index=index,
         )
     tangent: FloatArray = np.cross(inward, axis / size)
@@ -208,6 +211,6 @@ def _counter_clockwise(
 def _same_dimension(index: int, first: FloatArray, second: FloatArray) -> None:
     if first.shape not in ((2,), (3,)) or first.shape != second.shape:
         raise InvalidInput(
-            f"The points of segment {index} must both have 2 or both have 3 coordinates.",
+            f"The points of segment {index + 1} must both have 2 or both have 3 coordinates.",
             index=index,
         )

@@ -1,5 +1,6 @@
 """User files: the only room that knows units other than SI."""
 
+from armcontour.io.certificate import certificate_json, held_csv, sweep_json
 from armcontour.io.job_file import json_schema, parse_job, read_job
 from armcontour.io.limits_file import read_limits
 from armcontour.io.results import ResultFolder
@@ -9,6 +10,8 @@ from armcontour.io.trajectory_file import TrajectoryFile, parse_trajectory, read
 __all__ = [
     "ResultFolder",
     "TrajectoryFile",
+    "certificate_json",
+    "held_csv",
     "json_schema",
     "parse_job",
     "parse_trajectory",
@@ -17,6 +20,7 @@ __all__ = [
     "read_limits",
     "read_trajectory",
     "summary",
+    "sweep_json",
     "taught_csv",
     "torque_csv",
 ]

@@ -10,14 +10,14 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, load_arm
 from armcontour.arms.chain import Payload
-from armcontour.arms.text import read_bytes
-from armcontour.arms.tree import read_tree
+from armcontour.arms.urdf import read_description
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy, rotations
 from armcontour.io.job_model import ArmModel, FrameModel, PayloadModel, RotationModel
 from armcontour.io.units import parse
 
-ARM_FILES = (".yaml", ".yml", ".urdf", ".xacro")
+DESCRIPTIONS = (".urdf", ".xacro")
+ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
 # Where xx, xy, xz, yy, yz and zz stand in a symmetric matrix.
 TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
@@ -35,7 +35,7 @@ def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
     options: dict[str, Any] = {
         key: getattr(model, key) for key in ("tip", "base") if getattr(model, key) is not None
     }
-    if model.locked is not None:
+    if model.locked:
         options["locked"] = _locked(model, folder)
     if model.joint_limits is not None:
         options["joint_limits"] = folder / model.joint_limits
@@ -79,30 +79,22 @@ def _locked(model: ArmModel, folder: FilePath) -> dict[str, float]:
     """Where joints are held still: an angle of one that turns [rad], a length of one that slides.
 
     Raises:
-        InvalidInput: A quantity of the other kind.
+        InvalidInput: A quantity of the other kind, or an arm without a description.
     """
-    slides: dict[str, bool] = {}
-    if model.file is not None and model.file.endswith(".urdf"):
-        file = folder / model.file
-        tree = read_tree(str(file), read_bytes(file, "robot description"))
-        slides = {name: joint.kind == "prismatic" for name, joint in tree.joints.items()}
+    if model.file is None or not model.file.endswith(DESCRIPTIONS):
+        raise InvalidInput(
+            f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
+        )
+    file = folder / model.file
+    joints = read_description(file).joints
     found = {}
     for name, value in (model.locked or {}).items():
+        slides = name in joints and joints[name].kind == "prismatic"
         try:
-            found[name] = _held_at(value, slides.get(name))
+            found[name] = parse(value, "m" if slides else "rad")
         except ValueError as error:
             raise InvalidInput(f"arm.locked.{name}: {error}.") from None
     return found
-
-
-def _held_at(value: float | str, slides: bool | None) -> float:
-    """A joint's position [rad or m]; of a joint whose kind is not known, as it is written."""
-    if slides is None:
-        try:
-            return parse(value, "m")
-        except ValueError:
-            slides = False
-    return parse(value, "m" if slides else "rad")
 
 
 def _payload(model: PayloadModel) -> Payload:

@@ -9,24 +9,34 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from armcontour.arms import Arm
+from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_model import (
+    BoxModel,
+    CertificateModel,
+    CornersModel,
     ExperimentModel,
     JobModel,
+    LimitsModel,
+    PlantModel,
     PublishedModel,
     RunModel,
     ServoModelModel,
     given,
+    given_limits,
 )
 from armcontour.io.job_path import path_of
 from armcontour.io.problems import first_problem
 from armcontour.io.units import parse
 from armcontour.io.yaml_text import load
 from armcontour.servo import ServoModel
-from armcontour.study import Experiment, Job, Published, Rounding, Run
+from armcontour.study import Experiment, Goal, Job, Published, Rounding, Run
+from armcontour.study.robustness import Box
 
+# Which method takes which option.
+TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
+COMPENSATION_OPTIONS = {"poles": "pole_placement"}
 PUBLISHED_UNITS = {
     "contour_error_rms": "m",
     "contour_error_max": "m",
@@ -70,7 +80,7 @@ def parse_job(text: str, *, source: str = "job", folder: FilePath | None = None)
     try:
         model = JobModel.model_validate(data)
     except ValidationError as error:
-        raise InvalidInput(f"{source}: {first_problem(error)}") from None
+        raise InvalidInput(f"{source}: {first_problem(error, JobModel)}") from None
     try:
         return _job(model, folder or FilePath())
     except InvalidInput as error:
@@ -85,7 +95,7 @@ def json_schema() -> dict[str, Any]:
 
 def _job(model: JobModel, folder: FilePath) -> Job:
     arm = arm_of(model.arm, folder)
-    servo = _servo(model.servo, arm)
+    servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
         _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
     runs = tuple(_run(name, run, model, arm) for name, run in model.runs.items())
@@ -97,31 +107,46 @@ def _job(model: JobModel, folder: FilePath) -> Job:
         branch=model.branch,
         start=None if model.start is None else np.array(model.start),
         servo=servo,
-        plant_servo=servo if model.plant is None else _servo(model.plant, arm),
+        plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=runs,
         published=None if model.published is None else _published(model.published, model),
+        certificate=None if model.certificate is None else _goal(model.certificate, model),
     )
 
 
-def _servo(model: ServoModelModel, arm: Arm) -> ServoModel:
-    servo = ServoModel(
-        kp=np.array(model.kp),
-        kv=None if model.kv is None else np.array(model.kv),
-        interpolation=model.interpolation,
-        dead_time=np.array(model.dead_time),
-        order=model.order,
-    )
-    return servo.for_joints(arm.dof)
+def _servo(key: str, model: ServoModelModel, arm: Arm) -> ServoModel:
+    try:
+        return ServoModel(
+            kp=np.array(model.kp),
+            kv=None if model.kv is None else np.array(model.kv),
+            interpolation=model.interpolation,
+            dead_time=np.array(model.dead_time),
+            order=model.order,
+        ).for_joints(arm.dof)
+    except InvalidInput as error:
+        raise InvalidInput(f"{key}: {error}") from None
+
+
+def _plant(model: PlantModel, nominal: ServoModelModel, arm: Arm) -> ServoModel:
+    """The real servo: the nominal one but for what the job says of it."""
+    differs = given(model)
+    if model.order == "first" and model.kv is None:
+        differs["kv"] = None
+    return _servo("plant", nominal.model_copy(update=differs), arm)
 
 
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     corners = job.corners if model.corners is None else model.corners
-    limits = arm.limits.replace(**given(job.limits)).replace(**given(model.limits))
+    limits = _limits("limits", job.limits, arm.limits, arm)
+    limits = _limits(f"runs.{name}.limits", model.limits, limits, arm)
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
         # Case I names the same quantity for the corners' radius: it holds for their speed too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
+    if not isinstance(corners, str) and corners.tolerance is None:
+        _refuse_no_speed(f"runs.{name}." if model.corners else "", corners, limits)
     options: dict[str, Any] = given(model.timing)
     method = options.pop("method")
+    _refuse_options(f"runs.{name}", model)
     period = job.command_interval if model.command_interval is None else model.command_interval
     if method == "mac":
         options["period"] = period
@@ -129,7 +154,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         name=name,
         timing=method,
         compensation=model.compensation.method,
-        limits=limits.for_joints(arm.dof),
+        limits=limits,
         rounding=None if isinstance(corners, str) else Rounding(**given(corners)),
         period=period,
         timing_options=options,
@@ -140,6 +165,33 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
         experiment=_experiment(name, job.experiment),
     )
+
+
+def _limits(key: str, model: LimitsModel, limits: Limits, arm: Arm) -> Limits:
+    """Limits with some of them replaced or lifted, one value per joint."""
+    try:
+        return limits.replace(**given_limits(model)).for_joints(arm.dof)
+    except InvalidInput as error:
+        raise InvalidInput(f"{key}: {error}") from None
+
+
+def _refuse_no_speed(where: str, corners: CornersModel, limits: Limits) -> None:
+    """Refuse corners that nothing says the size of."""
+    if corners.speed is None or limits.centripetal_acceleration is None:
+        raise InvalidInput(
+            f"{where}corners needs tolerance, the largest corner error, or speed and acceleration."
+        )
+
+
+def _refuse_options(key: str, model: RunModel) -> None:
+    """Refuse options of another method than the chosen one."""
+    for name, methods in (("timing", TIMING_OPTIONS), ("compensation", COMPENSATION_OPTIONS)):
+        chosen = getattr(model, name)
+        for option, method in methods.items():
+            if getattr(chosen, option) is not None and chosen.method != method:
+                raise InvalidInput(
+                    f"{key}.{name}.{option} goes with the method {method}, not {chosen.method}."
+                )
 
 
 def _experiment(run: str, model: ExperimentModel | None) -> Experiment | None:
@@ -165,6 +217,26 @@ def _published(model: PublishedModel, job: JobModel) -> Published:
         time_stamps=tuple(model.time_stamps.values) if model.time_stamps else (),
         time_stamps_of=model.time_stamps.run if model.time_stamps else None,
         notes=tuple(model.notes),
+    )
+
+
+def _goal(model: CertificateModel, job: JobModel) -> Goal:
+    if model.run is not None:
+        _refuse_unknown("certificate.run", [model.run], job)
+    values = model.model_dump(exclude={"box"})
+    try:
+        return Goal(box=None if model.box is None else _box(model.box), **values)
+    except InvalidInput as error:
+        raise InvalidInput(f"certificate: {error}") from None
+
+
+def _box(model: BoxModel) -> Box:
+    return Box(
+        gains=np.array(model.gains),
+        dead_time=np.array(model.dead_time),
+        dead_time_shared=model.shared,
+        payload=model.payload,
+        jitter=model.jitter,
     )
 
 

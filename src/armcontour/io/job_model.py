@@ -10,16 +10,21 @@ from armcontour.io.units import (
     Acceleration,
     Angle,
     AngularAcceleration,
+    AngularDistance,
     AngularSpeed,
+    Distance,
     Duration,
     Gain,
     Inertia,
+    Interval,
     JointAcceleration,
     JointJerk,
     JointPosition,
     JointVelocity,
     Length,
     Mass,
+    Pole,
+    Ratio,
     Speed,
     Torque,
 )
@@ -30,6 +35,7 @@ Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Triple = Annotated[list[Pole], Field(min_length=3, max_length=3)]
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 PublishedName = Literal["contour_error_rms", "contour_error_max", "duration", "settled"]
 
@@ -94,7 +100,7 @@ class SegmentModel(Model):
     angle: Angle | None = None
     normal: list[Number] | None = None
     speed: Speed | None = None
-    tolerance: Length | None = None
+    tolerance: Distance | None = None
     tag: str | None = None
 
 
@@ -103,7 +109,7 @@ class SplineModel(Model):
 
     points: list[Point]
     closed: StrictBool = Field(default=False, description="the last point repeats the first")
-    tolerance: Length = 1e-6
+    tolerance: Distance = 1e-6
 
 
 class FollowModel(RotationModel):
@@ -140,7 +146,7 @@ class PathModel(Model):
 
 
 class LimitsModel(Model):
-    """Limits; those of the joints are the arm's own unless given here."""
+    """Limits; those of the joints are the arm's own unless given here, and null lifts one."""
 
     speed: Speed | None = None
     tool_acceleration: Acceleration | None = None
@@ -161,10 +167,10 @@ class LimitsModel(Model):
 class CornersModel(Model):
     """Case II: `tolerance`. Case I: `speed` and `acceleration`."""
 
-    tolerance: Length | None = None
+    tolerance: Distance | None = None
     speed: Speed | None = None
     acceleration: Acceleration | None = None
-    angular_tolerance: Angle | None = Field(
+    angular_tolerance: AngularDistance | None = Field(
         default=None, description="largest angle by which the tool's orientation may be off"
     )
 
@@ -179,31 +185,51 @@ class ServoModelModel(Model):
     interpolation: Literal["linear", "step", "cubic"] = "linear"
 
 
+class PlantModel(Model):
+    """The real servo, where it differs from the nominal one; the rest is as in `servo`."""
+
+    kp: Gain | list[Gain] | None = None
+    kv: Gain | list[Gain] | None = None
+    order: Literal["second", "first"] | None = None
+    dead_time: Duration | list[Duration] | None = None
+    interpolation: Literal["linear", "step", "cubic"] | None = None
+
+
 class ExperimentModel(Model):
     """Runs executed on the arm's rigid bodies too, by drives that nobody tuned to the job."""
 
-    step: Duration = Field(default=2.5e-4, description="cycle of the drives")
+    step: Interval = Field(default=2.5e-4, description="cycle of the drives")
     gravity_feedforward: StrictBool = True
     friction: StrictBool = True
-    noise: Angle = Field(default=0.0, description="standard deviation of measured positions")
-    seed: StrictInt = 0
+    noise: AngularDistance = Field(
+        default=0.0, description="standard deviation of measured positions"
+    )
+    seed: Annotated[StrictInt, Field(ge=0)] = 0
     runs: list[str] | None = Field(default=None, description="names of runs; all by default")
 
 
 class TimingModel(Model):
     """How the path is timed."""
 
-    method: str = Field(default="optimal", description="optimal, mac or conventional")
-    knots: int | None = Field(default=None, description="mac: laps per line")
-    intervals: int | None = Field(default=None, description="optimal: intervals of the grid, about")
+    method: Literal["optimal", "mac", "conventional"] = "optimal"
+    knots: Annotated[StrictInt, Field(ge=8)] | None = Field(
+        default=None, description="mac: laps per line"
+    )
+    intervals: Annotated[StrictInt, Field(ge=2)] | None = Field(
+        default=None, description="optimal: intervals of the grid, about"
+    )
 
 
 class CompensationModel(Model):
     """How the servo's delay is compensated."""
 
-    method: str = "pole_placement"
-    poles: list[Gain] | list[list[Gain]] | None = Field(
-        default=None, description="pole_placement: two regulator poles and the observer pole"
+    method: Literal["inverse", "pole_placement", "none"] = Field(
+        default="pole_placement", description="for a servo of the order first: inverse or none"
+    )
+    poles: Triple | list[Triple] | None = Field(
+        default=None,
+        description="pole_placement: two regulator poles and the observer pole, or one such "
+        "triple per joint",
     )
 
 
@@ -214,9 +240,9 @@ class RunModel(Model):
     compensation: CompensationModel = CompensationModel()
     limits: LimitsModel = LimitsModel()
     corners: CornersModel | Literal["sharp"] | None = None
-    command_interval: Duration | None = None
+    command_interval: Interval | None = None
     ignore_jerk: StrictBool | None = None
-    until: Duration | None = Field(default=None, description="end of the time that errors cover")
+    until: Interval | None = Field(default=None, description="end of the time that errors cover")
 
 
 class TimeStampsModel(Model):
@@ -233,6 +259,42 @@ class PublishedModel(Model):
     runs: dict[str, dict[PublishedName, float | str]] = {}
     time_stamps: TimeStampsModel | None = None
     notes: list[str] = []
+
+
+class BoxModel(Model):
+    """How far the real robot may be from its model, in plus and minus."""
+
+    gains: Ratio | list[Ratio] | list[list[Ratio]] = Field(
+        default=0.0, description="of servo gains; one, one per joint, or two rows for kp and kv"
+    )
+    dead_time: Duration | list[Duration] = 0.0
+    shared: StrictBool = Field(
+        default=True, description="all joints' dead times err together, and not each by itself"
+    )
+    payload: Mass = 0.0
+    jitter: Duration = Field(default=0.0, description="of the time at which a set-point arrives")
+
+
+class CertificateModel(Model):
+    """What `armcontour certify` is to hold: `tolerance`, `servo` or both."""
+
+    tolerance: Length | None = Field(
+        default=None, description="largest distance of the tool from the objective path"
+    )
+    servo: Length | None = Field(
+        default=None, description="largest contour error that servo and command interval may make"
+    )
+    rms: Length | None = Field(default=None, description="largest root mean square of that error")
+    saturation: Literal["refuse", "report"] = "refuse"
+    box: BoxModel | None = None
+    samples: StrictInt = Field(default=10_000, description="robots drawn from the box")
+    seed: StrictInt = 0
+    run: str | None = Field(
+        default=None, description="the run to certify; by default the only optimal one"
+    )
+    slowest: Number = Field(
+        default=2.0, description="as a ratio to the uncertified optimum; slower plans are refused"
+    )
 
 
 class JobModel(Model):
@@ -252,15 +314,19 @@ class JobModel(Model):
     ignore_jerk: StrictBool = Field(default=False, description="plan in spite of limits of jerk")
     corners: CornersModel | Literal["sharp"] = "sharp"
     servo: ServoModelModel
-    plant: ServoModelModel | None = Field(
-        default=None, description="the real servo, where it differs from the nominal one"
-    )
+    plant: PlantModel | None = None
     experiment: ExperimentModel | None = None
-    command_interval: Duration = 4e-3
+    command_interval: Interval = 4e-3
     runs: dict[RunName, RunModel] = Field(min_length=1)
     published: PublishedModel | None = None
+    certificate: CertificateModel | None = None
 
 
 def given(model: BaseModel) -> dict[str, Any]:
-    """What a model says, without what it leaves out."""
+    """What a model says, without what it leaves out; null says nothing."""
     return model.model_dump(exclude_none=True)
+
+
+def given_limits(model: LimitsModel) -> dict[str, Any]:
+    """The limits that a model gives, None where it lifts one."""
+    return model.model_dump(exclude_unset=True)

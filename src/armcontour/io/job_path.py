@@ -9,6 +9,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Arc, Demand, Line, Path
 from armcontour.io.job_arm import rotation_of
 from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
+from armcontour.io.problems import place
 
 WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
 
@@ -59,9 +60,19 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
     segments: list[Line | Arc] = []
     here = list(start)
     for i, x in enumerate(models):
-        segments.append(_segment(here, x, f"path.segments.{i}"))
-        here = Path.from_segments(segments[-1:]).vertices[-1].tolist()
+        segments.append(_segment(here, x, place(("path", "segments", i))))
+        here = list(x.to) if x.to is not None else _end(segments)
     return Path.from_segments(segments)
+
+
+def _end(segments: list[Line | Arc]) -> list[float]:
+    """Where the last of some segments ends."""
+    try:
+        (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
+    except InvalidInput:
+        # Told again with the number that the segment has among all.
+        (*_, end) = Path.from_segments(segments).vertices.tolist()
+    return list(end)
 
 
 def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
@@ -96,11 +107,11 @@ def _held(path: Path, x: OrientationModel) -> Path:
 def _at_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     """The path with the tool held in a given way at every waypoint."""
     for i, x in enumerate(models):
-        _refuse_ways(f"path.orientation.{i}", x)
+        key = place(("path", "orientation", i))
+        _refuse_ways(key, x)
         if x.follow_tangent is not None:
             raise InvalidInput(
-                f"path.orientation.{i}: follow_tangent holds for the whole path: give it alone, "
-                "not in a list."
+                f"{key}: follow_tangent holds for the whole path: give it alone, not in a list."
             )
     if not models:
         raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
@@ -112,7 +123,7 @@ def _at_waypoints(path: Path, models: list[OrientationModel]) -> Path:
             "path.orientation: either all waypoints or none give axis, and all or none are "
             "axis_only."
         )
-    turned = [rotation_of(f"path.orientation.{i}", x) for i, x in enumerate(models)]
+    turned = [rotation_of(place(("path", "orientation", i)), x) for i, x in enumerate(models)]
     return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 

@@ -1,4 +1,4 @@
-"""Limits files: YAML with the keys that `limits` has in a job file, and `deviation`."""
+"""Limits files: YAML with the keys that `limits` has in a job file, and deviations."""
 
 from __future__ import annotations
 
@@ -10,20 +10,24 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.io.job_model import LimitsModel
 from armcontour.io.problems import first_problem
-from armcontour.io.units import Length
+from armcontour.io.units import Angle, Length
 from armcontour.io.yaml_text import load
+
+DEVIATIONS = {"deviation", "orientation_deviation"}
 
 
 class LimitsFileModel(LimitsModel):
-    """A limits file; `deviation` is the largest distance of the tool from its path."""
+    """A limits file, with the tool's largest distance and angle from its path."""
 
     deviation: Length | None = None
+    orientation_deviation: Angle | None = None
 
 
-def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None]:
-    """The limits in a YAML file, and the largest deviation from the path [m] if it has one.
+def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
+    """The limits in a YAML file, and the largest deviations from the path [m], [rad] if it has any.
 
-    Limits of the joints that the file does not give are the arm's own, as in a job file.
+    Limits of the joints that the file does not give are the arm's own, and null lifts one, as in a
+    job file.
 
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
@@ -40,9 +44,10 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None]:
     try:
         model = LimitsFileModel.model_validate(data)
     except ValidationError as error:
-        raise InvalidInput(f"{place.name}: {first_problem(error)}") from None
-    given = model.model_dump(exclude_none=True, exclude={"deviation"})
+        raise InvalidInput(f"{place.name}: {first_problem(error, LimitsFileModel)}") from None
+    given = model.model_dump(exclude_unset=True, exclude=DEVIATIONS)
     try:
-        return arm.limits.replace(**given).for_joints(arm.dof), model.deviation
+        limits = arm.limits.replace(**given).for_joints(arm.dof)
     except InvalidInput as error:
         raise InvalidInput(f"{place.name}: {error}") from None
+    return limits, model.deviation, model.orientation_deviation

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+import difflib
+import types
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 # Parts of an error's place that name the type that was tried, and not a key.
 TYPE_NAMES = {
@@ -18,37 +21,147 @@ TYPE_NAMES = {
     "literal['sharp']",
     "str",
 }
+# What a value should have been, by the kind of the problem.
+WANTED = {
+    "bool_type": "true or false",
+    "dict_type": "a mapping of keys",
+    "float_type": "a number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "model_type": "a mapping of keys",
+    "string_type": "text",
+}
+# These say what is wrong with a value of the right kind.
+SAYING = ("value_error", "too_short", "too_long", "greater_than_equal")
+NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
+# Characters of a value that are repeated in a message.
+SHOWN = 40
 
 
-def first_problem(error: ValidationError) -> str:
-    """The first problem as a sentence, and how many more there are."""
+def first_problem(error: ValidationError, model: type[BaseModel]) -> str:
+    """The first problem as a sentence, and how many more there are.
+
+    Args:
+        error: What the checks found.
+        model: The model of the whole file.
+    """
     problems = error.errors()
     # Where a key may hold one of two things, the message of the one that came closest says most.
     first = max(problems, key=_says)
-    key = ".".join(str(x) for x in _keys(first)) or "the file"
+    keys = _keys(first)
     if first["type"] == "extra_forbidden":
-        sentence = f"unknown key {key}: see `armcontour schema` for those that it takes."
+        sentence = f"unknown key {place(keys)}: {_instead(keys, model)}"
     elif first["type"] == "missing":
-        sentence = f"the key {key} is missing."
+        sentence = f"the key {place(keys)} is missing"
     else:
-        sentence = f"{key}: {_lower(first['msg'].removeprefix('Value error, '))}."
-    more = len({_keys(x) for x in problems if not _within(_keys(first), _keys(x))})
-    return sentence + (f" ({more} more problem{'s' if more > 1 else ''}.)" if more else "")
+        alike = [x for x in problems if _keys(x) == keys]
+        sentence = f"{place(keys) or 'the file'}: {_words(first, alike)}"
+    others = {_keys(x) for x in problems}
+    more = sum(not _within(x, keys) and not _within(keys, x) for x in others)
+    closing = "" if sentence.endswith("?") else "."
+    return (
+        sentence + closing + (f" ({more} more problem{'s' if more > 1 else ''}.)" if more else "")
+    )
+
+
+def place(keys: Sequence[int | str]) -> str:
+    """Where a value stands, for people: items of lists are counted from 1."""
+    text = ""
+    for i, key in enumerate(keys):
+        if isinstance(key, str):
+            text += f".{key}" if text else key
+        elif i and isinstance(keys[i - 1], int):
+            text = f"{text[:-1]}, item {key + 1})"
+        else:
+            text += f" (item {key + 1})"
+    return text
 
 
 def _says(problem: Any) -> tuple[bool, bool, int]:
     """How much a problem says: what is wrong with a value, an unknown key, or deep inside."""
     kind = problem["type"]
-    return kind == "value_error", kind == "extra_forbidden", len(_keys(problem))
+    return kind in SAYING, kind == "extra_forbidden", len(_keys(problem))
+
+
+def _words(problem: Any, alike: Sequence[Any]) -> str:
+    """What is wrong with a value; `alike` are all problems that were found in its place."""
+    kind, given, facts = problem["type"], problem["input"], problem.get("ctx", {})
+    wanted = [x for x in map(_wanted, alike) if x is not None]
+    if kind == "too_short":
+        return f"needs at least {_counted(facts['min_length'])}, but has {facts['actual_length']}"
+    if kind == "too_long":
+        return f"takes at most {_counted(facts['max_length'])}, but has {facts['actual_length']}"
+    if kind == "string_pattern_mismatch":
+        return f"a name {NAME}, not {_shown(given)}"
+    if kind == "greater_than_equal":
+        return f"must be at least {facts['ge']:g}, but is {given:g}"
+    if _wanted(problem) is not None:
+        return f"must be {' or '.join(dict.fromkeys(wanted))}, not {_shown(given)}"
+    return _lower(problem["msg"].removeprefix("Value error, ")).rstrip(".")
+
+
+def _wanted(problem: Any) -> str | None:
+    """What a value should have been, if its problem is that it is something else."""
+    if problem["type"] == "literal_error":
+        return str(problem["ctx"]["expected"]).replace("'", "")
+    return WANTED.get(problem["type"])
+
+
+def _counted(number: int) -> str:
+    return "one entry" if number == 1 else f"{number} entries"
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+
+
+def _instead(keys: tuple[Any, ...], model: type[BaseModel]) -> str:
+    """What may have been meant by an unknown key."""
+    *outer, name = keys
+    kinds: list[Any] = [model]
+    for key in outer:
+        kinds = [x for kind in kinds for x in _inside(kind, key)]
+    known = [
+        x
+        for kind in kinds
+        for inner in _alternatives(kind)
+        if isinstance(inner, type) and issubclass(inner, BaseModel)
+        for x in inner.model_fields
+    ]
+    near = difflib.get_close_matches(str(name), known, n=1)
+    return f"did you mean {near[0]}?" if near else f"the keys there are {', '.join(known)}"
+
+
+def _inside(kind: Any, key: int | str) -> Iterator[Any]:
+    """The types that a key of a type, or an item of it, may have."""
+    for x in _alternatives(kind):
+        if get_origin(x) in (dict, list):
+            yield get_args(x)[-1]
+        elif isinstance(x, type) and issubclass(x, BaseModel) and key in x.model_fields:
+            yield x.model_fields[str(key)].annotation
+
+
+def _alternatives(kind: Any) -> Iterator[Any]:
+    """A type, or those that a union is of."""
+    if get_origin(kind) is Annotated:
+        yield from _alternatives(get_args(kind)[0])
+    elif get_origin(kind) in (Union, types.UnionType):
+        for x in get_args(kind):
+            yield from _alternatives(x)
+    else:
+        yield kind
 
 
 def _keys(problem: Any) -> tuple[Any, ...]:
     return tuple(x for x in problem["loc"] if not _is_type_name(x))
 
 
-def _within(place: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
-    """Whether a place is another or lies in it: that is the same problem, seen as another type."""
-    return place[: len(other)] == other
+def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
+    """Whether a place is another or lies in it: that is one problem, seen as two types."""
+    return inner[: len(outer)] == outer
 
 
 def _is_type_name(part: int | str) -> bool:

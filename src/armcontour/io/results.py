@@ -37,6 +37,12 @@ class ResultFolder:
                     f"The folder {folder} is not empty: choose another --out, or replace an "
                     "earlier result with --force."
                 )
+            for above in folder.parents:
+                if above.exists() and not above.is_dir():
+                    raise InvalidInput(
+                        f"Cannot write to the folder {folder}, because {above} is a file: choose "
+                        "another --out."
+                    )
             parent = folder if folder.is_dir() else folder.parent
             parent.mkdir(parents=True, exist_ok=True)
             if not os.access(parent, os.W_OK):

@@ -22,7 +22,6 @@ from armcontour.study.quantities import (
     angular_speed,
     applied_torques,
     assumed,
-    has_bodies,
     planned_torques,
 )
 
@@ -74,11 +73,11 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
             "name": job.arm.name,
             "source": job.arm.source,
             "joints": job.arm.joint_names,
-            "masses_known": has_bodies(job.arm),
+            "masses_known": job.arm.has_bodies,
             "assumed": assumed(job.arm) or None,
         },
         "units": UNITS,
-        "runs": {name: _run(result) for name, result in study.runs.items()},
+        "runs": {name: run_summary(result) for name, result in study.runs.items()},
         "files": list(files),
     }
     if job.published is not None:
@@ -87,7 +86,7 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
             "runs": job.published.runs,
             "time_stamps": list(job.published.time_stamps),
         }
-    return json.dumps(_plain(data), indent=2, allow_nan=False) + "\n"
+    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
 
 
 def taught_csv(taught: TaughtData, joint_names: Sequence[str]) -> str:
@@ -132,7 +131,8 @@ def _csv(names: Sequence[str], columns: Sequence[FloatArray]) -> str:
     return text.getvalue()
 
 
-def _run(result: RunResult) -> dict[str, Any]:
+def run_summary(result: RunResult) -> dict[str, Any]:
+    """Every metric of one run."""
     path, arm = result.path, result.execution.arm
     found: dict[str, Any] = {
         "timing": result.run.timing,
@@ -156,12 +156,15 @@ def _run(result: RunResult) -> dict[str, Any]:
             for x in result.trajectory.stretches
         ],
         "merged_points": path.merged,
+        "warnings": result.warnings,
     }
     torques = planned_torques(result)
     if torques is not None:
         found.update(_torques(torques, result))
     if result.experiment is not None:
         found["experiment"] = _experiment(result, result.experiment)
+    if result.failure is not None:
+        found["experiment"] = {"failed": str(result.failure)}
     if result.explanation is not None:
         why = result.explanation
         found["explanation"] = {
@@ -281,16 +284,16 @@ def _error(profile: ErrorProfile) -> dict[str, float]:
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """The same data in what JSON knows; not-a-number becomes null."""
     if isinstance(value, dict) or hasattr(value, "items"):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(x) for x in value]
+        return [plain(x) for x in value]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any
 
@@ -15,6 +16,9 @@ QUANTITY = re.compile(
     r"(\s*(\*\*|\^)\s*-?\d|[²³]|(\s*[*/·]\s*|\s+)[^\W\d_]\w*)*\s*|"
     r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*°\s*"
 )
+
+
+PERCENT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*%\s*")
 
 
 @cache
@@ -93,29 +97,96 @@ def _position(value: Any) -> Any:
     return value
 
 
+def share(value: Any) -> float:
+    """A share of something, from a plain number or text in percent such as "10 %".
+
+    Raises:
+        ValueError: Neither.
+    """
+    if isinstance(value, str):
+        found = PERCENT.fullmatch(value)
+        if found is None:
+            raise ValueError(
+                f"must be a plain number or a percentage such as '10 %', not {value!r}"
+            )
+        return parse(float(found[1]), "%") / 100
+    return parse(value, "1")
+
+
 def _quantity(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    return _read(lambda value: parse(value, unit), unit, example, {})
+
+
+def _positive(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    def above_zero(value: Any) -> float:
+        found = parse(value, unit)
+        if found <= 0:
+            raise ValueError(f"must be above zero, but is {found:g} {unit}")
+        return found
+
+    return _read(above_zero, unit, example, {"exclusiveMinimum": 0})
+
+
+def _negative(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    def below_zero(value: Any) -> float:
+        found = parse(value, unit)
+        if found >= 0:
+            raise ValueError(f"must be below zero, but is {found:g} {unit}")
+        return found
+
+    return _read(below_zero, unit, example, {"exclusiveMaximum": 0})
+
+
+def _not_negative(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    def from_zero(value: Any) -> float:
+        found = parse(value, unit)
+        if found < 0:
+            raise ValueError(f"must not be negative, but is {found:g} {unit}")
+        return found
+
+    return _read(from_zero, unit, example, {"minimum": 0})
+
+
+def _read(
+    read: Callable[[Any], float], unit: str, example: str, bound: dict[str, Any]
+) -> tuple[BeforeValidator, WithJsonSchema]:
     schema = {
         "description": f"A number in {unit}, or text with a unit such as '{example}'.",
-        "anyOf": [{"type": "number"}, {"type": "string"}],
+        "anyOf": [{"type": "number", **bound}, {"type": "string"}],
         "examples": [example],
     }
-    return BeforeValidator(lambda value: parse(value, unit)), WithJsonSchema(schema)
+    return BeforeValidator(read), WithJsonSchema(schema)
 
 
 Length = Annotated[float, *_quantity("m", "5 mm")]
-Speed = Annotated[float, *_quantity("m/s", "0.15 m/s")]
-Acceleration = Annotated[float, *_quantity("m/s^2", "0.09 m/s^2")]
+Distance = Annotated[float, *_not_negative("m", "5 mm")]
+Speed = Annotated[float, *_positive("m/s", "0.15 m/s")]
+Acceleration = Annotated[float, *_positive("m/s^2", "0.09 m/s^2")]
 Angle = Annotated[float, *_quantity("rad", "90 deg")]
-JointVelocity = Annotated[float, *_quantity("rad/s", "1.5 rad/s")]
-JointAcceleration = Annotated[float, *_quantity("rad/s^2", "0.72 rad/s^2")]
-Duration = Annotated[float, *_quantity("s", "4 ms")]
-Gain = Annotated[float, *_quantity("1/s", "25 1/s")]
-Torque = Annotated[float, *_quantity("N m", "150 N m")]
-JointJerk = Annotated[float, *_quantity("rad/s^3", "4000 rad/s^3")]
-AngularSpeed = Annotated[float, *_quantity("rad/s", "90 deg/s")]
-AngularAcceleration = Annotated[float, *_quantity("rad/s^2", "720 deg/s^2")]
+AngularDistance = Annotated[float, *_not_negative("rad", "2 deg")]
+JointVelocity = Annotated[float, *_positive("rad/s", "1.5 rad/s")]
+JointAcceleration = Annotated[float, *_positive("rad/s^2", "0.72 rad/s^2")]
+Duration = Annotated[float, *_not_negative("s", "4 ms")]
+Interval = Annotated[float, *_positive("s", "4 ms")]
+Gain = Annotated[float, *_positive("1/s", "25 1/s")]
+Pole = Annotated[float, *_negative("1/s", "-100 1/s")]
+Torque = Annotated[float, *_positive("N m", "150 N m")]
+JointJerk = Annotated[float, *_positive("rad/s^3", "4000 rad/s^3")]
+AngularSpeed = Annotated[float, *_positive("rad/s", "90 deg/s")]
+AngularAcceleration = Annotated[float, *_positive("rad/s^2", "720 deg/s^2")]
 Mass = Annotated[float, *_quantity("kg", "2 kg")]
 Inertia = Annotated[float, *_quantity("kg m^2", "0.002 kg m^2")]
+Ratio = Annotated[
+    float,
+    BeforeValidator(share),
+    WithJsonSchema(
+        {
+            "description": "A plain number, or text in percent such as '10 %'.",
+            "anyOf": [{"type": "number"}, {"type": "string"}],
+            "examples": ["10 %"],
+        }
+    ),
+]
 # Which of the two it must be is up to its joint.
 JointPosition = Annotated[
     float | str,

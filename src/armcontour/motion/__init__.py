@@ -3,6 +3,7 @@
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath, quintic
 from armcontour.motion.laws import LapLaw, Law, PathLaw, interval_times
+from armcontour.motion.smoothing import SmoothedLaw, smoothed
 from armcontour.motion.taught import TaughtData
 from armcontour.motion.trajectory import Samples, Stretch, Trajectory
 
@@ -13,9 +14,11 @@ __all__ = [
     "Law",
     "PathLaw",
     "Samples",
+    "SmoothedLaw",
     "Stretch",
     "TaughtData",
     "Trajectory",
     "interval_times",
     "quintic",
+    "smoothed",
 ]

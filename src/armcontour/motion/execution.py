@@ -23,7 +23,8 @@ class Execution:
         t: Regular times [s], (n,).
         q, dq, ddq: What the joints did, (n, dof).
         demand: Acceleration that the servo asked for, before saturation, (n, dof) [rad/s²].
-        peak_demand: Its largest amount at any time, not only at `t`, (dof,) [rad/s²].
+        demand_range: Its lowest and its highest value at any time, not only at `t`, (2, dof)
+            [rad/s²].
         saturated_time: Time for which each joint was saturated, (dof,) [s].
         torque: What the drives gave, (n, dof) [N m]; None from a plant without torques.
         torque_demand: The same before saturation; given with it.
@@ -39,7 +40,7 @@ class Execution:
     dq: FloatArray
     ddq: FloatArray
     demand: FloatArray
-    peak_demand: FloatArray
+    demand_range: FloatArray
     saturated_time: FloatArray
     torque: FloatArray | None = None
     torque_demand: FloatArray | None = None
@@ -47,11 +48,16 @@ class Execution:
     def __post_init__(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
-        for name in ("t", "q", "dq", "ddq", "demand", "peak_demand", "saturated_time"):
+        for name in ("t", "q", "dq", "ddq", "demand", "demand_range", "saturated_time"):
             object.__setattr__(self, name, _checks.locked(getattr(self, name)))
         for name in ("torque", "torque_demand"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+
+    @property
+    def peak_demand(self) -> FloatArray:
+        """Largest amount of the demand at any time, either way, (dof,) [rad/s²]."""
+        return np.asarray(np.abs(self.demand_range).max(axis=0))
 
     @property
     def tool(self) -> FloatArray:
@@ -66,7 +72,7 @@ class Execution:
     @property
     def saturated(self) -> BoolArray:
         """Where the servo asked for more than it got, (n, dof)."""
+        asked, given = self.demand, self.ddq
         if self.torque is not None and self.torque_demand is not None:
-            missing = np.abs(self.torque_demand - self.torque)
-            return np.asarray(missing > 1e-9 * np.abs(self.torque_demand))
-        return np.asarray(np.abs(self.demand) > np.abs(self.ddq) * (1 + 1e-9))
+            asked, given = self.torque_demand, self.torque
+        return np.asarray(np.abs(asked - given) > 1e-9 * np.abs(asked))

@@ -96,21 +96,47 @@ class PathLaw(Law):
             return np.asarray(np.clip(s, self.s[i], self.s[i + 1]))
         return np.asarray(ds * c + dds * h if order == 1 else ds * slope * h + dds * c)
 
+    def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """s, ds and dds at times `t` by the formula of interval `i`."""
+        return self.path_position(i, t), self.path_position(i, t, 1), self.path_position(i, t, 2)
+
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """q, dq or ddq by the chain rule."""
         s = self.path_position(i, t)
-        # At a joint of the joint path the interval decides which side is meant.
-        first = self.joint_path.locate(self.s[i], side="right")
-        last = self.joint_path.locate(self.s[i + 1], side="left")
-        piece = np.clip(self.joint_path.locate(s), first, last)
-        if order == 0:
-            return self.joint_path.on_interval(piece, s)
-        ds = self.path_position(i, t, 1)[..., None]
-        dq_ds = self.joint_path.on_interval(piece, s, 1)
-        if order == 1:
-            return np.asarray(dq_ds * ds)
-        dds = self.path_position(i, t, 2)[..., None]
-        return np.asarray(self.joint_path.on_interval(piece, s, 2) * ds**2 + dq_ds * dds)
+        ds = self.path_position(i, t, 1) if order else s
+        dds = self.path_position(i, t, 2) if order == 2 else s
+        return path_states(self.joint_path, (self.s[i], self.s[i + 1]), s, ds, dds, order)
+
+
+def path_states(
+    joint_path: JointPath,
+    ends: tuple[FloatArray, FloatArray],
+    s: FloatArray,
+    ds: FloatArray,
+    dds: FloatArray,
+    order: int,
+) -> FloatArray:
+    """q, dq or ddq along a joint path by the chain rule.
+
+    Args:
+        joint_path: The path.
+        ends: Between which s each place lies: at a joint of the joint path they decide which side
+            is meant.
+        s: Places [m].
+        ds: Their rates, if the order is 1 or 2 [m/s].
+        dds: The rates of these, if the order is 2 [m/s²].
+        order: 0, 1 or 2.
+    """
+    first = joint_path.locate(ends[0], side="right")
+    last = joint_path.locate(ends[1], side="left")
+    piece = np.clip(joint_path.locate(s), first, last)
+    if order == 0:
+        return joint_path.on_interval(piece, s)
+    dq_ds = joint_path.on_interval(piece, s, 1)
+    if order == 1:
+        return np.asarray(dq_ds * ds[..., None])
+    bend = joint_path.on_interval(piece, s, 2)
+    return np.asarray(bend * ds[..., None] ** 2 + dq_ds * dds[..., None])
 
 
 def _refuse_disorder(breaks: FloatArray) -> None:

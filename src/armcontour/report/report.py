@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 
 from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 from armcontour.report import sections
-from armcontour.study import Study
+from armcontour.report.section import Section
+from armcontour.study import Certificate, Job, Study, Sweep
+
+# Tiles that a row has room for.
+MOST_COLUMNS = 5
 
 
-def render_report(study: Study) -> str:
-    """The report of a study as one HTML page that needs nothing else."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
+def render_report(study: Study, *, certificate: Certificate | None = None) -> str:
+    """The report of a study as one HTML page that needs nothing else.
 
+    Args:
+        study: The study.
+        certificate: Of its only run; comes first.
+    """
     found = [
+        *([] if certificate is None else [sections.certificate(certificate)]),
         sections.overview(study),
         sections.published(study),
         sections.paths(study),
@@ -32,9 +39,29 @@ def render_report(study: Study) -> str:
         sections.contour_error(study),
         sections.time_stamps(study),
     ]
+    if certificate is not None and certificate.spread is not None:
+        allowed = certificate.budget.servo_allowed
+        drawn, corners = certificate.spread, certificate.corners
+        found.insert(
+            1, sections.robustness(drawn, corners, budget=allowed, run=certificate.run.name)
+        )
+    return _page(study.job, [x for x in found if x is not None])
+
+
+def render_sweep(sweep: Sweep) -> str:
+    """The report of a trade-off as one HTML page that needs nothing else."""
+    return _page(sweep.job, [sections.sweep(sweep)])
+
+
+def _page(job: Job, found: Sequence[Section]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
     environment = Environment(
         loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
     )
+    environment.filters["columns"] = _columns
     config = {"displaylogo": False, "responsive": True}
 
     def drawing(figure: object, number: str) -> Markup:
@@ -48,12 +75,17 @@ def render_report(study: Study) -> str:
         return Markup(html)
 
     return environment.get_template("report.html").render(
-        job=study.job,
+        job=job,
         version=__version__,
-        sections=[x for x in found if x is not None],
+        sections=found,
         drawing=drawing,
         plotly=Markup(get_plotlyjs()),
     )
+
+
+def _columns(count: int) -> int:
+    """How many of so many tiles stand in a row, so that rows are about equally full."""
+    return -(-count // -(-count // MOST_COLUMNS))
 
 
 def write_report(study: Study, file: str | FilePath) -> None:

@@ -36,6 +36,8 @@ class Section:
         text: What there is to see.
         tiles: Figures in large print, by the name of their run.
         figures: Plotly figures.
+        columns: Shares of the width that figures take which stand beside each other; by default
+            every figure has all of it.
         tables: Tables.
         notes: Sentences below.
     """
@@ -45,6 +47,7 @@ class Section:
     text: str = ""
     tiles: tuple[tuple[str, tuple[Tile, ...]], ...] = ()
     figures: tuple[Any, ...] = ()
+    columns: tuple[int, ...] = ()
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
 

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.execution._pieces import _advance_cubic
+from armcontour.execution._pieces import _advance_bent
 from armcontour.execution._servo import _modes
 
 # Products may be added without rounding in between, which is faster and no less exact.
@@ -437,7 +437,8 @@ def _bent(
     turn = _hermite(z, dz, last, dlast, t, _turn(z, dz, last, dlast, t))
     if lower <= min(z, last, turn) and max(z, last, turn) <= upper:
         return end, dend, 0.0, max(abs(z), abs(last), abs(turn))
-    return _advance_cubic(kp, kv, lower, upper, u, q, w, t)
+    q, w, time, low, high = _advance_bent(kp, kv, lower, upper, u, q, w, t)
+    return q, w, time, max(-low, high)
 
 
 @njit(cache=True, error_model="numpy", fastmath=FUSED)
@@ -538,14 +539,14 @@ def _even(
     q, w, saturated, most = state[0], state[1], state[2], state[3]
     last = len(command) - 1
     kv, lower, upper = nominal, lowest, highest
-    simple, over = straight and kv > 0.0, 1 / highest
+    simple, over = straight and kv > 0.0, 1 / min(-lowest, highest)
     row = 0
     for k in range(begin, end):
         if load != 0.0:
             # More inertia, and the same torques: less of both gain and limit.
             share = 1 / (1 + load * inertia[min(k, len(inertia) - 1)])
             kv, lower, upper = nominal * share, lowest * share, highest * share
-            over = 1 / upper
+            over = 1 / min(-lower, upper)
             for i in range(count):
                 transition(kp, kv, width[i], free, i)
         for i in range(count):
@@ -618,7 +619,7 @@ def _uneven(
             transition(kp, kv, stop - now, free, 0)
             q, w, time, peak = _step(kp, kv, lower, upper, straight, u, q, w, free, 0)
             state[2] += time
-            state[3] = max(state[3], peak / upper)
+            state[3] = max(state[3], peak / min(-lower, upper))
             now = stop
         now = until
         out[row] = q

@@ -12,6 +12,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.servo import ServoModel
+from armcontour.study.goal import Goal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +111,7 @@ class Job:
         plant_servo: The gains of the simulated servo.
         runs: At least one, with different names.
         published: Figures to compare with.
+        certificate: What a certified plan of it has to hold.
 
     Raises:
         InvalidInput: No run, two of the same name, or a start for another number of joints.
@@ -125,6 +127,7 @@ class Job:
     branch: str | None = None
     start: FloatArray | None = None
     published: Published | None = None
+    certificate: Goal | None = None
 
     def __post_init__(self) -> None:
         names = [x.name for x in self.runs]

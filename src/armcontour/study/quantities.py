@@ -38,11 +38,6 @@ class Torques:
         return np.asarray(np.abs(self.values).max(axis=0))
 
 
-def has_bodies(arm: Arm) -> bool:
-    """Whether the masses of an arm are known, so that its torques are."""
-    return arm.chain is not None and arm.chain.masses is not None
-
-
 def assumed(arm: Arm) -> str:
     """Which numbers of an arm's bodies are assumed, and by what rule; empty if none."""
     return "" if arm.chain is None else arm.chain.assumed
@@ -51,7 +46,7 @@ def assumed(arm: Arm) -> str:
 def planned_torques(result: RunResult) -> Torques | None:
     """Torques that the plan takes; where they jump, both sides. None without bodies."""
     arm, plan = result.execution.arm, result.trajectory
-    if not has_bodies(arm):
+    if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, PLACES), plan.breaks)
     # At the ends there is one side only.

@@ -99,7 +99,8 @@ class Spread:
         rms: Its root mean square over time [m], (n,).
         until: End of the time that errors cover [s], (n,).
         saturated: Share of that time in which the joint that saturates longest does, (n,).
-        demand_ratio: Largest demand of a joint over its acceleration limit, (n,).
+        demand_ratio: Largest demand of a joint, either way, over its acceleration limit (the lower
+            of the two, where deceleration has its own), (n,).
         kp, kv: Gains [1/s], (n, dof); kv is None for a servo of first order.
         dead_time: [s], (n, dof).
         payload: Error of the mass at the tool [kg], (n,).

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.arms import Limits
 from armcontour.compensation import compensate
-from armcontour.errors import ArmContourError
+from armcontour.errors import ArmContourError, ExecutionError
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
@@ -30,6 +30,8 @@ STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluati
 EXPERIMENT = "experiment"
 # Largest time between two results of an experiment [s], unless its drives are slower.
 RESOLUTION = 1e-3
+# Set-points farther apart than this share of the motion are said to be coarse.
+COARSE = 0.1
 Progress = Callable[[str, str], None]
 
 
@@ -61,7 +63,9 @@ class RunResult:
         taught: The taught data.
         execution: What the joints did.
         evaluation: What that was worth.
-        experiment: The same on the arm's rigid bodies, if the run has an experiment.
+        experiment: The same on the arm's rigid bodies, if the run has an experiment that did not
+            fail.
+        failure: Why its experiment failed, if it did.
     """
 
     run: Run
@@ -73,6 +77,18 @@ class RunResult:
     execution: Execution
     evaluation: Evaluation
     experiment: ExperimentResult | None = None
+    failure: ExecutionError | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what makes these results less than they look."""
+        period, duration = self.run.period, self.trajectory.duration
+        if period <= COARSE * duration:
+            return ()
+        return (
+            f"Run {self.run.name}: the command interval of {period:g} s is more than a tenth of "
+            f"the motion of {duration:.3g} s, so set-points hardly say what was planned.",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,6 +101,8 @@ class Study:
 
 def run(job: Job, *, progress: Progress | None = None) -> Study:
     """Do a job: every run from the objective path to its evaluation.
+
+    An experiment whose joints do not come to rest is the `failure` of its run, and no error.
 
     Args:
         job: The job.
@@ -125,12 +143,12 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
     progress(this.name, "rounding")
     # Runs that differ in what comes behind tracing share what is before: with joints to spare
     # tracing takes seconds.
-    same = next((x for x in earlier if _traced_alike(x.run, this)), None)
+    same = next((x for x in earlier if traced_alike(x.run, this)), None)
     path = path_of(job, this) if same is None else same.path
     # Before tracing, which can take seconds.
     refuse_jerk(this.limits, this.ignore_jerk)
     progress(this.name, "tracing")
-    joint_path = _traced(job, this, path) if same is None else same.joint_path
+    joint_path = traced(job, this, path) if same is None else same.joint_path
     progress(this.name, "timing")
     trajectory = plan(
         joint_path,
@@ -152,11 +170,14 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
     executed = execute(taught, ServoPlant(job.arm, job.plant_servo, this.limits))
     progress(this.name, "evaluation")
     evaluation = evaluate(executed, path, objective=job.path, limits=this.limits, until=this.until)
-    experiment = None
+    experiment, failure = None, None
     if this.experiment is not None:
         progress(this.name, EXPERIMENT)
-        with _named("experiment"):
-            experiment = _experiment(job, this, taught, path)
+        try:
+            with _named("experiment"):
+                experiment = on_bodies(job, this, taught, path)
+        except ExecutionError as error:
+            failure = error
     return RunResult(
         run=this,
         path=path,
@@ -169,10 +190,21 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         execution=executed,
         evaluation=evaluation,
         experiment=experiment,
+        failure=failure,
     )
 
 
-def _traced(job: Job, this: Run, path: Path) -> JointPath:
+def same_plan(first: RunResult, second: RunResult) -> bool:
+    """Whether two runs of a study differ only behind their plans."""
+    plans = first.trajectory, second.trajectory
+    return (
+        first.joint_path is second.joint_path
+        and plans[0].method == plans[1].method
+        and plans[0].duration == plans[1].duration
+    )
+
+
+def traced(job: Job, this: Run, path: Path) -> JointPath:
     """The joint path of the configuration that is fastest under the run's limits."""
     return trace_fastest(
         path,
@@ -184,7 +216,7 @@ def _traced(job: Job, this: Run, path: Path) -> JointPath:
     )
 
 
-def _traced_alike(first: Run, second: Run) -> bool:
+def traced_alike(first: Run, second: Run) -> bool:
     """Whether two runs have the same path and limits."""
     return first.rounding == second.rounding and all(
         np.array_equal(getattr(first.limits, x.name), getattr(second.limits, x.name))
@@ -192,7 +224,7 @@ def _traced_alike(first: Run, second: Run) -> bool:
     )
 
 
-def _experiment(job: Job, this: Run, taught: TaughtData, path: Path) -> ExperimentResult:
+def on_bodies(job: Job, this: Run, taught: TaughtData, path: Path) -> ExperimentResult:
     """The same taught data on the arm's rigid bodies, by the real servo's gains."""
     assert this.experiment is not None
     options = asdict(this.experiment)

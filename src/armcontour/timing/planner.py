@@ -59,6 +59,15 @@ def plan(
     _checks.choice("method", method, METHODS)
     if not isinstance(path, Path | JointPath):
         raise InvalidInput(f"plan needs a Path or a JointPath, not {type(path).__name__}.")
+    if not isinstance(arm, Arm):
+        raise InvalidInput(
+            f"plan needs an Arm, such as load_arm('ur5e'), not {type(arm).__name__}."
+        )
+    if limits is not None and not isinstance(limits, Limits):
+        raise InvalidInput(
+            "plan needs Limits, such as arm.limits.replace(speed=0.1), not "
+            f"{type(limits).__name__}."
+        )
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     refuse_jerk(bounds, ignore_jerk)
     joint_path = _joint_path(path, arm, bounds, branch, start)

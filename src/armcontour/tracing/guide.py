@@ -223,8 +223,8 @@ def _outside(arm: SerialArm, q: FloatArray, s: FloatArray) -> tuple[FloatArray, 
     """How far joints are in the outer part of their ranges, weighted, and its slope."""
     lower, upper = arm.limits.joint_range(arm.dof)
     ranged = np.isfinite(lower) & np.isfinite(upper)
-    half = np.where(ranged, (upper - lower) / 2, 1.0)
-    middle = np.where(ranged, (upper + lower) / 2, 0.0)
+    low, high = np.where(ranged, lower, -1.0), np.where(ranged, upper, 1.0)
+    half, middle = (high - low) / 2, (high + low) / 2
     share = np.where(ranged, (q - middle) / half, 0.0)
     beyond = np.sign(share) * np.maximum(np.abs(share) - INNER_RANGE, 0.0)
     weight = RANGE_WEIGHT / np.sqrt(len(s))

@@ -1,6 +1,7 @@
 """The sections of the report: each turns a study into data that the template shows."""
 
 from armcontour.report.sections.bindings import bindings
+from armcontour.report.sections.certificate import certificate
 from armcontour.report.sections.joints import joints, torques
 from armcontour.report.sections.motion import (
     accelerations,
@@ -11,18 +12,23 @@ from armcontour.report.sections.motion import (
 from armcontour.report.sections.overview import overview
 from armcontour.report.sections.paths import joint_space, paths
 from armcontour.report.sections.published import published
+from armcontour.report.sections.robustness import robustness
 from armcontour.report.sections.space import space
+from armcontour.report.sections.sweep import sweep
 
 __all__ = [
     "accelerations",
     "bindings",
+    "certificate",
     "contour_error",
     "joint_space",
     "joints",
     "overview",
     "paths",
     "published",
+    "robustness",
     "space",
+    "sweep",
     "time_stamps",
     "tool_speed",
     "torques",

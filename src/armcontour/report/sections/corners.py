@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -29,17 +30,20 @@ MOST_POINTS = 800
 # Points that draw the rounded path through a corner.
 PLACES = 200
 IN_PLANE = np.eye(2)
+# Of rounded paths that differ, in order.
+DASHES = ("dash", "dot", "dashdot", "longdash")
 
 
 def corners(study: Study) -> list[Any]:
     """One row of enlarged corners, if any run has rounded ones."""
     from plotly.subplots import make_subplots
 
-    path = next((x.path for x in study.runs.values() if isinstance(x.path, RoundedPath)), None)
-    if path is None:
+    paths = rounded_paths(study)
+    if not paths:
         return []
-    found = path.corners
-    shown = np.flatnonzero(found.radius > 0)[:MOST_CORNERS]
+    found = next(iter(paths.values())).corners
+    rounded = np.flatnonzero(found.radius > 0)
+    shown = rounded[:MOST_CORNERS]
     if not len(shown):
         return []
     figure = make_subplots(
@@ -52,13 +56,37 @@ def corners(study: Study) -> list[Any]:
         ],
     )
     for column, k in enumerate(shown, start=1):
-        _corner(figure, study, path, int(k), column)
-    finish(figure, title="Corners enlarged", height=540)
+        _corner(figure, study, paths, int(k), column)
+    title = "Corners enlarged"
+    if len(rounded) > len(shown):
+        title += f": the first {len(shown)} of {len(rounded)}"
+    if len(paths) > 1:
+        title += f"; radius and error are those of the {next(iter(paths))}"
+    finish(figure, title=title, height=540)
     figure.update_layout(margin={"t": 100})
     return [figure]
 
 
-def _corner(figure: Any, study: Study, path: RoundedPath, k: int, column: int) -> None:
+def rounded_paths(study: Study) -> dict[str, RoundedPath]:
+    """The rounded paths of all runs that differ, by what they are called in figures."""
+    found: dict[str, RoundedPath] = {}
+    for name, result in study.runs.items():
+        path = result.path
+        if isinstance(path, RoundedPath) and not any(_alike(path, x) for x in found.values()):
+            found[f"rounded path of {name}"] = path
+    if len(found) == 1:
+        return {"rounded path": found.popitem()[1]}
+    return found
+
+
+def _alike(first: Path, second: Path) -> bool:
+    return np.array_equal(first.breaks, second.breaks) and np.array_equal(
+        first.vertices, second.vertices
+    )
+
+
+def _corner(figure: Any, study: Study, paths: dict[str, RoundedPath], k: int, column: int) -> None:
+    path = next(iter(paths.values()))
     found, place = path.corners, {"row": 1, "col": column}
     corner, half = found.point[k], ZOOM * float(found.error[k])
     view = _view(path.objective, int(found.joint[k]))
@@ -75,8 +103,11 @@ def _corner(figure: Any, study: Study, path: RoundedPath, k: int, column: int) -
     joint = float(path.objective.breaks[found.joint[k]])
     lines = _between(path.objective, joint, joint, 3 * half)
     draw(lines, "objective path", PATH_COLOUR, width=6, opacity=0.5)
-    arc = _between(path, float(found.start[k]), float(found.end[k]), 3 * half)
-    draw(arc, "rounded path", "#000000", dash="dash", width=1.5)
+    for (name, other), dash in zip(paths.items(), cycle(DASHES), strict=False):
+        for i in np.flatnonzero(other.corners.joint == found.joint[k]):
+            start, end = float(other.corners.start[i]), float(other.corners.end[i])
+            arc = _between(other, start, end, 3 * half)
+            draw(arc, name, "#000000", dash=dash, width=1.5)
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         tool = _near(result.execution, corner, 3 * half)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.motion import Execution
 from armcontour.report.section import Section, Table
@@ -209,7 +210,7 @@ def _table(name: str, result: RunResult) -> Table:
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
     amounts = [
         (np.abs(done.dq).max(axis=0), limits.joint_velocity),
-        (np.abs(done.ddq).max(axis=0), limits.joint_acceleration),
+        _accelerated(done.ddq, limits),
     ]
     if plan is not None:
         header.append("planned torque [N m]")
@@ -220,6 +221,16 @@ def _table(name: str, result: RunResult) -> Table:
         used = f"{done.q[:, j].min():.3f} to {done.q[:, j].max():.3f}"
         rows.append((joint, own, used, *(_share(x, limit, j) for x, limit in amounts)))
     return Table(header=tuple(header), rows=tuple(rows), caption=f"Run {name}: largest amounts")
+
+
+def _accelerated(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray | None]:
+    """Largest amounts, in the direction that uses more of its limit, and that limit."""
+    if limits.joint_acceleration is None:
+        return np.abs(ddq).max(axis=0), None
+    low, high = limits.acceleration_bounds(ddq.shape[1])
+    down, up = ddq.min(axis=0), ddq.max(axis=0)
+    braked = down / low > up / high
+    return np.where(braked, -down, up), np.where(braked, -low, high)
 
 
 def _angle(value: float) -> str:

@@ -25,6 +25,8 @@ from armcontour.study.quantities import angular_speed, assumed
 
 # What is smaller than this on the logarithmic axis of errors is drawn there [mm].
 SMALLEST_ERROR = 1e-6
+# A joint is shown as saturated where it does not get its demand by this share of what it gets.
+SATURATED = 1e-3
 # The axis of angular speeds goes as far as this at least [deg/s].
 SLOWEST_TURN = 1.0
 
@@ -73,8 +75,8 @@ def accelerations(study: Study) -> Section | None:
         title="Joint accelerations",
         text=(
             "Planned and executed acceleration of every joint, with its limits as black lines. "
-            "Shaded: the joint is saturated by more than a thousandth of its limit, so it gets "
-            "less than its servo asks for."
+            "Shaded: the joint is saturated, so it does not get what its servo asks for, by more "
+            "than a thousandth of what it gets."
         ),
         figures=tuple(_accelerations(name, result) for name, result in study.runs.items()),
     )
@@ -194,7 +196,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
 
     x = result.execution
     names = x.arm.joint_names
-    limits = result.run.limits.joint_acceleration
+    bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
     t_plan = np.linspace(0, result.trajectory.duration, 2000)
     planned = result.trajectory(t_plan, 2)
@@ -219,12 +221,9 @@ def _accelerations(name: str, result: RunResult) -> Any:
             ),
             **row,
         )
-        if limits is not None:
-            shaded(figure, _saturated(x.t, x.demand[:, j], limits[j]), j + 1)
-            for sign in (1, -1):
-                figure.add_hline(
-                    y=sign * limits[j], line={"color": LIMIT_COLOUR, "width": 1}, **row
-                )
+        shaded(figure, _saturated(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
+        for bound in bounds[np.isfinite(bounds[:, j]), j].tolist():
+            figure.add_hline(y=bound, line={"color": LIMIT_COLOUR, "width": 1}, **row)
         figure.update_yaxes(title=f"{joint} [rad/s²]", **row)
     if len(result.trajectory.stretches) > 1:
         switching_labels(figure, result.trajectory.switching_points)
@@ -232,9 +231,9 @@ def _accelerations(name: str, result: RunResult) -> Any:
     return finish(figure, title=f"Run {name}", height=230 * len(names) + 120)
 
 
-def _saturated(t: Any, demand: Any, limit: float) -> list[tuple[float, float]]:
-    """Stretches of time in which the demand exceeds the limit, neighbours joined."""
-    over = np.abs(demand) > limit * (1 + 1e-3)
+def _saturated(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
+    """Stretches of time in which a joint does not get its demand, neighbours joined."""
+    over = np.abs(demand - given) > SATURATED * np.abs(given)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
     joined: list[tuple[float, float]] = []
     for i, k in zip(edges[::2], edges[1::2] - 1, strict=True):

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from armcontour.report.section import Section, Tile
-from armcontour.study import RunResult, Study
+from itertools import permutations
+
+from armcontour.report.section import Section, Table, Tile
+from armcontour.study import RunResult, Study, same_plan
 from armcontour.study.quantities import assumed, planned_torques
+
+# So many runs have tiles; more are compared in a table.
+MOST_TILED = 2
+MASSES = "What torques and experiments assume about masses: see Drive torques."
+# A joint counts as saturated from this share of the time on; below, it would show as 0.0%.
+SATURATED = 5e-4
 
 
 def overview(study: Study) -> Section:
-    """How long, how exact, how hard: one row of figures a run."""
+    """How long, how exact, how hard: figures of every run, beside each other if there are many."""
+    many = len(study.runs) > MOST_TILED
     return Section(
         key="overview",
         title="At a glance",
@@ -16,14 +25,60 @@ def overview(study: Study) -> Section:
             "Contour error is the distance from the tool to the path it was to follow, as executed "
             "on the simulated servo with its acceleration limit."
         ),
-        tiles=tuple((name, _tiles(result)) for name, result in study.runs.items()),
+        tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
+        tables=(_compared(study),) if many else (),
+        notes=(
+            *(x for result in study.runs.values() for x in result.warnings),
+            *(
+                f"Run {name}: {result.failure}"
+                for name, result in study.runs.items()
+                if result.failure is not None
+            ),
+            *_worse_on_bodies(study),
+            *((MASSES,) if many and assumed(study.job.arm) else ()),
+        ),
     )
+
+
+def _compared(study: Study) -> Table:
+    """A row for every run, and a column for every figure that any of them has."""
+    found = {name: {x.label: x.value for x in _tiles(y)} for name, y in study.runs.items()}
+    labels = list(dict.fromkeys(label for values in found.values() for label in values))
+    rows = []
+    for name, values in found.items():
+        result = study.runs[name]
+        settled = f"{result.evaluation.settled:.3f} s"
+        cells = [values.get(label, "") for label in labels]
+        rows.append((name, cells[0], settled, *cells[1:], _shares(result) or "no joint"))
+    return Table(header=("run", labels[0], "at rest", *labels[1:], "saturated"), rows=tuple(rows))
+
+
+def _worse_on_bodies(study: Study) -> list[str]:
+    """Runs whose compensation does harm on rigid bodies, beside the same plan without any."""
+    notes = []
+    for plain, made_up in permutations(study.runs.values(), 2):
+        if plain.run.compensation != "none" or made_up.run.compensation == "none":
+            continue
+        if plain.experiment is None or made_up.experiment is None or not same_plan(plain, made_up):
+            continue
+        without = plain.experiment.evaluation.contour_error.rms
+        error = made_up.experiment.evaluation.contour_error.rms
+        if error > without:
+            notes.append(
+                f"On rigid bodies the run {made_up.run.name} is farther from the path than "
+                f"{plain.run.name}, which is the same plan without compensation "
+                f"(RMS {error * 1e3:.4f} mm, not {without * 1e3:.4f} mm): the compensation is made "
+                "for the servo's gains, but on the bodies the loops are faster or slower than "
+                "these, by the nominal inertia over the real one, so it leads the joints by too "
+                "much or too little."
+            )
+    return notes
 
 
 def _tiles(result: RunResult) -> tuple[Tile, ...]:
     e = result.evaluation
     worst = int(e.demand_ratio.argmax())
-    share = ", ".join(f"{x:.0%}" for x in e.saturated)
+    names = result.execution.arm.joint_names
     tiles = [
         Tile(label="motion", value=f"{e.duration:.3f} s", note=f"at rest after {e.settled:.3f} s"),
         Tile(
@@ -39,16 +94,14 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="joint demand / limit",
             value=_ratio(float(e.demand_ratio[worst])),
-            note=f"joint {worst + 1}; saturated {share} of the time",
+            note=f"{names[worst]}; {_saturated(result)}",
         ),
-    ]
-    tiles.append(
         Tile(
             label="joints fully used",
             value=f"{e.utilisation:.0%}",
             note="of the motion: some joint within 1 % of a limit",
-        )
-    )
+        ),
+    ]
     if e.speed_ratio == e.speed_ratio:
         tiles.append(
             Tile(
@@ -57,17 +110,18 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
                 note=f"largest {e.speed * 1e3:.1f} mm/s, mean {e.path_velocity * 1e3:.1f} mm/s",
             )
         )
-    tiles += _torque(result)
-    if result.experiment is not None:
-        e = result.experiment.evaluation
-        tiles.append(
-            Tile(
-                label="experiment: contour error, RMS",
-                value=f"{e.contour_error.rms * 1e3:.4f} mm",
-                note=f"largest {e.contour_error.max * 1e3:.4f} mm, on rigid bodies{_rests(result)}",
-            )
-        )
-    return tuple(tiles)
+    return (*tiles, *_torque(result), *_experiment(result))
+
+
+def _saturated(result: RunResult) -> str:
+    shares = _shares(result)
+    return f"saturated: {shares} of the time" if shares else "no joint saturated"
+
+
+def _shares(result: RunResult) -> str:
+    """Which joints were saturated, and for how much of the time."""
+    shares = zip(result.execution.arm.joint_names, result.evaluation.saturated, strict=True)
+    return ", ".join(f"{name} {share:.1%}" for name, share in shares if share >= SATURATED)
 
 
 def _torque(result: RunResult) -> list[Tile]:
@@ -77,7 +131,8 @@ def _torque(result: RunResult) -> list[Tile]:
         return []
     share = plan.peak / limit
     worst = int(share.argmax())
-    note = f"joint {worst + 1}: {plan.peak[worst]:.4g} of {limit[worst]:.4g} N m, planned"
+    name = result.execution.arm.joint_names[worst]
+    note = f"{name}: {plan.peak[worst]:.4g} of {limit[worst]:.4g} N m, planned"
     return [
         Tile(
             label="drive torque / limit",
@@ -87,9 +142,20 @@ def _torque(result: RunResult) -> list[Tile]:
     ]
 
 
+def _experiment(result: RunResult) -> list[Tile]:
+    label = "experiment: contour error, RMS"
+    if result.failure is not None:
+        return [Tile(label=label, value="failed", note="see below")]
+    if result.experiment is None:
+        return []
+    e = result.experiment.evaluation.contour_error
+    note = f"largest {e.max * 1e3:.4f} mm, on rigid bodies{_rests(result)}"
+    return [Tile(label=label, value=f"{e.rms * 1e3:.4f} mm", note=note)]
+
+
 def _rests(result: RunResult) -> str:
     return "; masses: see Drive torques" if assumed(result.execution.arm) else ""
 
 
 def _ratio(value: float) -> str:
-    return f"{value:.4f}" if value < 10 else f"{value:.4g}"
+    return f"{value:.3f}" if value < 10 else f"{value:.4g}"

@@ -15,12 +15,20 @@ from armcontour.study import RunResult, Study
 
 # Places along a path that draw it smoothly; arcs and joints between segments are always met.
 DRAWN_PLACES = 800
+# Height of a line of a legend [px].
+LEGEND_LINE = 20
+# A path this much higher than wide leaves room beside it.
+TALL = 0.8
+# Shares of the width of such a path, and of its enlarged corners.
+COLUMNS = (2, 3)
 
 
 def paths(study: Study) -> Section | None:
     """Cartesian path and its corners in the plane; None in space."""
     if study.job.path.dimension != 2:
         return None
+    enlarged = corners(study)
+    beside = bool(enlarged) and _tall(study.job.path)
     return Section(
         key="paths",
         title="Path of the tool",
@@ -28,7 +36,8 @@ def paths(study: Study) -> Section | None:
             "The objective path, the rounded path, and what the tool did in each run. The enlarged "
             "corners show the gap between corner point and arc: the corner error."
         ),
-        figures=(_cartesian(study), *corners(study)),
+        figures=(_cartesian(study, narrow=beside), *enlarged),
+        columns=COLUMNS if beside else (),
     )
 
 
@@ -50,15 +59,17 @@ def joint_space(study: Study) -> Section | None:
             line(planned[:, 0], planned[:, 1], f"{name}: planned", colours[name], dash="dot")
         )
     marked = marked_run(study)
+    text = "Joint positions, planned and executed."
     if marked is not None:
         _switching_points(figure, marked, marked.trajectory, colours[marked.run.name])
+        text = "Joint positions, planned and executed, with the switching points P0, P1, ..."
     names = study.job.arm.joint_names
     figure.update_xaxes(title=f"{names[0]} [rad]")
     figure.update_yaxes(title=f"{names[1]} [rad]")
     return Section(
         key="joint-space",
         title="Joint space",
-        text="Joint positions, planned and executed, with the switching points P0, P1, ...",
+        text=text,
         figures=(finish(figure, title="First two joints", height=560),),
     )
 
@@ -72,7 +83,12 @@ def drawn(path: Path) -> FloatArray:
     return path(np.union1d(np.linspace(0, path.length, DRAWN_PLACES), path.breaks))
 
 
-def _cartesian(study: Study) -> Any:
+def _tall(path: Path) -> bool:
+    width, height = np.ptp(drawn(path), axis=0)
+    return bool(height > TALL * width)
+
+
+def _cartesian(study: Study, *, narrow: bool) -> Any:
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -92,7 +108,11 @@ def _cartesian(study: Study) -> Any:
         _switching_points(figure, marked, None, colours[marked.run.name])
     figure.update_xaxes(title="x [mm]")
     figure.update_yaxes(title="y [mm]", scaleanchor="x")
-    return finish(figure, title="Cartesian path", height=640)
+    finish(figure, title="Cartesian path", height=640)
+    if narrow:
+        # The legend has a line for every run.
+        figure.update_layout(margin={"b": 80 + LEGEND_LINE * len(figure.data)})
+    return figure
 
 
 def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: str) -> None:

@@ -26,7 +26,7 @@ def published(study: Study) -> Section | None:
     return Section(
         key="published",
         title="Beside the published figures",
-        text=f"Published: {found.source}.",
+        text=f"Published: {found.source.rstrip('.')}.",
         tables=tuple(tables),
         notes=found.notes,
     )
@@ -70,7 +70,7 @@ def _ratios(study: Study, found: Published) -> Table | None:
                 theirs = found.runs[run][name] / found.runs[runs[0]][name]
                 here = ours(study, run, name) / ours(study, runs[0], name)
                 label = f"{run} / {runs[0]}: {FIGURES[name][0]}"
-                rows.append((label, f"{theirs:.1%}", f"{here:.2%}"))
+                rows.append((label, f"{100 * theirs:.3g}%", f"{100 * here:.3g}%"))
     if not rows:
         return None
     return Table(header=("ratio", "published", "here"), rows=tuple(rows))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import Path, RoundedPath
+from armcontour.geometry import Path
 from armcontour.motion import Execution
 from armcontour.report.section import Section
-from armcontour.report.sections.corners import corners
+from armcontour.report.sections.corners import DASHES, corners, rounded_paths
 from armcontour.report.sections.paths import drawn
 from armcontour.report.style import (
     EXPERIMENT_DASH,
@@ -57,8 +58,8 @@ def space(study: Study) -> Section | None:
         text=(
             "The objective path, the rounded path, and what the tool did in each run. Errors can "
             "be magnified: then a point is drawn at its nearest place of the path, plus so many "
-            "times its distance from there. Sticks are the tool: its axis, and shorter its x axis "
-            "where that is given."
+            "times its distance from there. Sticks are the tool in the first run: its axis, and "
+            "shorter its x axis where that is given."
         ),
         figures=(_path(study), *corners(study), _arm(study)),
     )
@@ -70,10 +71,8 @@ def _path(study: Study) -> Any:
     figure = go.Figure()
     objective = drawn(study.job.path) * 1e3
     figure.add_trace(_line(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
-    rounded = [x.path for x in study.runs.values() if isinstance(x.path, RoundedPath)]
-    if rounded:
-        points = drawn(rounded[0]) * 1e3
-        figure.add_trace(_line(points, "rounded path", "#000000", width=3, dash="dash"))
+    for (name, path), dash in zip(rounded_paths(study).items(), cycle(DASHES), strict=False):
+        figure.add_trace(_line(drawn(path) * 1e3, name, "#000000", width=3, dash=dash))
     for points, name, colour in _sticks(study):
         figure.add_trace(_line(points, name, colour, width=3))
     static = len(figure.data)

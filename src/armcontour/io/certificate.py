@@ -1,0 +1,141 @@
+"""A certificate and a trade-off as JSON, with everything that repeating them takes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from armcontour._version import __version__
+from armcontour.io.summary import UNITS, plain, run_summary
+from armcontour.study import Certificate, Goal, Sweep
+from armcontour.study.robustness import Spread
+
+CERTIFICATE_UNITS = {
+    "cost": "s",
+    "windows": "s",
+    "headroom": "share of the limit",
+    "budget": "m",
+    "tolerance": "m",
+    "servo": "m",
+    "rms": "m",
+    "gains": "share",
+    "dead_time": "s",
+    "jitter": "s",
+    "payload": "kg",
+}
+
+
+def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
+    """What was asked for, what holds, on which model, and all that repeating it takes."""
+    job, run = certificate.job, certificate.run
+    data = {
+        "armcontour": __version__,
+        "job": job.name,
+        "title": job.title,
+        "arm": {"name": job.arm.name, "source": job.arm.source, "joints": job.arm.joint_names},
+        "units": UNITS | CERTIFICATE_UNITS,
+        "certificate": _certificate(certificate),
+        "runs": {run.name: run_summary(certificate.result)},
+        "files": list(files),
+    }
+    return _text(data)
+
+
+def held_csv(certificate: Certificate) -> str:
+    """What was held back, a row for every stretch of the path in which it is the same."""
+    held = certificate.held
+    names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
+    rows = np.column_stack([held.share, held.cap])
+    first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
+    begin, end = held.cells[:-1][first], np.append(held.cells[:-1][first][1:], held.cells[-1])
+    lines = [",".join(["from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
+    for a, b, row in zip(begin, end, rows[first], strict=True):
+        cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
+        lines.append(",".join([repr(float(a)), repr(float(b)), *cells]))
+    return "\n".join(lines) + "\n"
+
+
+def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
+    """Every point of a trade-off."""
+    data = {
+        "armcontour": __version__,
+        "job": sweep.job.name,
+        "run": sweep.run.name,
+        "units": {"tolerance": "m", "speed": "m/s", "optimum": "s", "duration": "s"}
+        | {"contour_error": "m"},
+        "goal": _goal(sweep.goal),
+        "tolerances": [asdict(x) for x in sweep.tolerances],
+        "speeds": [asdict(x) for x in sweep.speeds],
+        "files": list(files),
+    }
+    return _text(data)
+
+
+def _certificate(c: Certificate) -> dict[str, Any]:
+    limits, rounding = c.run.limits, c.run.rounding
+    unsure = c.uncertified
+    return {
+        "model": c.model,
+        "goal": _goal(c.goal),
+        "run": c.run.name,
+        "duration": c.duration,
+        "cost": c.cost,
+        "budget": asdict(c.budget) | {"total": c.budget.total, "left": c.budget.left},
+        "headroom": {"mean": c.headroom, "largest": c.largest_headroom, "others": c.factors},
+        "uncertified": {
+            "duration": unsure.duration,
+            "contour_error": {"max": unsure.contour_error[0], "rms": unsure.contour_error[1]},
+            "saturated": unsure.saturated,
+            "box": unsure.box,
+        },
+        "limits_used": {x.name: x.ratio for x in c.check.uses},
+        "not_judged": c.check.not_judged,
+        "corners": None if c.corners is None else _spread(c.corners),
+        "spread": None if c.spread is None else _spread(c.spread),
+        "trials": c.trials,
+        "repeat": {
+            "timing": "optimal",
+            "windows": c.windows,
+            "held": "held.csv",
+            "compensation": c.run.compensation,
+            "compensation_options": dict(c.run.compensation_options),
+            "period": c.run.period,
+            "rounding": None if rounding is None else asdict(rounding),
+            "limits": {x: getattr(limits, x) for x in limits.__dataclass_fields__},
+            "servo": _servo(c.job.servo),
+            "plant": _servo(c.job.plant_servo),
+            "start": c.trajectory(0.0),
+        },
+    }
+
+
+def _goal(goal: Goal) -> dict[str, Any]:
+    box = goal.box
+    return {
+        **{x: getattr(goal, x) for x in Goal.__dataclass_fields__ if x != "box"},
+        "box": None if box is None else {x: getattr(box, x) for x in box.__dataclass_fields__},
+    }
+
+
+def _servo(servo: Any) -> dict[str, Any]:
+    return {x: getattr(servo, x) for x in type(servo).__dataclass_fields__}
+
+
+def _spread(x: Spread) -> dict[str, Any]:
+    return {
+        "executions": len(x),
+        "seed": x.seed,
+        "max": float(x.max.max()),
+        "rms": float(x.rms.max()),
+        "saturated": float(x.saturated.max()),
+        "worst": x.worst_deviations,
+        "nominal": {"max": x.nominal_max, "rms": x.nominal_rms},
+    }
+
+
+def _text(data: dict[str, Any]) -> str:
+    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"

@@ -1,0 +1,167 @@
+"""Smoothing: the way along a path as a moving average over time, on the same path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.motion._averaging import averaged, crossings, whole
+from armcontour.motion.joint_path import JointPath
+from armcontour.motion.laws import Law, PathLaw, path_states
+from armcontour.motion.trajectory import Trajectory
+
+# Breaks closer than this share of the duration are one.
+SAME = 1e-13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SmoothedLaw(Law):
+    """A law along a joint path, averaged over one window or over two, one after the other.
+
+    Averaging s(t), and not the joints, leaves the path as it is. The average of a path speed or a
+    path acceleration is never above its largest; where the path bends, joint accelerations may be.
+
+    Args:
+        law: What is averaged, from rest to rest.
+        windows: Lengths of the averages [s]: the longer one, and the shorter one or 0.
+
+    Attributes:
+        breaks: Those of the law, each at the begin and at the end of every window, and when joints
+            of the joint path are passed; the last one is later by both windows.
+        s: At the breaks [m].
+    """
+
+    law: PathLaw
+    windows: tuple[float, float]
+    breaks: FloatArray = field(init=False)
+    s: FloatArray = field(init=False)
+    integrals: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        first, second = self.windows
+        object.__setattr__(self, "integrals", whole(self.law.breaks, self.law.rates))
+        end = self.law.breaks[-1] + first + second
+        shifts = [0.0, first] if second == 0 else [0.0, second, first, first + second]
+        times = np.unique(np.concatenate([self.law.breaks + x for x in shifts]))
+        times = times[np.append(True, np.diff(times) > SAME * end)]
+        times[-1] = end
+        way = np.maximum.accumulate(self._path(times)[:, 0])
+        # Rounding must neither fall short of the ends nor go beyond them.
+        way = np.clip(way, self.law.s[0], self.law.s[-1])
+        way[0], way[-1] = self.law.s[0], self.law.s[-1]
+        times, way = self._with_joints(times, way)
+        object.__setattr__(self, "breaks", _checks.locked(times))
+        object.__setattr__(self, "s", _checks.locked(way))
+
+    @property
+    def joint_path(self) -> JointPath:
+        """The path."""
+        return self.law.joint_path
+
+    def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
+        """s, ds or dds at times `t`; `i` is the interval that holds each."""
+        found = self._path(np.ravel(t))[:, order].reshape(np.shape(t))
+        return np.clip(found, self.s[i], self.s[i + 1]) if order == 0 else found
+
+    def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """s, ds and dds at times `t`; `i` is the interval that holds each."""
+        found = self._path(np.ravel(t)).reshape((*np.shape(t), 3))
+        return np.clip(found[..., 0], self.s[i], self.s[i + 1]), found[..., 1], found[..., 2]
+
+    def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
+        """q, dq or ddq by the chain rule."""
+        return path_states(
+            self.joint_path, (self.s[i], self.s[i + 1]), *self.path_motion(i, t), order
+        )
+
+    def _path(self, t: FloatArray) -> FloatArray:
+        """s, ds and dds, (n, 3)."""
+        at = np.ascontiguousarray(t, dtype=np.float64)
+        return averaged(
+            at, self.law.breaks, self.law.s, self.law.rates, self.integrals, *self.windows
+        )
+
+    def _with_joints(self, t: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The breaks, and those at which the way passes a joint of the joint path."""
+        joints = self.joint_path.breaks
+        joints = joints[(joints > s[0]) & (joints < s[-1])]
+        k = np.searchsorted(s, joints, side="left")
+        passed = crossings(
+            joints,
+            t[k - 1],
+            t[k],
+            self.law.breaks,
+            self.law.s,
+            self.law.rates,
+            self.integrals,
+            *self.windows,
+        )
+        # A break that is a joint's already, but for rounding, becomes the joint's.
+        near = SAME * t[-1]
+        apart = np.ones(len(t), dtype=bool)
+        for side in (k - 1, k):
+            apart[side[np.abs(t[side] - passed) <= near]] = False
+        apart[[0, -1]] = True
+        times, way = np.concatenate([t[apart], passed]), np.concatenate([s[apart], joints])
+        order = np.argsort(times, kind="stable")
+        return times[order], np.maximum.accumulate(way[order])
+
+
+def smoothed(trajectory: Trajectory, *windows: float) -> Trajectory:
+    """The same path, run with a way s(t) that is averaged over time.
+
+    One window makes accelerations continuous, as far as the joint path's bend is; a second one
+    makes their rates finite. Stops stay stops: what lies between two of them is averaged by itself,
+    and takes longer by the windows.
+
+    Args:
+        trajectory: Along joint paths, such as the method "optimal" plans, from rest to rest.
+        windows: One or two lengths of time [s], above 0.
+
+    Raises:
+        InvalidInput: Another number of windows, laws that do not run along a joint path, or one
+            that begins or ends moving.
+    """
+    if len(windows) not in (1, 2):
+        raise InvalidInput(f"A trajectory is smoothed over one or two windows, not {len(windows)}.")
+    lengths = sorted((_checks.positive("window", x, "s") for x in windows), reverse=True)
+    pair = (lengths[0], lengths[1] if len(lengths) == 2 else 0.0)
+    laws: list[Law] = []
+    for law in trajectory.laws:
+        if not isinstance(law, PathLaw):
+            raise InvalidInput(
+                "Only motions along a joint path can be smoothed, and the method "
+                f"{trajectory.method} plans joint by joint: plan with the method optimal."
+            )
+        laws += [SmoothedLaw(law=x, windows=pair) for x in _between_rests(law)]
+    return Trajectory(
+        laws=tuple(laws), method=f"{trajectory.method}, smoothed", path=trajectory.path
+    )
+
+
+def _between_rests(law: PathLaw) -> Iterator[PathLaw]:
+    """The parts of a law between two rests.
+
+    Raises:
+        InvalidInput: It begins or ends moving.
+    """
+    speeds = law.speeds
+    # The last speed comes out of the last interval's formula, and is right up to rounding.
+    speeds[-1] = 0.0 if abs(speeds[-1]) < 1e-9 * speeds.max() else speeds[-1]
+    for place, at in (("begins", 0), ("ends", -1)):
+        if speeds[at] != 0:
+            raise InvalidInput(
+                f"A motion that {place} at {speeds[at]:.3g} m/s cannot be smoothed: its average is "
+                "from rest to rest; plan it without start_speed and end_speed."
+            )
+    rests = np.flatnonzero(speeds == 0)
+    for a, b in zip(rests[:-1], rests[1:], strict=True):
+        breaks = law.breaks[a : b + 1] - law.breaks[a]
+        yield PathLaw(
+            joint_path=law.joint_path, breaks=breaks, s=law.s[a : b + 1], rates=law.rates[a:b]
+        )

@@ -1,0 +1,112 @@
+"""A trade-off: the picture that an operator decides by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from armcontour.report.section import Section, Table
+from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, PLANNED_COLOUR, finish
+from armcontour.study import Sweep, SweepPoint
+
+
+def sweep(found: Sweep) -> Section:
+    """Time against corner tolerance and against assigned velocity, with the certified points."""
+    total = found.goal.tolerance is not None
+    figures, tables = [], []
+    if found.tolerances:
+        name = "tolerance of the whole contour" if total else "corner tolerance"
+        of = found.tolerances
+        figures.append(_figure(of, f"{name} [mm]", lambda x: 1e3 * (x.tolerance or 0.0), log=True))
+        tables.append(_table(of, f"Time against {name}"))
+    if found.speeds:
+        figures.append(_figure(found.speeds, "assigned velocity [m/s]", lambda x: x.speed or 0.0))
+        tables.append(_table(found.speeds, "Time against assigned velocity"))
+    return Section(
+        key="sweep",
+        title="Trade-off",
+        text=(
+            "Time of the motion for other tolerances and velocities. A filled point is certified; "
+            "a line is the fastest plan of the same limits, which nothing certifies; a cross was "
+            "refused."
+        ),
+        figures=tuple(figures),
+        tables=tuple(tables),
+        notes=tuple(
+            f"{_value(x)}: {x.refusal}"
+            for x in (*found.tolerances, *found.speeds)
+            if x.refusal is not None
+        ),
+    )
+
+
+def _figure(
+    points: tuple[SweepPoint, ...],
+    title: str,
+    at: Callable[[SweepPoint], float],
+    *,
+    log: bool = False,
+) -> Any:
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    known = [x for x in points if x.optimum is not None]
+    figure.add_trace(
+        go.Scatter(
+            x=[at(x) for x in known],
+            y=[x.optimum for x in known],
+            name="optimum, not certified",
+            mode="lines",
+            line={"color": PATH_COLOUR, "dash": "dash", "width": 1.5},
+        )
+    )
+    certified = [x for x in points if x.duration is not None]
+    figure.add_trace(
+        go.Scatter(
+            x=[at(x) for x in certified],
+            y=[x.duration for x in certified],
+            customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
+            name="certified",
+            mode="lines+markers",
+            marker={"color": EXECUTED_COLOUR, "size": 10},
+            line={"color": EXECUTED_COLOUR, "width": 1},
+            hovertemplate="%{y:.4f} s<br>contour error %{customdata:.5f} mm<extra></extra>",
+        )
+    )
+    refused = [x for x in known if x.duration is None]
+    if refused:
+        figure.add_trace(
+            go.Scatter(
+                x=[at(x) for x in refused],
+                y=[x.optimum for x in refused],
+                name="refused",
+                mode="markers",
+                marker={"color": PLANNED_COLOUR, "size": 11, "symbol": "x"},
+            )
+        )
+    figure.update_xaxes(title=title, type="log" if log else "linear")
+    figure.update_yaxes(title="time of the motion [s]")
+    return finish(figure, title=f"Time against {title.split(' [')[0]}", height=420)
+
+
+def _table(points: tuple[SweepPoint, ...], caption: str) -> Table:
+    rows = tuple(
+        (
+            _value(x),
+            "" if x.optimum is None else f"{x.optimum:.4f} s",
+            "refused" if x.duration is None else f"{x.duration:.4f} s",
+            "" if x.contour_error is None else f"{x.contour_error * 1e3:.5f} mm",
+        )
+        for x in points
+    )
+    return Table(
+        header=("tolerance, velocity", "optimum", "certified", "contour error"),
+        rows=rows,
+        caption=caption,
+    )
+
+
+def _value(x: SweepPoint) -> str:
+    parts = [] if x.tolerance is None else [f"{x.tolerance * 1e3:.4g} mm"]
+    parts += [] if x.speed is None else [f"{x.speed:.4g} m/s"]
+    return ", ".join(parts)

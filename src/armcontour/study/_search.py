@@ -1,0 +1,376 @@
+"""The search for the fastest plan that holds what a certificate asks for.
+
+A trial is planned within what is left of the limits, smoothed, compensated, executed and looked at;
+where something is used beyond its limit, more is held back there, and the next trial is made. What
+is held back is never given back, so a search ends. See docs/concepts/certificate.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.compensation import compensate
+from armcontour.evaluation import Check, check
+from armcontour.execution import execute
+from armcontour.motion import Execution, JointPath, PathLaw, TaughtData, Trajectory
+from armcontour.study._held import Held, held_plan
+from armcontour.study._uses import Setting, Uses, run, uses_of
+from armcontour.study.goal import Goal
+from armcontour.study.job import Run
+from armcontour.study.robustness import Spread, spread, worst_corner
+
+# Lengths of the moving averages in command intervals, the likeliest fastest first.
+WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {
+    "refuse": ((0.5, 0.5), (1.0,), (0.5,), (1.0, 1.0), (2.0, 1.0)),
+    "report": ((), (1.0,)),
+}
+# A search with one choice of windows takes at most this many trials.
+MOST_TRIALS = 25
+# Trials aim a little below each limit, so that they arrive: at this share of accelerations, and of
+# what bounds the speed, where nothing but rounding is between plan and limit.
+ACCELERATION_GOAL = 1 - 3e-6
+SPEED_GOAL = 1 - 2e-9
+# Errors are aimed at this share of the budget.
+ERROR_GOAL = 0.995
+# An error goes at least with this power of speed and acceleration; in one step they are slowed down
+# to this share at most.
+ERROR_POWER = 1 / 3
+LARGEST_STEP = 0.7
+# Where saturation is allowed an error has its cause anywhere before it, so accelerations are held
+# back everywhere alike, to this share of what was left of them at a time; the share that does is
+# then found to this ratio.
+COARSE_SHARE = 0.85
+SHARE_PRECISION = 1.005
+# A plan that is kept was judged at this resolution [s].
+RESOLUTION = 1e-4
+# Places per interval at which the plan is checked against its limits between all samples.
+POINTS = 5
+KEPT = 1e-9
+# Limits that a search holds back place by place; of others it takes a share everywhere.
+BY_PLACE = (
+    "joint_acceleration",
+    "joint_deceleration",
+    "joint_velocity",
+    "speed",
+    "centripetal_acceleration",
+)
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """One plan, executed.
+
+    Args:
+        windows: Of the moving averages [s].
+        held: What was held back.
+        factors: What was left of other limits.
+        plan: Before smoothing.
+        trajectory: Behind it.
+        taught: Its taught data.
+        execution: On the robot of the certificate.
+        uses: Of all limits over time.
+    """
+
+    windows: tuple[float, ...]
+    held: Held
+    factors: Mapping[str, float]
+    plan: Trajectory
+    trajectory: Trajectory
+    taught: TaughtData
+    execution: Execution
+    uses: Uses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Kept:
+    """A trial that holds everything, and what it was judged by.
+
+    Args:
+        trial: The trial.
+        check: Of the plan against all of its limits.
+        spread: Robots drawn from the box, if there is one and the plan is the best.
+        corners: The corners of the box, if there is one.
+    """
+
+    trial: Trial
+    check: Check
+    spread: Spread | None
+    corners: Spread | None
+
+    @property
+    def worst(self) -> float:
+        """Largest contour error of any robot of the box that was executed; 0 without a box [m]."""
+        judged = [x for x in (self.spread, self.corners) if x is not None]
+        return max((float(x.max.max()) for x in judged), default=0.0)
+
+
+@dataclass(slots=True)
+class Search:
+    """Finds the fastest plan for one path.
+
+    Args:
+        setting: What is fixed.
+        joint_path: The path.
+        this: The run: its method of compensation and command interval.
+        goal: What is to be held.
+        progress: Called with a sentence before each trial.
+
+    Attributes:
+        optimum: Duration of the plan that holds nothing back [s]; set by the first trial.
+        trials: How many were made.
+        reached: Smallest contour error of any trial that was fast enough, over the box if there is
+            one [m].
+        binds: What the last trial used most, and how much of it.
+        in_time: Whether the last trial was faster than the best so far, and than the slowest.
+        best: The fastest plan so far that holds everything.
+        box_goal: At which share of the budget trials aim over the box.
+        tightness: What trials aim at, as shares of what is allowed.
+    """
+
+    setting: Setting
+    joint_path: JointPath
+    this: Run
+    goal: Goal
+    progress: Progress
+    optimum: float = np.nan
+    trials: int = 0
+    reached: float = np.inf
+    binds: tuple[str, float] = ("", 0.0)
+    in_time: bool = True
+    best: Kept | None = None
+    box_goal: float = ERROR_GOAL
+    tightness: dict[str, float] = field(default_factory=dict)
+
+    def fastest(self) -> Kept | None:
+        """The fastest plan that holds the goal, of all windows; None if there is none."""
+        for multiples in WINDOWS[self.goal.saturation]:
+            windows = tuple(x * self.this.period for x in multiples)
+            # The plan without anything held back is a bound of the time with these windows.
+            if self.best is not None and self.optimum + sum(windows) >= self.best_time:
+                continue
+            settle = self._evenly if self.setting.saturated else self._settled
+            found = settle(windows)
+            if found is not None and found.trial.trajectory.duration < self.best_time:
+                self.best = found
+        if self.best is None or self.setting.box is None:
+            return self.best
+        return self._drawn(self.best)
+
+    def _drawn(self, best: Kept) -> Kept | None:
+        """The best plan with the robots drawn from the box that judge it; slower if one is outside.
+
+        Corners of the box need not be the worst of it where robots saturate.
+        """
+        setting, goal = self.setting, self.goal
+        assert setting.box is not None
+        shared = (best.trial.taught, setting.path, setting.arm, setting.servo, setting.limits)
+        drawn = spread(*shared, setting.box, samples=goal.samples, seed=goal.seed)
+        worst = float(drawn.max.max())
+        self.progress(f"{goal.samples} robots of the box")
+        if worst <= setting.budget:
+            return replace(best, spread=drawn)
+        self.box_goal *= ERROR_GOAL * setting.budget / worst
+        self.best = None
+        return self.fastest()
+
+    @property
+    def best_time(self) -> float:
+        """Duration of the fastest plan so far [s]."""
+        return np.inf if self.best is None else self.best.trial.trajectory.duration
+
+    def _evenly(self, windows: tuple[float, ...]) -> Kept | None:
+        """The fastest plan with these windows, and one share left of all accelerations."""
+        low = high = 1.0
+        found = self._settled(windows, low)
+        while found is None and self.binds[0] == "error" and self.in_time:
+            low, high = low * COARSE_SHARE, low
+            found = self._settled(windows, low)
+        while found is not None and high > low * SHARE_PRECISION:
+            middle = float(np.sqrt(low * high))
+            better = self._settled(windows, middle)
+            low, high = (low, middle) if better is None else (middle, high)
+            found = better or found
+        return found
+
+    def _settled(self, windows: tuple[float, ...], share: float = 1.0) -> Kept | None:
+        """The first trial with these windows that holds everything.
+
+        Args:
+            windows: Of the moving averages [s].
+            share: What is left of accelerations from the beginning.
+        """
+        nothing = Held.nothing(self.joint_path)
+        held = replace(nothing, share=share * nothing.share)
+        factors: Mapping[str, float] = {}
+        self.tightness = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL}
+        self.tightness |= {"error": ERROR_GOAL, "box": self.box_goal}
+        for number in range(MOST_TRIALS):
+            trial = self._trial(windows, held, factors)
+            if np.isnan(self.optimum):
+                self.optimum = trial.plan.duration
+            duration = trial.trajectory.duration
+            self.in_time = duration < min(self.best_time, self.goal.slowest * self.optimum)
+            if not self.in_time:
+                return None
+            worst = trial.uses.worst()
+            self._remember(trial, worst)
+            if self.setting.saturated and worst["error"] > 1.0:
+                return None
+            if max(worst.values()) <= 1.0:
+                found = self._judged(trial)
+                if found is None or isinstance(found, Kept):
+                    return found
+                factors = found
+            held = self._tightened(trial, first=number == 0 and not self.setting.saturated)
+        return None
+
+    def _trial(self, windows: tuple[float, ...], held: Held, factors: Mapping[str, float]) -> Trial:
+        self.trials += 1
+        shown = " + ".join(f"{x * 1e3:.3g} ms" for x in windows) or "no smoothing"
+        self.progress(f"{shown}, trial {self.trials}")
+        setting, this = self.setting, self.this
+        plan, trajectory = held_plan(
+            self.joint_path, setting.arm, setting.limits, held, windows, factors
+        )
+        taught = compensate(
+            trajectory,
+            setting.model,
+            method=this.compensation,
+            period=this.period,
+            **this.compensation_options,
+        )
+        execution = run(setting, taught)
+        return Trial(
+            windows=windows,
+            held=held,
+            factors=factors,
+            plan=plan,
+            trajectory=trajectory,
+            taught=taught,
+            execution=execution,
+            uses=uses_of(setting, taught, execution),
+        )
+
+    def _judged(self, trial: Trial) -> Kept | dict[str, float] | None:
+        """The trial as one that is kept, or what is to be left of limits that it exceeds.
+
+        None is that it needs another share of all accelerations. A plan is checked between samples;
+        the corners of the box judge it independently of what the search took for the worst of them.
+        """
+        setting = self.setting
+        found = check(trial.trajectory, setting.arm, setting.limits, points=POINTS)
+        over = {x.name: x.ratio for x in found.uses if x.ratio > 1 + KEPT}
+        factors = dict(trial.factors)
+        for name, ratio in over.items():
+            if name in BY_PLACE:
+                kind = "acceleration" if name.startswith("joint_") else "speed"
+                self.tightness[kind] /= ratio * (1 + KEPT)
+            elif name in type(setting.limits).__dataclass_fields__:
+                factors[name] = factors.get(name, 1.0) / (ratio * (1 + KEPT))
+        if over:
+            return factors
+        error = self._fine_error(trial)
+        if error > 1.0:
+            self.tightness["error"] *= ERROR_GOAL / error
+            self.binds = ("error", error)
+            return None if setting.saturated else factors
+        if setting.box is None:
+            return Kept(trial=trial, check=found, spread=None, corners=None)
+        shared = (trial.taught, setting.path, setting.arm, setting.servo, setting.limits)
+        corners = worst_corner(*shared, setting.box)
+        worst = float(corners.max.max())
+        if worst <= setting.budget:
+            return Kept(trial=trial, check=found, spread=None, corners=corners)
+        self.tightness["box"] *= ERROR_GOAL * setting.budget / worst
+        return factors
+
+    def _fine_error(self, trial: Trial) -> float:
+        """Largest contour error of the budget, or RMS of its largest, at a fine resolution."""
+        setting = self.setting
+        executed = execute(trial.taught, setting.plant(), resolution=RESOLUTION)
+        off = setting.path.project(executed.tool).distance
+        rms = float(np.sqrt(np.trapezoid(off**2, executed.t) / np.ptp(executed.t)))
+        return max(float(off.max()) / setting.budget, rms / (setting.rms or np.inf))
+
+    def _remember(self, trial: Trial, worst: dict[str, float]) -> None:
+        kind = max(worst, key=lambda x: worst[x])
+        if self.setting.saturated and worst["error"] > 1.0:
+            kind = "error"
+        self.binds = (kind, worst[kind])
+        error = trial.uses.largest
+        if trial.uses.box is not None:
+            error = max(error, float(trial.uses.box.max()) * self.setting.budget)
+        self.reached = min(self.reached, error)
+
+    def _tightened(self, trial: Trial, *, first: bool) -> Held:
+        """What to hold back next: more, wherever a limit is exceeded or nearly so."""
+        held, uses, tight = trial.held, trial.uses, self.tightness
+        share, cap = held.share.copy(), held.cap.copy()
+        moment = _Moments(trial, sum(trial.windows) + trial.taught.period + self._memory())
+        speed = _squares(trial.plan, held.cells)
+        over = uses.joints * np.maximum(1.0, uses.peak / uses.joints.max(axis=0))
+        for j in range(share.shape[1]):
+            use = moment.largest(over[:, j]) / tight["acceleration"]
+            if first and (use > 1).any():
+                # Most of it is what the command interval adds to any acceleration: it is held back
+                # everywhere at once, so that it need not be found again as the plan moves.
+                common = float(np.median(use[use > 1]))
+                share[:, j] /= common
+                use = use / common
+            share[:, j] /= np.maximum(use, 1.0)
+        use = moment.largest(uses.pace) / tight["speed"]
+        cap = np.where(use > 1, np.minimum(cap, speed / use), cap)
+        if not self.setting.saturated:
+            errors = np.maximum(moment.largest(uses.error), uses.rms) / tight["error"]
+            slow = np.clip(np.maximum(errors, 1.0) ** -ERROR_POWER, LARGEST_STEP, 1.0)
+            share *= slow[:, None]
+            cap = np.where(errors > 1, np.minimum(cap, speed * slow**2), cap)
+        if uses.box is not None:
+            use = moment.largest(uses.box) / tight["box"]
+            cap = np.where(
+                use > 1, np.minimum(cap, speed * np.maximum(1 / use, LARGEST_STEP) ** 2), cap
+            )
+        return replace(held, share=share, cap=cap)
+
+    def _memory(self) -> float:
+        """Time for which a command is felt in a joint's demand [s]."""
+        servo = self.setting.servo
+        return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
+
+
+class _Moments:
+    """When a plan is in each cell of its path, and a while before and behind.
+
+    Args:
+        trial: The trial.
+        around: That while [s].
+    """
+
+    def __init__(self, trial: Trial, around: float) -> None:
+        uses = trial.uses
+        t = uses.t
+        self.count = max(1, int(np.ceil(around / (t[1] - t[0]))))
+        inside = (t >= 0) & (t <= trial.trajectory.duration)
+        edges = np.interp(trial.held.cells, uses.s[inside], t[inside])
+        first = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)
+        self.begin, self.last = first[:-1], len(t)
+
+    def largest(self, values: FloatArray) -> FloatArray:
+        """The largest of some values, one per time, in each cell."""
+        from scipy.ndimage import maximum_filter1d
+
+        spread_out = maximum_filter1d(values, 2 * self.count + 1, mode="nearest")
+        return np.asarray(np.maximum.reduceat(spread_out, self.begin))
+
+
+def _squares(plan: Trajectory, cells: FloatArray) -> FloatArray:
+    """The largest ds² of a plan in every cell."""
+    law = plan.laws[0]
+    assert isinstance(law, PathLaw)
+    at = np.interp(cells, law.s, law.speeds**2)
+    return np.asarray(np.maximum(at[:-1], at[1:]))

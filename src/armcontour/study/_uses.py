@@ -1,0 +1,348 @@
+"""How far a plan and its execution use what they are given, at every time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.execution import ServoPlant, execute
+from armcontour.geometry import Path
+from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
+from armcontour.motion.laws import path_states
+from armcontour.servo import ServoModel
+from armcontour.study.robustness import Box
+
+# Executions are looked at this often per command interval, but not more often than this [s].
+PER_INTERVAL = 16
+FINEST = 1.25e-4
+# Likewise for executions in the corners of a box.
+BOX_PER_INTERVAL = 4
+# Contour errors are looked at no more often than this [s] while a plan is searched for.
+ERRORS_EVERY = 5e-4
+# The tool speed of an execution may exceed the assigned velocity by this share of it.
+SPEED_SLACK = 1e-3
+# Below this tool speed [m/s] the direction of motion is not defined.
+SLOWEST = 1e-6
+# Directions across the path in which errors over a box are added up, in space.
+DIRECTIONS = 16
+# Half of the ratio that a command outside a joint's range counts as: no speed brings it back
+# exactly, but each round of a search slows down there.
+OUTSIDE = 1.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What is fixed while one plan is searched for.
+
+    Args:
+        arm: The arm.
+        path: The tool path, rounded.
+        limits: With values per joint.
+        model: The servo that compensation knows.
+        servo: The servo that executes.
+        saturated: Whether it may saturate.
+        budget: Largest contour error, over the box if there is one [m].
+        rms: Its largest root mean square, without the box [m].
+        box: How far the robot may be from its model.
+    """
+
+    arm: Arm
+    path: Path
+    limits: Limits
+    model: ServoModel
+    servo: ServoModel
+    saturated: bool
+    budget: float
+    rms: float | None
+    box: Box | None
+
+    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> ServoPlant:
+        """The robot, or one that never saturates."""
+        saturation = "none" if ideal or self.servo.order == "first" else None
+        return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Uses:
+    """Shares of what is allowed, over time; 1 is all of it.
+
+    Args:
+        t: Times [s], (n,).
+        s: Where the plan is then [m], (n,).
+        joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
+        pace: Of what bounds the speed, as a ratio of ds², (n,).
+        error: Of the budget, (n,).
+        box: Likewise, estimated for the worst robot of the box, (n,); None without a box.
+        peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
+        rms: RMS contour error over its largest; 0 without one.
+        largest: Largest contour error [m].
+    """
+
+    t: FloatArray
+    s: FloatArray
+    joints: FloatArray
+    pace: FloatArray
+    error: FloatArray
+    box: FloatArray | None
+    peak: FloatArray
+    rms: float
+    largest: float
+
+    def worst(self) -> dict[str, float]:
+        """The largest of each."""
+        return {
+            "acceleration": max(float(self.joints.max()), float(self.peak.max())),
+            "speed": float(self.pace.max()),
+            "error": max(float(self.error.max()), self.rms),
+            "box": 0.0 if self.box is None else float(self.box.max()),
+        }
+
+
+def run(setting: Setting, taught: TaughtData, resolution: float | None = None) -> Execution:
+    """Execute on the robot; on one that never saturates where saturation is refused."""
+    every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
+    plant = setting.plant(ideal=not setting.saturated)
+    return execute(taught, plant, resolution=resolution or every)
+
+
+def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
+    """The uses of a plan, its command and its execution."""
+    plan = taught.trajectory
+    t = executed.t
+    low, high = setting.limits.acceleration_bounds(setting.arm.dof)
+    s, planned, pace = _planned(setting, plan, t)
+    groups = [] if setting.box is None else _over_box(setting, taught)
+    joints, peak = planned, np.zeros(setting.arm.dof)
+    if not setting.saturated and setting.servo.order == "second":
+        for x in [executed, *(x for group in groups for x in group.runs)]:
+            asked = np.maximum(x.demand / high, x.demand / low)
+            joints = np.maximum(joints, _at(t, x.t, asked))
+            least, most = x.demand_range
+            peak = np.maximum(peak, np.maximum(least / low, most / high))
+    pace = np.maximum(pace, _command(setting, taught, t))
+    speed = setting.limits.speed
+    if speed is not None:
+        pace = np.maximum(pace, (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2)
+    off = _distances(setting.path, executed)
+    rms = float(np.sqrt(np.trapezoid(off**2, t) / (t[-1] - t[0])))
+    return Uses(
+        t=t,
+        s=s,
+        joints=joints,
+        pace=pace,
+        error=off / setting.budget,
+        box=_worst(setting, groups, taught, t) / setting.budget if groups else None,
+        peak=peak,
+        rms=0.0 if setting.rms is None else rms / setting.rms,
+        largest=float(off.max()),
+    )
+
+
+def motion(
+    plan: Trajectory, t: FloatArray, side: Literal["left", "right"]
+) -> tuple[FloatArray, FloatArray]:
+    """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof).
+
+    All at once: its way is what takes long to find.
+    """
+    s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
+    of = np.clip(np.searchsorted(plan.starts, t, side=side) - 1, 0, len(plan.laws) - 1)
+    for k, law in enumerate(plan.laws):
+        assert isinstance(law, PathLaw | SmoothedLaw)
+        here = of == k
+        local = np.clip(t[here] - plan.starts[k], 0.0, law.breaks[-1])
+        i = np.clip(np.searchsorted(law.breaks, local, side=side) - 1, 0, len(law.breaks) - 2)
+        along = law.path_motion(i, local)
+        s[here] = along[0]
+        ends = law.s[i], law.s[i + 1]
+        for order in (0, 1, 2):
+            states[order, here] = path_states(law.joint_path, ends, *along, order)
+    return s, states
+
+
+def _planned(
+    setting: Setting, plan: Trajectory, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,).
+
+    What a plan has on either side of a joint between segments counts for the time next to it.
+    """
+    s, joints, pace = _states(setting, plan, np.clip(t, 0.0, plan.duration), "right")
+    at = _passing(plan, setting.path.breaks)
+    near = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
+    sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+    for side in sides:
+        _, more, faster = _states(setting, plan, at, side)
+        np.maximum.at(joints, near, more)
+        np.maximum.at(pace, near, faster)
+    return s, joints, pace
+
+
+def _states(
+    setting: Setting, plan: Trajectory, t: FloatArray, side: Literal["left", "right"]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    arm, limits = setting.arm, setting.limits
+    s, (q, dq, ddq) = motion(plan, t, side)
+    low, high = limits.acceleration_bounds(arm.dof)
+    pace = ((dq / or_unlimited(limits.joint_velocity, arm.dof)) ** 2).max(axis=1)
+    velocity = arm.tool_velocity(q, dq)
+    speed = np.linalg.norm(velocity, axis=1)
+    path = setting.path
+    own = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    if np.isfinite(own).any():
+        here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
+        pace = np.maximum(pace, (speed / np.where(np.isnan(here), np.inf, here)) ** 2)
+    if limits.centripetal_acceleration is not None:
+        acceleration = arm.tool_acceleration(q, dq, ddq)
+        direction = velocity / np.maximum(speed, SLOWEST)[:, None]
+        along = np.einsum("ij,ij->i", acceleration, direction)
+        across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
+        moving = np.where(speed > SLOWEST, across, 0.0)
+        pace = np.maximum(pace, moving / limits.centripetal_acceleration)
+    return s, np.maximum(ddq / high, ddq / low), pace
+
+
+def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
+    """When a plan passes the joints between segments that are breaks of it [s]."""
+    times = [np.zeros(0)]
+    for law, start in zip(plan.laws, plan.starts, strict=False):
+        assert isinstance(law, PathLaw | SmoothedLaw)
+        k = np.clip(np.searchsorted(law.s, places), 0, len(law.s) - 1)
+        times.append(start + law.breaks[k[np.abs(law.s[k] - places) < 1e-9]])
+    return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
+
+
+def _command(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArray:
+    """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
+    dof = setting.arm.dof
+    most = or_unlimited(setting.limits.joint_velocity, dof)
+    rate = np.append(np.abs(np.diff(taught.q, axis=0)), np.zeros((1, dof)), axis=0)
+    pace = ((rate / taught.period / most) ** 2).max(axis=1)
+    lower, upper = setting.limits.joint_range(dof)
+    outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
+    pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
+    k = np.clip(np.searchsorted(taught.t, t, side="right") - 1, 0, len(pace) - 1)
+    return np.asarray(pace[k])
+
+
+def _distances(path: Path, executed: Execution) -> FloatArray:
+    """Distances of the tool from the path at all times; between those looked at, interpolated."""
+    t = executed.t
+    every = max(1, int(ERRORS_EVERY / max(t[1] - t[0], 1e-12)) if len(t) > 1 else 1)
+    of = np.unique(np.append(np.arange(0, len(t), every), len(t) - 1))
+    off = path.project(executed.arm.forward(executed.q[of])).distance
+    return np.asarray(np.interp(t, t[of], off))
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Executions in corners of the box, all joints in the same one, and how late they all are."""
+
+    runs: list[Execution]
+    late: float
+
+
+def _over_box(setting: Setting, taught: TaughtData) -> list[_Group]:
+    """Executions in the corners of the box; a group for either end of a shared dead time.
+
+    Where saturation is refused they do not saturate: what they ask for is a use like others.
+    """
+    box, servo, arm = setting.box, setting.servo.for_joints(setting.arm.dof), setting.arm
+    assert box is not None
+    late = np.broadcast_to(box.dead_time, (arm.dof,))
+    shared = box.dead_time_shared and bool(late.any())
+    apart = np.zeros(arm.dof) if box.dead_time_shared else late
+    resolution = max(taught.period / BOX_PER_INTERVAL, FINEST)
+    found = []
+    for common in (-1.0, 1.0) if shared else (0.0,):
+        moved = np.maximum(servo.dead_time + common * late, 0.0)
+        plants = [
+            setting.plant(x, ideal=not setting.saturated)
+            for x in _variants(servo, moved, box, apart)
+        ]
+        runs = [execute(taught, x, resolution=resolution) for x in plants]
+        found.append(_Group(runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
+    return found
+
+
+def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
+    """Values at other times: the larger of the two given ones around each, 0 outside, (n, dof)."""
+    k = np.clip(np.searchsorted(given, t, side="right"), 1, len(given) - 1)
+    found = np.maximum(values[k - 1], values[k])
+    found[(t < given[0]) | (t > given[-1])] = 0.0
+    return np.asarray(found)
+
+
+def _worst(setting: Setting, groups: list[_Group], taught: TaughtData, t: FloatArray) -> FloatArray:
+    """Contour error of the worst robot of the box, about, at all times [m], (n,).
+
+    Joints are independent of each other: what each does across the path in its own corner of the
+    box is added up for the worst, joint by joint. Payload and jitter are not in it.
+    """
+    found = [np.interp(t, *_across(setting, x, taught)) for x in groups]
+    return np.asarray(np.max(found, axis=0))
+
+
+def _variants(
+    servo: ServoModel, dead_time: FloatArray, box: Box, apart: FloatArray
+) -> list[ServoModel]:
+    """Servos in the corners of the box, all joints in the same."""
+    gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
+    signs = [
+        (1.0, -1.0) if (x > 0).any() else (0.0,)
+        for x in (gains[0], gains[1] if servo.kv is not None else np.zeros(1), apart)
+    ]
+    return [
+        ServoModel(
+            kp=servo.kp * (1 + p * gains[0]),
+            kv=None if servo.kv is None else servo.kv * (1 + v * gains[1]),
+            interpolation=servo.interpolation,
+            dead_time=np.maximum(dead_time + d * apart, 0.0),
+            order=servo.order,
+        )
+        for p, v, d in product(*signs)
+    ]
+
+
+def _across(setting: Setting, group: _Group, taught: TaughtData) -> tuple[FloatArray, FloatArray]:
+    """Times, and the largest sum over the joints of what any of the runs moves them across."""
+    arm, plan, runs = setting.arm, taught.trajectory, group.runs
+    n = min(len(x.t) for x in runs)
+    t = runs[0].t[:n]
+    # All joints late by the same leave the path as it is.
+    base = plan(np.clip(t - group.late, 0.0, plan.duration))
+    if len(runs) > 1:
+        base = np.mean([x.q[:n] for x in runs], axis=0)
+    jacobian = arm.jacobian(base)
+    off = np.array([x.q[:n] - base for x in runs])
+    # (runs, n, dimension, dof): what each joint's error does to the tool.
+    moved = jacobian[None] * off[:, :, None, :]
+    nearest = setting.path.project(arm.forward(base))
+    tangent = setting.path(nearest.s, 1)
+    total = np.zeros(n)
+    for direction in _normals(tangent):
+        # The centre's own distance adds to what the joints do.
+        own = np.abs(np.einsum("nd,nd->n", arm.forward(base) - setting.path(nearest.s), direction))
+        side = np.einsum("rndj,nd->rnj", moved, direction)
+        total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
+    return t, total
+
+
+def _normals(tangent: FloatArray) -> list[FloatArray]:
+    """Directions across the path at every place, (n, dimension) each."""
+    unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
+    if unit.shape[1] == 2:
+        left = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        return [left, -left]
+    flat = np.abs(unit).argmin(axis=1)
+    first = np.cross(unit, np.eye(3)[flat])
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(unit, first)
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    return [np.cos(x) * first + np.sin(x) * second for x in angles]

@@ -1,0 +1,178 @@
+"""A trade-off: time against corner tolerance and against assigned velocity, certified."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from armcontour import _checks
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.study._search import Progress
+from armcontour.study.certificate import certify, goal_of, run_of
+from armcontour.study.goal import Goal
+from armcontour.study.job import Job, Rounding, Run
+from armcontour.study.study import path_of, traced
+from armcontour.timing import plan
+
+# What a sweep looks at by default, as multiples of what the job has.
+TOLERANCES = (0.1, 0.2, 0.5, 1.0, 2.0)
+SPEEDS = (0.4, 0.6, 0.8, 1.0, 1.25)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepPoint:
+    """One choice of corner tolerance and assigned velocity.
+
+    Args:
+        tolerance: Of the corners, or of the whole contour where the goal has a tolerance [m]; None
+            where no corner is rounded.
+        speed: Assigned velocity [m/s]; None without one.
+        optimum: Duration of the fastest plan, not certified [s]; None where there is none.
+        duration: Of the certified plan [s]; None where it was refused.
+        contour_error: Of its execution, the largest, over the box if there is one [m].
+        refusal: Why it was refused.
+    """
+
+    tolerance: float | None
+    speed: float | None
+    optimum: float | None
+    duration: float | None
+    contour_error: float | None
+    refusal: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sweep:
+    """Points along two lines through the job's own choice.
+
+    Args:
+        job: The job.
+        run: Its run.
+        goal: What every certified point holds.
+        tolerances: With the run's assigned velocity, by tolerance.
+        speeds: With the run's tolerance, by assigned velocity.
+    """
+
+    job: Job
+    run: Run
+    goal: Goal
+    tolerances: tuple[SweepPoint, ...]
+    speeds: tuple[SweepPoint, ...]
+
+
+def sweep(
+    job: Job,
+    run: str | None = None,
+    *,
+    tolerances: Sequence[float] | None = None,
+    speeds: Sequence[float] | None = None,
+    progress: Progress | None = None,
+    **overrides: Any,
+) -> Sweep:
+    """How long a job takes for various corner tolerances, and for various assigned velocities.
+
+    Args:
+        job: The job; its certificate says what every point holds.
+        run: Name of the run; by default the certificate's.
+        tolerances: Of the corners, or of the whole contour where the certificate has a tolerance
+            [m]; by default 0.1 to 2 times the run's; none where no corner is rounded to one.
+        speeds: Assigned velocities [m/s]; by default 0.4 to 1.25 times the run's.
+        progress: Called with a few words before every trial.
+        overrides: As of `certify`.
+
+    Raises:
+        InvalidInput: Nothing to sweep, or as `certify` raises it. A plan that cannot be certified
+            is a point that says why.
+    """
+    goal = goal_of(job, overrides)
+    this = run_of(job, goal.run if run is None else run)
+    own = goal.tolerance
+    if own is None and this.rounding is not None:
+        own = this.rounding.tolerance
+    asked = _values("tolerance", tolerances, own, TOLERANCES)
+    fast = _values("speed", speeds, this.limits.speed, SPEEDS)
+    if asked and this.rounding is None:
+        raise InvalidInput(
+            f"The run {this.name} rounds no corners, so it has no tolerance to vary."
+        )
+    if not asked and not fast:
+        raise InvalidInput(
+            f"The run {this.name} has neither a corner tolerance nor an assigned velocity: give "
+            "tolerances or speeds to compare."
+        )
+    call = _Point(job, this, goal, progress or (lambda words: None))
+    return Sweep(
+        job=job,
+        run=this,
+        goal=goal,
+        tolerances=tuple(call.at(x, this.limits.speed) for x in asked),
+        speeds=tuple(call.at(own, x) for x in fast),
+    )
+
+
+def _values(
+    name: str, given: Sequence[float] | None, own: float | None, multiples: Sequence[float]
+) -> list[float]:
+    if given is not None:
+        return sorted(_checks.positive(name, x) for x in given)
+    return [] if own is None else [own * x for x in multiples]
+
+
+class _Point:
+    """Certifies one choice; a choice that both lines share is certified once."""
+
+    def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
+        self.job, self.this, self.goal, self.progress = job, this, goal, progress
+        self.known: dict[tuple[float | None, float | None], SweepPoint] = {}
+
+    def at(self, tolerance: float | None, speed: float | None) -> SweepPoint:
+        """The point of a corner tolerance [m] and an assigned velocity [m/s]."""
+        key = (tolerance, speed)
+        if key not in self.known:
+            self.known[key] = self._certified(tolerance, speed)
+        return self.known[key]
+
+    def _certified(self, tolerance: float | None, speed: float | None) -> SweepPoint:
+        goal, this = self.goal, self.this
+        if speed is not None:
+            this = replace(this, limits=this.limits.replace(speed=speed))
+        if goal.tolerance is not None:
+            goal = replace(goal, tolerance=tolerance)
+        elif this.rounding is not None and tolerance is not None:
+            rounding: Rounding = replace(this.rounding, tolerance=tolerance)
+            this = replace(this, rounding=rounding)
+        shown = ["" if tolerance is None else f"{tolerance * 1e3:.3g} mm"]
+        shown += ["" if speed is None else f"{speed:.3g} m/s"]
+        name = ", ".join(x for x in shown if x)
+        job = replace(self.job, runs=(this,), certificate=goal)
+        try:
+            found = certify(
+                job, this.name, progress=lambda words: self.progress(f"{name}: {words}")
+            )
+        except ArmContourError as error:
+            return SweepPoint(
+                tolerance=tolerance,
+                speed=speed,
+                optimum=self._optimum(job, this),
+                duration=None,
+                contour_error=None,
+                refusal=str(error),
+            )
+        return SweepPoint(
+            tolerance=tolerance,
+            speed=speed,
+            optimum=found.uncertified.duration,
+            duration=found.duration,
+            contour_error=found.budget.executed,
+            refusal=None,
+        )
+
+    def _optimum(self, job: Job, this: Run) -> float | None:
+        """Duration of the plan that is not certified, if there is one."""
+        try:
+            path = path_of(job, this)
+            joint_path = traced(job, this, path)
+            return plan(joint_path, job.arm, this.limits, ignore_jerk=this.ignore_jerk).duration
+        except ArmContourError:
+            return None

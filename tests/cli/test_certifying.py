@@ -1,0 +1,91 @@
+"""`armcontour certify` and `armcontour sweep`."""
+
+import json
+import signal
+import sys
+
+import pytest
+
+from armcontour.cli.main import main
+
+JOB = """
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 2 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+certificate: {servo: 0.1 mm, saturation: report}
+runs:
+  only: {compensation: {method: pole_placement}}
+"""
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    file = tmp_path_factory.mktemp("job") / "corner.yaml"
+    file.write_text(JOB, encoding="utf-8")
+    return file
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run the command line in this process: its exit code, what it printed, and its errors."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["armcontour", *map(str, arguments)])
+        monkeypatch.setattr(signal, "signal", lambda *_: None)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        shown = capsys.readouterr()
+        return ended.value.code or 0, shown.out, shown.err
+
+    return call
+
+
+def test_certify_writes_everything_that_repeats_it(command, job, tmp_path):
+    out = tmp_path / "certified"
+    code, shown, errors = command("certify", job, "--out", out)
+    assert code == 0, errors
+    assert "Holds for: independent joint servos" in shown and "rounding" in shown
+    data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert set(data["files"]) == {str(x.relative_to(out)) for x in out.rglob("*") if x.is_file()}
+    assert data["certificate"]["repeat"]["held"] == "held.csv"
+    assert data["certificate"]["budget"]["total"] <= 2.1e-3
+    assert data["runs"]["only"]["contour_error"]["max"] <= 1e-4
+    assert 'id="certificate"' in (out / "report.html").read_text(encoding="utf-8")
+    code, _, errors = command("certify", job, "--out", out)
+    assert code == 2 and "--force" in errors
+
+
+def test_options_take_the_place_of_the_jobs_keys(command, job):
+    code, shown, errors = command("certify", job, "--servo", "0.05 mm", "--json")
+    assert code == 0, errors
+    assert json.loads(shown)["certificate"]["goal"]["servo"] == 5e-5
+    code, _, errors = command("certify", job, "--servo", "5 kg")
+    assert code == 2 and "--servo" in errors
+
+
+def test_a_refusal_has_its_exit_code_and_writes_nothing(command, job, tmp_path):
+    out = tmp_path / "certified"
+    file = tmp_path / "slow.yaml"
+    text = JOB.replace("pole_placement", "none").replace("0.1 mm", "1 um, slowest: 1.1")
+    file.write_text(text, encoding="utf-8")
+    code, shown, errors = command("certify", file, "--out", out)
+    assert code == 4
+    assert errors.startswith("Error: ") and "contour error comes down to" in errors
+    assert not out.exists()
+
+
+def test_sweep_writes_its_points_and_their_plot(command, job, tmp_path):
+    out = tmp_path / "swept"
+    asked = ("--tolerances", "2 mm", "--speeds", "50 mm/s, 0.15 m/s")
+    code, _, errors = command("sweep", job, "--out", out, *asked)
+    assert code == 0, errors
+    data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert [x["speed"] for x in data["speeds"]] == [pytest.approx(0.05), 0.15]
+    assert [x["tolerance"] for x in data["tolerances"]] == [2e-3]
+    assert all(x["duration"] is not None for x in data["speeds"])
+    assert 'id="sweep"' in (out / "report.html").read_text(encoding="utf-8")
+    code, _, errors = command("sweep", job, "--out", tmp_path / "no", "--speeds", "0.1 m/s, fast")
+    assert code == 2 and "--speeds" in errors

@@ -1,0 +1,299 @@
+"""Certificates: the paper's job within stated tolerances, on the model that is named."""
+
+import json
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.compensation.command_limits import refuse_commands
+from armcontour.io import certificate_json, held_csv, parse_job
+from armcontour.report import render_report
+from armcontour.study import Goal
+from armcontour.study._held import Held, held_plan
+from armcontour.study.robustness import Box
+
+OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
+JOB = """
+name: paper
+arm: pmk3s
+path: {{points: [[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]]}}
+limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}}
+corners: {{tolerance: 5 mm}}
+servo: {{kp: 25 1/s, kv: 150 1/s{servo}}}
+command_interval: {period}
+runs:
+  certified: {{compensation: {{method: {method}}}}}
+{more}
+"""
+LINE = """
+name: line
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.40, 0.20]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs:
+  only: {compensation: {method: inverse}}
+"""
+
+
+def job(period="4 ms", method="inverse", servo="", more=""):
+    return parse_job(JOB.format(period=period, method=method, servo=servo, more=more))
+
+
+@pytest.fixture(scope="module")
+def certified():
+    more = "certificate: {servo: 2 um, rms: 0.5 um}\nexperiment: {}"
+    return ac.certify(job(more=more))
+
+
+def judged(found):
+    """The certificate's taught data, executed and checked again by nothing of the search."""
+    arm, limits = found.job.arm, found.run.limits
+    plant = ac.ServoPlant(arm, found.job.plant_servo, limits)
+    executed = ac.execute(found.taught, plant, resolution=1e-4)
+    evaluation = ac.evaluate(executed, found.path, objective=found.job.path, limits=limits)
+    check = ac.check(found.trajectory, arm, limits, points=20, seed=1)
+    assert not check.violated
+    return executed, evaluation
+
+
+def test_four_milliseconds(certified):
+    executed, result = judged(certified)
+    assert certified.duration <= 5.36
+    assert certified.uncertified.duration == pytest.approx(OPTIMUM, abs=1e-4)
+    assert certified.cost == certified.duration - certified.uncertified.duration > 0
+    assert result.contour_error.rms <= 0.5e-6
+    assert result.contour_error.max <= 2e-6
+    assert (executed.peak_demand <= 0.72 * (1 + 1e-6)).all() and (result.saturated == 0).all()
+    assert result.speed <= 0.15 * (1 + 1e-3)
+    # Nothing of that is there without a certificate.
+    assert certified.uncertified.contour_error[0] > 1e-3
+
+
+def test_the_parts_of_the_budget_are_what_they_say(certified):
+    budget, found = certified.budget, certified
+    assert budget.rounding == pytest.approx(5e-3)
+    assert budget.executed == pytest.approx(found.evaluation.contour_error.max, rel=1e-12)
+    assert budget.left == pytest.approx(2e-6 - found.evaluation.contour_error.max, rel=1e-9)
+    # With set-points twenty times as often only the servo's part is left.
+    often = ac.compensate(found.trajectory, found.job.servo, method="inverse", period=2e-4)
+    ideal = ac.ServoPlant(found.job.arm, found.job.servo, saturation="none")
+    tool = ac.execute(often, ideal, resolution=2e-4).tool
+    assert budget.servo == pytest.approx(found.path.project(tool).distance.max(), rel=1e-6)
+    assert 0 < found.headroom.max() < found.largest_headroom.max() < 1
+
+
+def test_the_papers_compensator_at_the_full_limit():
+    found = ac.certify(job(method="pole_placement"), servo=5e-6, saturation="report")
+    _, result = judged(found)
+    assert result.contour_error.max <= 5e-6
+    assert found.duration <= 5.33
+    assert result.settled <= 5.40
+    assert result.saturated.max() > 0.1  # and that is said
+    assert found.evaluation.saturated.max() == pytest.approx(result.saturated.max(), rel=1e-9)
+    assert found.trials == 1
+
+
+@pytest.mark.parametrize(
+    ("period", "slowest", "budget"), [("1 ms", 5.345, 2e-6), ("10 ms", 5.40, 5e-6)]
+)
+def test_other_intervals(period, slowest, budget):
+    found = ac.certify(job(period=period), servo=budget)
+    executed, result = judged(found)
+    assert found.duration <= slowest
+    assert result.contour_error.max <= budget
+    assert (executed.peak_demand <= 0.72 * (1 + 1e-6)).all()
+    assert result.speed <= 0.15 * (1 + 1e-3)
+
+
+def test_held_set_points():
+    held = job(period="1 ms", servo=", interpolation: step")
+    found = ac.certify(held, servo=1e-5, saturation="report")
+    _, result = judged(found)
+    assert result.contour_error.max <= 1e-5
+    assert result.saturated.max() > 0
+    assert found.duration <= 6.5
+    assert found.budget.sampling > 100 * found.budget.servo
+
+
+def test_gains_ten_percent_off():
+    box = Box(gains=0.1)
+    found = ac.certify(job(), servo=1e-3, box=box, samples=2000)
+    assert found.duration <= 5.55
+    assert found.uncertified.box > 5e-3
+    shared = (found.taught, found.path, found.job.arm, found.job.plant_servo, found.run.limits)
+    # Other robots of the box than those that the certificate was made with.
+    drawn = ac.study.robustness.spread(*shared, box, samples=500, seed=7)
+    assert drawn.max.max() <= 1e-3
+    assert len(found.spread) == 2000 and found.spread.within(1e-3) == 1.0
+    assert found.budget.executed == max(found.spread.max.max(), found.corners.max.max())
+
+
+@pytest.fixture(scope="module")
+def late():
+    return job(servo=", dead_time: 40 ms")
+
+
+def test_a_dead_time_that_all_joints_share_costs_nothing(late):
+    found = ac.certify(late, servo=2e-6, box=Box(dead_time=2e-3), samples=200)
+    assert found.duration <= 5.36
+    assert found.spread.within(2e-6) == 1.0
+
+
+def test_dead_times_that_err_by_themselves(late, refuses):
+    box = Box(dead_time=2e-3, dead_time_shared=False)
+    found = ac.certify(late, servo=0.6e-3, box=box, samples=200)
+    assert found.duration <= 5.40
+    assert found.spread.within(0.6e-3) == 1.0
+    with pytest.raises(ac.NotRealizable) as caught:
+        ac.certify(late, servo=0.05e-3, box=box, slowest=1.5)
+    error = caught.value
+    assert error.limit == "contour error" and error.allowed == 0.05e-3
+    # What can be reached in that time is between the two.
+    assert 0.05e-3 < error.needed < 0.6e-3
+    for words in ("1.5 times", "worst robot of the box", f"{error.needed * 1e3:.4g} mm", "slowest"):
+        assert words in str(error)
+
+
+def test_a_total_tolerance_is_split_and_given_back():
+    found = ac.certify(job(), tolerance=5e-3)
+    budget, result = found.budget, found.evaluation
+    assert budget.total <= 5e-3 and result.objective_error.max <= 5e-3
+    # Hardly anything is left: the corners got what the servo did not need.
+    assert budget.rounding > 4.99e-3
+    assert found.path.corners.error.max() == budget.rounding
+    assert found.duration <= 5.36
+
+
+def test_a_command_keeps_to_joint_velocities(refuses):
+    slow = parse_job(LINE)
+    run = slow.runs[0]
+    plan = ac.plan(slow.path, slow.arm, run.limits)
+    t = np.linspace(0, plan.duration, 2000)
+    fastest = np.abs(plan(t, 1)).max(axis=0)
+    # The plan may just be run, but the command that leads it exceeds the limit.
+    limits = run.limits.replace(joint_velocity=fastest)
+    slow = replace(slow, runs=(replace(run, limits=limits),))
+    taught = ac.compensate(plan, slow.servo, method="inverse")
+    refuses(lambda: refuse_commands(taught, limits), ac.CompensationError, "joint_velocity")
+    found = ac.certify(slow, servo=2e-6)
+    refuse_commands(found.taught, limits)
+    assert found.duration > plan.duration
+    assert found.evaluation.contour_error.max <= 2e-6
+
+
+def test_stops_at_sharp_corners_stay():
+    sharp = parse_job(LINE.replace("[0.40, 0.20]]", "[0.40, 0.20], [0.40, 0.25]]"))
+    found = ac.certify(sharp, servo=2e-6)
+    assert len(found.trajectory.laws) == 2
+    assert found.budget.rounding == 0.0
+    assert found.evaluation.contour_error.max <= 2e-6
+    assert found.evaluation.demand_ratio.max() <= 1 + 1e-6
+
+
+def test_what_binds_is_said(refuses):
+    held = job(period="4 ms", servo=", interpolation: step")
+    refuses(
+        lambda: ac.certify(held, servo=1e-3, slowest=1.05),
+        ac.NotRealizable,
+        "the acceleration that it has",
+        "are held",
+        "linear interpolation",
+        "saturation: report",
+        limit="joint_acceleration",
+    )
+    refuses(
+        lambda: ac.certify(job(), servo=1e-9, slowest=1.05),
+        ac.NotRealizable,
+        "contour error comes down to",
+        "shorter command interval",
+        limit="contour error",
+        allowed=1e-9,
+    )
+    refuses(
+        lambda: ac.certify(job(), servo=1e-3, slowest=1.0001),
+        ac.NotRealizable,
+        "smoothing",
+        limit="slowest",
+    )
+
+
+def test_what_cannot_be_asked_is_refused(refuses):
+    this = parse_job(LINE)
+    refuses(lambda: ac.certify(this), ac.InvalidInput, "tolerance", "servo")
+    refuses(lambda: ac.certify(this, servo=1e-3, speed=1.0), ac.InvalidInput, "'speed'")
+    refuses(lambda: ac.certify(this, "other", servo=1e-3), ac.InvalidInput, "'other'", "only")
+    two = replace(this, runs=(this.runs[0], replace(this.runs[0], name="second")))
+    refuses(lambda: ac.certify(two, servo=1e-3), ac.InvalidInput, "only, second")
+    refuses(lambda: Goal(servo=1e-3, tolerance=1e-3), ac.InvalidInput, "must leave something")
+    refuses(lambda: Goal(servo=1e-3, slowest=1.0), ac.InvalidInput, "slowest must be above 1")
+    refuses(lambda: Goal(servo=1e-3, saturation="maybe"), ac.InvalidInput, "refuse, report")
+
+
+def test_the_summary_repeats_it(certified):
+    """From summary.json and held.csv alone the same plan is made, without a search."""
+    data = json.loads(certificate_json(certified, ["held.csv"]))["certificate"]
+    rows = held_csv(certified).splitlines()[1:]
+    values = [[float(x) if x else np.inf for x in row.split(",")] for row in rows]
+    table = np.array(values)
+    held = Held(cells=np.append(table[:, 0], table[-1, 1]), share=table[:, 2:-1], cap=table[:, -1])
+    repeat = data["repeat"]
+    given = {name: x for name, x in repeat["limits"].items() if x is not None}
+    path = ac.round_corners(certified.job.path, tolerance=repeat["rounding"]["tolerance"])
+    joint_path = ac.trace(path, certified.job.arm)
+    arm = ac.load_arm("pmk3s")
+    _, again = held_plan(joint_path, arm, ac.Limits(**given), held, tuple(repeat["windows"]))
+    assert again.duration == certified.duration
+    servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})
+    taught = ac.compensate(again, servo, method=repeat["compensation"], period=repeat["period"])
+    np.testing.assert_array_equal(taught.q, certified.taught.q)
+    assert data["goal"]["servo"] == 2e-6 and "kp [25.0, 25.0]" in data["model"]
+    assert data["duration"] == certified.duration
+
+
+def test_it_comes_out_the_same_again_in_less_than_thirty_plain_rounds(certified):
+    this = replace(certified.job.runs[0], experiment=None)
+    plain = replace(certified.job, runs=(this,))
+    started = perf_counter()
+    ac.run(plain)
+    once = perf_counter()
+    again = ac.certify(plain)
+    assert perf_counter() - once < 30 * (once - started)
+    np.testing.assert_array_equal(again.taught.q, certified.taught.q)
+
+
+def test_rigid_bodies_stand_beside_it(certified):
+    """The bodies were never looked at: their error is not the certificate's, and is not hidden."""
+    seen = certified.experiment.evaluation.contour_error.max
+    assert 10 * certified.budget.executed < seen < 1e-4
+    assert "on rigid bodies" in render_report(certified.study, certificate=certified)
+
+
+def test_the_report_begins_with_it(certified):
+    page = render_report(certified.study, certificate=certified)
+    assert page.index('id="certificate"') < page.index('id="overview"')
+    assert f"{certified.duration:.4f} s" in page
+    assert "independent joint servos" in page and "command interval" in page
+
+
+def test_goals_of_job_files(refuses):
+    keys = "certificate: {tolerance: 5 mm, servo: 2 um, run: only, samples: 50, seed: 3, box: {"
+    text = LINE + keys + "gains: 10 %, dead_time: 2 ms, shared: false, jitter: 0.1 ms}}\n"
+    goal = parse_job(text).certificate
+    assert (goal.tolerance, goal.servo, goal.run) == (5e-3, pytest.approx(2e-6), "only")
+    assert (goal.samples, goal.seed, goal.saturation) == (50, 3, "refuse")
+    box = goal.box
+    assert float(box.gains) == pytest.approx(0.1) and not box.dead_time_shared
+    assert (float(box.dead_time), box.jitter) == (2e-3, pytest.approx(1e-4))
+    per_joint = parse_job(text.replace("10 %", "[[10 %, 0.2], [5 %, 0]]")).certificate.box.gains
+    np.testing.assert_allclose(per_joint, [[0.1, 0.2], [0.05, 0.0]])
+    for wrong, words in (
+        (text.replace("run: only", "run: none"), "certificate.run"),
+        (text.replace("10 %", "10 mm"), "percentage"),
+        (text.replace("10 %", "100 %"), "0 to below 1"),
+        (LINE + "certificate: {}\n", "needs a tolerance"),
+    ):
+        refuses(lambda wrong=wrong: parse_job(wrong), ac.InvalidInput, words)

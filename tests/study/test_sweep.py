@@ -1,0 +1,85 @@
+"""Trade-offs: certified times for other tolerances and velocities."""
+
+from dataclasses import replace
+
+import pytest
+
+import armcontour as ac
+from armcontour.io import parse_job
+from armcontour.report import render_sweep
+
+# Certified without a search: the plan at the full limit holds 0.1 mm.
+JOB = """
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.38, 0.20], [0.38, 0.26]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 2 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+certificate: {servo: 0.1 mm, saturation: report}
+runs:
+  only: {compensation: {method: pole_placement}}
+"""
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return ac.sweep(parse_job(JOB), tolerances=[4e-3, 1e-3, 2e-3], speeds=[0.15, 0.05])
+
+
+def test_points_lie_above_the_optimum_of_their_own_choice(swept):
+    assert [x.tolerance for x in swept.tolerances] == [1e-3, 2e-3, 4e-3]
+    assert [x.speed for x in swept.speeds] == [0.05, 0.15]
+    job = parse_job(JOB)
+    for x in (*swept.tolerances, *swept.speeds):
+        path = ac.round_corners(job.path, tolerance=x.tolerance)
+        fastest = ac.plan(path, job.arm, job.runs[0].limits.replace(speed=x.speed))
+        assert x.optimum == pytest.approx(fastest.duration, rel=1e-9)
+        assert x.refusal is None and x.contour_error <= 1e-4
+        assert x.optimum <= x.duration < 1.05 * x.optimum
+    assert swept.speeds[0].duration > 1.2 * swept.speeds[1].duration
+    assert len({x.duration for x in swept.tolerances}) == 3
+
+
+def test_a_point_is_what_certify_finds(swept):
+    job = parse_job(JOB)
+    limits = job.runs[0].limits.replace(speed=0.05)
+    found = ac.certify(replace(job, runs=(replace(job.runs[0], limits=limits),)))
+    assert swept.speeds[0].duration == found.duration
+    assert swept.speeds[0].contour_error == found.budget.executed
+    # The job's own choice lies on both lines.
+    assert swept.speeds[1] == swept.tolerances[1]
+
+
+def test_a_point_that_is_refused_says_why():
+    job = parse_job(JOB.replace("pole_placement", "none"))
+    found = ac.sweep(job, speeds=[0.05, 0.15], tolerances=[2e-3], servo=2e-5, slowest=1.05)
+    slow, fast = found.speeds
+    assert fast.duration is None and "contour error comes down to" in fast.refusal
+    assert fast.optimum < slow.optimum
+    page = render_sweep(found)
+    assert "refused" in page and "assigned velocity" in page
+
+
+def test_the_plot_has_every_point(swept):
+    page = render_sweep(swept)
+    for x in (*swept.tolerances, *swept.speeds):
+        assert f"{x.duration:.4f} s" in page
+    assert page.count('class="plotly-graph-div"') == 2
+
+
+def test_a_total_tolerance_is_swept_where_it_is_asked_for():
+    found = ac.sweep(parse_job(JOB), tolerances=[1e-3, 3e-3], speeds=[], tolerance=2e-3)
+    narrow, wide = found.tolerances
+    assert (narrow.tolerance, wide.tolerance) == (1e-3, 3e-3)
+    assert wide.duration < narrow.duration and not found.speeds
+
+
+def test_nothing_to_sweep_is_refused(refuses):
+    job = parse_job(JOB)
+    sharp = replace(job, runs=(replace(job.runs[0], rounding=None),))
+    refuses(lambda: ac.sweep(sharp, tolerances=[1e-3]), ac.InvalidInput, "rounds no corners")
+    limits = job.runs[0].limits.replace(speed=None)
+    bare = replace(job, runs=(replace(job.runs[0], rounding=None, limits=limits),))
+    refuses(lambda: ac.sweep(bare), ac.InvalidInput, "give tolerances or speeds")
+    refuses(lambda: ac.sweep(job, speeds=[-1.0]), ac.InvalidInput, "speed", "above zero")
