@@ -226,8 +226,8 @@ def test_a_gap_is_refused_with_its_place(refuses):
     refuses(
         lambda: ac.Path.from_segments(segments),
         ac.InvalidInput,
-        "Segment 2",
-        "0.002 m from the end of segment 1",
+        "Segment 3",
+        "0.002 m from the end of segment 2",
         "continuous",
         index=2,
         point=(2, 1.002),

@@ -173,7 +173,7 @@ def test_messages_count_the_points_of_a_spline(refuses):
         refuses(
             lambda whole=whole: whole.oriented(half),
             ac.InvalidInput,
-            "at waypoints 1 and 3 differ",
+            "at waypoints 2 and 4 differ",
             index=1,
         )
 
