@@ -46,7 +46,9 @@ if TYPE_CHECKING:
         RoundedPath,
         round_corners,
     )
+    from armcontour.identification import Identification, Log, identify
     from armcontour.io import read_job
+    from armcontour.io.log_file import read_log
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.report import write_report
     from armcontour.servo import ServoModel
@@ -81,12 +83,15 @@ _HOME = {
         "Arc",
         "Demand",
         "Line",
+        "Log",
         "Orientation",
         "Path",
         "RoundedPath",
         "round_corners",
     ),
+    "identification": ("Identification", "Log", "identify"),
     "io": ("read_job",),
+    "io.log_file": ("read_log",),
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "report": ("write_report",),
     "servo": ("ServoModel",),
@@ -110,12 +115,14 @@ __all__ = [
     "Explanation",
     "Frame",
     "Goal",
+    "Identification",
     "InvalidInput",
     "Job",
     "JointPath",
     "LimitUse",
     "Limits",
     "Line",
+    "Log",
     "NotRealizable",
     "Orientation",
     "Path",
@@ -141,9 +148,11 @@ __all__ = [
     "execute",
     "explain",
     "fastest_poles",
+    "identify",
     "load_arm",
     "plan",
     "read_job",
+    "read_log",
     "round_corners",
     "run",
     "sweep",

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
+import armcontour as ac
+
 JOB = {
     "name": "bracket",
     "arm": "pmk3s",
@@ -174,3 +176,27 @@ def test_help_imports_nothing_heavy(arguments: list[str], tmp_path: FilePath) ->
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
     assert done.returncode == 0
+
+
+def test_identify_tells_gains_from_a_log(tmp_path: FilePath) -> None:
+    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
+    line = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15)])
+    planned = ac.plan(line, arm, arm.limits.replace(speed=0.1))
+    t = np.arange(0.0, 10.0, 2e-3)
+    waves = np.arange(0.5, 20.0, 0.5)
+    shaken = np.sin(2 * np.pi * np.outer(t, waves) + waves**2).sum(axis=1)
+    commands = planned(0.0) + 1e-4 * np.column_stack([shaken, -shaken])
+    taught = ac.TaughtData(period=2e-3, q=commands, trajectory=planned, method="none")
+    done = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=2e-3)
+    noise = 1e-6 * np.random.default_rng(1).normal(size=commands.shape)
+    measured = done.q[: len(t)] + noise
+    rows = np.column_stack([t, commands[:, 0], measured[:, 0], commands[:, 1], measured[:, 1]])
+    names = "t [s],command 1 [rad],measured 1 [rad],command 2 [rad],measured 2 [rad]"
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=names, comments="", fmt="%.9f")
+    result = armcontour("identify", "log.csv", "--out", "found", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    text = (tmp_path / "found" / "servo.yaml").read_text()
+    found = yaml.safe_load(text)["servo"]
+    np.testing.assert_allclose(found["kp"], 25.0, rtol=0.02)
+    np.testing.assert_allclose(found["kv"], 150.0, rtol=0.02)
+    np.testing.assert_allclose(found["dead_time"], 0.02, atol=1e-3)

@@ -179,6 +179,48 @@ def sweep(
 
 
 @app.command()
+def identify(
+    log: Annotated[FilePath, typer.Argument(help="Log of time, command and measured (CSV).")],
+    out: Annotated[
+        FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
+    ] = None,
+    model: Annotated[str, typer.Option("--model", help="auto, second or first.")] = "auto",
+    interpolation: Annotated[
+        str | None,
+        typer.Option("--interpolation", help="linear or step; by default what the log says."),
+    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None,
+    longest_dead_time: Annotated[
+        float, typer.Option("--longest-dead-time", help="Dead times are looked for up to this [s].")
+    ] = 0.25,
+    unwrap: Annotated[
+        bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
+    ] = False,
+    force: Force = False,
+    open_report: Open = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
+    """Tell a servo's gains and dead time from a log; exit code 1 if it leaves one open."""
+    from armcontour.cli.identifying import identify_file
+
+    determined = identify_file(
+        log,
+        out,
+        model=model,
+        interpolation=interpolation,
+        start=start,
+        end=end,
+        longest_dead_time=longest_dead_time,
+        unwrap=unwrap,
+        force=force,
+        open_report=open_report,
+        as_json=as_json,
+    )
+    raise typer.Exit(0 if determined else 1)
+
+
+@app.command()
 def arms() -> None:
     """List the built-in arms, with what is assumed of them."""
     from armcontour.cli.listing import listed_arms

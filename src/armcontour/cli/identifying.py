@@ -1,0 +1,158 @@
+"""Identifying a servo from the command line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from armcontour.identification import Estimate, Identification
+
+# Columns of text where the output goes to a file or another program.
+WIDTH = 120
+
+
+def identify_file(
+    log: FilePath,
+    out: FilePath | None = None,
+    *,
+    model: str = "auto",
+    interpolation: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    longest_dead_time: float = 0.25,
+    unwrap: bool = False,
+    force: bool = False,
+    open_report: bool = False,
+    as_json: bool = False,
+) -> bool:
+    """Identify from a log, print what was found, and say whether the servo is determined.
+
+    Args:
+        log: CSV file.
+        out: Folder for servo.yaml (if it is determined), report.html and summary.json.
+        model: "auto", "second" or "first".
+        interpolation: "linear" or "step"; by default what the log says, else linear.
+        start: First time to use [s].
+        end: Last time to use [s].
+        longest_dead_time: Dead times are looked for up to this [s].
+        unwrap: Whether to undo jumps of whole turns.
+        force: Whether to replace an earlier result.
+        open_report: Whether to open the report in a browser.
+        as_json: Whether to print JSON and not a table.
+
+    Raises:
+        InvalidInput: A file or option that cannot be used.
+    """
+    from armcontour.errors import InvalidInput
+    from armcontour.identification import identify
+    from armcontour.io.log_file import read_log
+    from armcontour.io.servo_file import identification_json
+
+    if out is None and (open_report or force):
+        raise InvalidInput("--open and --force go with --out, the folder for the report.")
+    found = identify(
+        read_log(
+            log,
+            start=-math.inf if start is None else start,
+            end=math.inf if end is None else end,
+            unwrap=unwrap,
+        ),
+        model=model,
+        interpolation=interpolation,
+        longest_dead_time=longest_dead_time,
+    )
+    refusal = _write(found, out, force=force) if out is not None else ""
+    if as_json:
+        print(identification_json(found), end="")
+    else:
+        _print(found, out, refusal)
+    if out is not None and open_report:
+        import webbrowser
+
+        webbrowser.open((out / "report.html").resolve().as_uri())
+    return found.determined
+
+
+def _write(found: Identification, out: FilePath, *, force: bool) -> str:
+    """Write the folder; returns why there is no servo file in it, if there is none."""
+    from armcontour.errors import InvalidInput
+    from armcontour.io import ResultFolder
+    from armcontour.io.servo_file import identification_json, servo_yaml
+    from armcontour.report.identification import render_identification
+
+    refusal = ""
+    with ResultFolder(out, force=force) as folder:
+        try:
+            folder.write("servo.yaml", servo_yaml(found))
+        except InvalidInput as error:
+            # The report is there to see why.
+            refusal = str(error)
+        folder.write("report.html", render_identification(found))
+        folder.write("summary.json", identification_json(found, [*folder.files, "summary.json"]))
+    return refusal
+
+
+def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(f"Servo identified from {found.log.source}"), title_justify="left")
+    table.add_column("joint")
+    table.add_column("parameter")
+    for name in ("value", "standard deviation", "95 % interval"):
+        table.add_column(name, justify="right")
+    table.add_column("unit")
+    table.add_column("determined")
+    for joint in found.joints:
+        for x in joint.estimates:
+            table.add_row(escape(joint.name), x.name.replace("_", " "), *_cells(x))
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    console.print(table)
+    _say(console, found)
+    if out is not None:
+        what = (
+            f"report.html, but no servo.yaml: {refusal}" if refusal else "servo.yaml, report.html"
+        )
+        console.print(f"Written to {out}: {what}", soft_wrap=True, highlight=False, markup=False)
+
+
+def _say(console: Console, found: Identification) -> None:
+    lines = []
+    for joint in found.joints:
+        if not math.isnan(joint.r_squared):
+            white = "white" if joint.white else "not white"
+            order = "velocity loop" if joint.order == "second" else "lag"
+            lines.append(
+                f"{joint.name}: {order}, {joint.r_squared * 100:.4f} % of the motion explained, "
+                f"residuals {joint.rms * 1e3:.3g} mrad rms, {white}."
+            )
+        open_ones = [x for x in joint.estimates if not x.determined]
+        # One reason may keep all of them open.
+        for advice in dict.fromkeys(x.advice for x in open_ones):
+            names = ", ".join(x.name.replace("_", " ") for x in open_ones if x.advice == advice)
+            lines.append(f"{joint.name}, {names}: {advice}")
+        lines += [f"{joint.name}: {note}" for note in joint.notes]
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+def _cells(x: Estimate) -> list[str]:
+    scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
+
+    def shown(value: float, digits: int = 5) -> str:
+        return "" if math.isnan(value) else f"{value * scale:.{digits}g}"
+
+    return [
+        shown(x.value),
+        shown(x.sd, 2),
+        f"{shown(x.low)} to {shown(x.high)}",
+        unit,
+        "yes" if x.determined else "no",
+    ]

@@ -1,0 +1,111 @@
+"""What a log cannot tell, and which motion would: from the bound that the motion would have."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.identification.choosing import largest_demand
+from armcontour.identification.fitting import NAMES, Data, State, simulated
+
+# The motions that are offered: multisines of so many seconds, from 0.5 Hz to one of these [Hz].
+SECONDS = 20.0
+LOWEST = 0.5
+HIGHEST = (5.0, 10.0, 25.0, 50.0)
+# They may ask for this part of the largest acceleration that is known to be reached.
+SHARE = 0.85
+# A motion is worth telling if it determines the parameter this much better than needed.
+RESERVE = 2.0
+# Samples of a motion are at most so many.
+MOST_SAMPLES = 20_000
+
+
+def better_motion(data: Data, state: State, name: str, noise: float, allowed: float) -> str:
+    """A sentence with the first motion that determines a parameter, or with the best one.
+
+    Args:
+        data: The log of the joint.
+        state: What is known of it; what is not is guessed.
+        name: "kp", "kv" or "delay".
+        noise: Standard deviation of the measurement [rad].
+        allowed: Standard deviation at which the parameter counts as determined, of the gains in
+            parts of the value, of the dead time in s.
+    """
+    state = _guessed(state)
+    interval = max(float(np.median(np.diff(data.t))), SECONDS / MOST_SAMPLES)
+    top = SHARE * (state.limit if math.isfinite(state.limit) else largest_demand(data, state))
+    state = replace(state, limit=math.inf, start="rest", first=0, q0=0.0, dq0=0.0)
+    sentence, least = "", math.inf
+    for highest in HIGHEST:
+        if highest > 0.2 / interval or top <= 0:
+            break
+        trial, scale = multisine(data, state, interval, highest, top)
+        sd = _bound(trial, state, name, noise)
+        if sd >= least:
+            continue
+        least = sd
+        sentence = (
+            f"A multisine of {SECONDS:g} s from {LOWEST:g} to {highest:g} Hz with commands of "
+            f"{scale:.2g} rad rms, which asks for {top:.3g} rad/s², would tell it to "
+            f"{_precision(name, sd)}."
+        )
+        if sd * RESERVE <= allowed:
+            return sentence
+    return sentence or (
+        "A multisine of commands up to a few times K_p / 2π Hz, sampled five times faster than "
+        "that, would tell it."
+    )
+
+
+def larger_step(data: Data, state: State, demand: float) -> float:
+    """The step [rad], in one command interval, that asks for more than a demand [rad/s²]."""
+    interval = float(np.median(np.diff(data.t)))
+    t: FloatArray = np.float64(interval) * np.arange(2 + int(math.ceil(5 / (state.kp * interval))))
+    u = np.ones_like(t)
+    u[0] = 0.0
+    guessed = _guessed(state)
+    unit = replace(guessed, start="rest", first=0, q0=0.0, dq0=0.0, delay=0.0, limit=math.inf)
+    trial = Data(t=t, u=u, y=u, linear=data.linear, delays=(0.0, 0.0))
+    return demand / largest_demand(trial, unit)
+
+
+def multisine(
+    data: Data, state: State, interval: float, highest: float, top: float
+) -> tuple[Data, float]:
+    """Commands with equal lines up to `highest` [Hz] that ask for `top` [rad/s²]; their rms."""
+    t: FloatArray = np.float64(interval) * np.arange(int(SECONDS / interval))
+    lines = np.arange(LOWEST, highest + LOWEST / 2, LOWEST)
+    # Schroeder's phases keep the peaks low.
+    phases = -math.pi * np.arange(len(lines)) * (np.arange(len(lines)) + 1) / len(lines)
+    u: FloatArray = np.zeros_like(t)
+    for f, phase in zip(lines, phases, strict=True):
+        u += np.cos(2 * math.pi * f * t + phase)
+    u -= u[0]
+    trial = Data(t=t, u=u, y=u, linear=data.linear, delays=(0.0, 0.0))
+    scale = top / largest_demand(trial, state)
+    return replace(trial, u=u * scale), float(np.std(u * scale))
+
+
+def _bound(data: Data, state: State, name: str, noise: float) -> float:
+    names = ("kp", "kv", "delay") if state.order == "second" else ("kp", "delay")
+    out, _ = simulated(data, state, 1 + len(NAMES))
+    jacobian = out[[1 + NAMES.index(x) for x in names]]
+    # An undamped inverse: these motions determine everything, if ever so badly.
+    covariance = np.linalg.pinv(jacobian @ jacobian.T, rcond=1e-18, hermitian=True)
+    sd = noise * math.sqrt(abs(covariance[names.index(name), names.index(name)]))
+    return sd if name == "delay" else sd / float(getattr(state, name))
+
+
+def _guessed(state: State) -> State:
+    """A state whose unknown gains are ordinary ones."""
+    kp = min(max(state.kp, 1.0), 200.0)
+    if state.order == "first":
+        return replace(state, kp=kp)
+    return replace(state, kp=kp, kv=min(max(state.kv, kp), 10 * kp))
+
+
+def _precision(name: str, sd: float) -> str:
+    return f"{sd * 1e3:.2g} ms" if name == "delay" else f"{sd * 100:.2g} %"

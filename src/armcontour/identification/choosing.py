@@ -1,0 +1,307 @@
+"""What the log of a joint speaks for: how it began, whether it saturated, its order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.identification._joint import UNREACHED
+from armcontour.identification.fitting import (
+    GAINS,
+    STARTS,
+    Data,
+    Fit,
+    State,
+    best,
+    covariance,
+    fit,
+    noise_of,
+    simulated,
+    whiteness,
+)
+from armcontour.identification.profile import LOSS, loss, with_kv
+from armcontour.identification.starting import first_states, initial, known_from, liveliest
+
+# Residuals are white unless chance would make them so in one log of a thousand only.
+WHITE = 1e-3
+# Twice the logarithm of the likelihood that a limit or an offset must gain: 0.1 % of logs
+# gain it by chance.
+GAIN = 10.8
+# The same, of what a wrong belief about the begin costs: never by chance.
+START_COST = 25.0
+# Parts of the begin whose means are looked at, and the sum of their squares that is not chance.
+BLOCKS = 4
+BLOCK_COST = 20.0
+# Leaving out the begin must not make anything less known than by this factor.
+WASTE = 1.1
+# Limits that are tried, in parts of the largest demand without one.
+TRIED = (0.97, 0.8, 0.6)
+# Residuals with more than this variance of the noise are not noise alone.
+MISFIT = 1.5
+# A velocity loop whose time constant is less than this part of the position loop's is fast.
+FAST = 0.05
+# A joint that follows its commands at all does so to this part of the variance,
+FOLLOWS = 0.5
+# and one whose log is only misread to this one.
+EXPLAINS = 0.8
+# A fit of this part of the samples is not upset by the others.
+LARGE_PART = 0.95
+# Samples that are left out at the begin of a joint in motion, more than the dead time [s].
+MARGIN = 10e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Choice:
+    """The fits of one joint.
+
+    Args:
+        chosen: The one its log speaks for.
+        second: The velocity loop in a position loop, if it was asked for.
+        first: The first-order lag, on the same samples, if it was asked for.
+    """
+
+    chosen: Fit
+    second: Fit | None
+    first: Fit | None
+
+
+def choose(data: Data, model: str) -> Choice:
+    """The fits of one joint, by `model`: "auto", "second" or "first".
+
+    Raises:
+        InvalidInput: Command and measurement cannot belong together as they stand.
+    """
+    order = "first" if model == "first" else "second"
+    moving = best(data, _different(first_states(data, order, "moving")))
+    # From where it stands, an offset costs one more fit.
+    shifted = replace(data, offset=0.0)
+    again = fit(shifted, replace(moving.state, offset=0.0))
+    if moving.r_squared < FOLLOWS:
+        shifted = replace(data, offset=float(np.mean(data.y) - np.mean(data.u)))
+        again = best(shifted, _different(first_states(shifted, order, "moving")))
+        if again.r_squared < FOLLOWS:
+            refuse_mixed_up(data)
+    if loss(moving, again) <= GAIN:
+        return _choose(data, model, moving)
+    shifted = replace(shifted, offset=again.state.offset)
+    choice = _choose(shifted, model, again)
+    # What looked like an offset may have been the limit, which is estimated only now.
+    without = fit(data, replace(choice.chosen.state, offset=None))
+    real = loss(without, choice.chosen) > GAIN
+    if real and not is_white(choice.chosen):
+        # Correlated noise has a mean without meaning anything by it.
+        k = choice.chosen.state.free.index("offset")
+        variance = float(covariance(choice.chosen, white=False)[k, k])
+        real = bool((choice.chosen.state.offset or 0.0) ** 2 > GAIN * variance)
+    return choice if real else _choose(data, model, moving)
+
+
+def _choose(data: Data, model: str, moving: Fit) -> Choice:
+    """The same, from a fit that knows nothing of the begin."""
+    if model == "first":
+        lag = _best_start(data, "first", moving)
+        return Choice(chosen=lag, second=None, first=lag)
+    loop = _best_start(data, "second", moving)
+    if model == "second":
+        return Choice(chosen=loop, second=loop, first=None)
+    lag = _lag_beside(data, loop)
+    if lag.sse < loop.sse:
+        # A lag is a loop with an infinite K_v, so there is a better valley near that.
+        near = replace(loop.state, kp=lag.state.kp, delay=lag.state.delay, kv=GAINS[1] / 2)
+        loop = best(_as_used(data, loop), [loop.state, near, replace(near, kv=40 * near.kp)])
+    plain = lag.bic < loop.bic and _is_fast(data, loop)
+    return Choice(chosen=lag if plain else loop, second=loop, first=lag)
+
+
+def refuse_mixed_up(data: Data) -> None:
+    """Say what is wrong with a log that makes no sense, if another reading of it does.
+
+    Raises:
+        InvalidInput: With other units, the other sign or exchanged columns it makes sense.
+    """
+    turn = math.degrees(1)
+    readings = {
+        "the measured positions are in degrees: write their unit in the header": (1 / turn, 1.0),
+        "the commands are in degrees: write their unit in the header": (1.0, 1 / turn),
+        "commands and measured positions have opposite signs: turn one of them": (-1.0, 1.0),
+    }
+    for what, (of_y, of_u) in readings.items():
+        if _explained(data, of_y * data.y, of_u * data.u) > EXPLAINS:
+            raise InvalidInput(f"makes sense only if {what}.")
+    if _explained(data, data.u, data.y) > EXPLAINS:
+        raise InvalidInput("makes sense only if commands and measured positions are exchanged.")
+
+
+def _explained(data: Data, y: FloatArray, u: FloatArray) -> float:
+    """R² of a lag from u to y, whatever the offset."""
+    read = replace(data, y=y - y.mean() + u.mean(), u=np.ascontiguousarray(u))
+    return best(read, first_states(read, "first", "moving")[:1]).r_squared
+
+
+def largest_demand(data: Data, state: State) -> float:
+    """Largest acceleration that the velocity loop asks for, reached or not [rad/s²]."""
+    limit = state.limit if math.isfinite(state.limit) else UNREACHED
+    return float(simulated(data, replace(state, limit=limit))[1][0])
+
+
+def is_white(found: Fit) -> bool:
+    """Whether the residuals are noise alone, as far as one can see."""
+    return whiteness(found.residuals) >= WHITE
+
+
+def _is_fast(data: Data, loop: Fit) -> bool:
+    """Whether the velocity loop is surely so fast that it does not matter.
+
+    A lag that only fits as well would give its gain and dead time with a precision that they do not
+    have: what the log cannot tell of the velocity loop, it cannot tell of them.
+    """
+    slow = loop.state.kp / FAST
+    return loop.state.kv > slow and loss(with_kv(data, loop, slow), loop) > LOSS
+
+
+def _best_start(data: Data, order: str, moving: Fit) -> Fit:
+    """The fit with nothing believed about the begin, unless that would waste what the log tells.
+
+    What came before the log is not known, so what it still moves is left out. That is little of a
+    long log; but where the joint is told to go at once, it is much.
+    """
+    if order == "second":
+        moving = _with_limit(data, moving)
+    short = _shorter(data, moving)
+    for how in STARTS[:2]:
+        found = _with_start(data, order, how, moving)
+        if _tells_more(found, short) and _agrees(found, moving):
+            return found
+    return short
+
+
+def _tells_more(found: Fit, moving: Fit) -> bool:
+    """Whether a belief about the begin makes a parameter known much better."""
+    for name in ("kp", "kv", "delay", "limit"):
+        if name in found.state.free:
+            if name not in moving.state.free or name in moving.at_edge:
+                return True
+            if _error(moving, name) > WASTE * _error(found, name):
+                return True
+    return False
+
+
+def _error(found: Fit, name: str) -> float:
+    k = found.state.free.index(name)
+    variance = float(covariance(found, white=True)[k, k])
+    return math.sqrt(variance) if variance >= 0 else math.inf
+
+
+def _with_start(data: Data, order: str, how: str, known: Fit) -> Fit:
+    """The best fit with one belief about the begin, with a limit where the log speaks for it."""
+    s, begin = known.state, initial(data, order, how)
+    states = [replace(begin, kp=s.kp, kv=s.kv, delay=s.delay, limit=s.limit, offset=s.offset)]
+    # Of a long log the begin is a small part, which changes nothing but the begin.
+    settled = known.count > LARGE_PART * len(data.t) and is_white(known)
+    if not settled and liveliest(data)[0] == 0:
+        states += first_states(data, order, how)
+    found = best(data, _different(states))
+    if order == "first" or settled:
+        return found
+    if math.isfinite(found.state.limit):
+        return _better(_unlimited(data, found), found)
+    return _with_limit(data, found)
+
+
+def _different(states: list[State]) -> list[State]:
+    """States without those that the same valley holds."""
+    kept: list[State] = []
+    for x in states:
+        same = [
+            abs(math.log(x.kp / y.kp)) < 0.02
+            and (x.kv == y.kv or abs(math.log(x.kv / y.kv)) < 0.05)
+            and abs(x.delay - y.delay) < 1e-3
+            and math.isfinite(x.limit) == math.isfinite(y.limit)
+            for y in kept
+        ]
+        if not any(same):
+            kept.append(x)
+    return kept
+
+
+def _unlimited(data: Data, found: Fit) -> Fit:
+    return fit(data, replace(found.state, limit=math.inf))
+
+
+def _with_limit(data: Data, found: Fit) -> Fit:
+    """The fit, or the one with a limit if that gains enough."""
+    peak = largest_demand(data, found.state)
+    states = [replace(found.state, limit=x * peak) for x in TRIED]
+    noise = noise_of(data.y) ** 2
+    if found.variance > MISFIT * noise and not is_white(found):
+        # Gains that had to make up for a limit are no place to start from.
+        begin = found.state
+        states += [
+            replace(begin, kp=x.kp, kv=x.kv, delay=x.delay, limit=x.limit, offset=x.offset)
+            for x in first_states(data, begin.order, begin.start, limited=True)
+        ]
+    return _better(found, best(data, states))
+
+
+def _better(free: Fit, limited: Fit) -> Fit:
+    gain = limited.count * math.log(max(free.sse, 1e-300) / max(limited.sse, 1e-300))
+    return limited if limited.saturated_time > 0 and gain > GAIN else free
+
+
+def _agrees(found: Fit, moving: Fit) -> bool:
+    """Whether a belief about the begin costs nothing against knowing nothing of it."""
+    early = moving.state.first
+    common, begin = found.residuals[early:], found.residuals[:early]
+    sse, power = float(common @ common), float(begin @ begin) / max(early, 1)
+    if not is_white(moving):
+        # A model that is not quite true errs as much at the begin as later.
+        return bool(sse <= 1.1 * moving.sse and power <= 4 * sse / max(len(common), 1))
+    cost = moving.count * math.log(max(sse, 1e-300) / max(moving.sse, 1e-300))
+    # Noise averages out over a part of the begin; an error of the model does not.
+    means = [float(np.sum(x)) / math.sqrt(max(len(x), 1)) for x in np.array_split(begin, BLOCKS)]
+    return bool(
+        cost <= START_COST
+        and power <= moving.variance * (1 + 3 * math.sqrt(2 / max(early, 1)))
+        and sum(x * x for x in means) <= BLOCK_COST * moving.variance
+    )
+
+
+def _shorter(data: Data, found: Fit) -> Fit:
+    """The fit with only as much left out at the begin as the dead time asks for."""
+    s = found.state
+    wanted = s.delay + max(MARGIN, 5 * float(np.median(np.diff(data.t))))
+    first = known_from(data, wanted)
+    if first >= s.first:
+        return found
+    narrow = replace(data, delays=(data.delays[0], float(data.t[first] - data.t[0])))
+    begin = initial(narrow, s.order, "moving", first)
+    new = fit(
+        narrow, replace(begin, kp=s.kp, kv=s.kv, delay=s.delay, limit=s.limit, offset=s.offset)
+    )
+    return found if "delay" in new.at_edge else new
+
+
+def _lag_beside(data: Data, loop: Fit) -> Fit:
+    """The first-order lag on the same samples as the other model, so that the two compare."""
+    s = loop.state
+    states = [
+        replace(x, first=s.first, q0=s.q0, dq0=0.0) for x in first_states(data, "first", s.start)
+    ]
+    # What the velocity loop adds to the lag looks like dead time.
+    delay = min(max(s.delay + 1 / s.kv, data.delays[0]), data.delays[1])
+    states.append(replace(s, order="first", kv=math.inf, limit=math.inf, dq0=0.0, delay=delay))
+    data = _as_used(data, loop)
+    states = [replace(x, delay=min(x.delay, data.delays[1])) for x in states]
+    return best(data, _different(states))
+
+
+def _as_used(data: Data, found: Fit) -> Data:
+    """The log with the dead times that the begin of a fit allows."""
+    if found.state.start != "moving":
+        return data
+    longest = float(data.t[found.state.first] - data.t[0])
+    return replace(data, delays=(data.delays[0], longest))

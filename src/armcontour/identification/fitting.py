@@ -1,0 +1,353 @@
+"""Maximum likelihood by simulation: Levenberg and Marquardt's iteration on one joint's errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import BoolArray, FloatArray
+from armcontour.identification import _joint
+
+# Gains and limits are looked for in here [1/s], [rad/s²].
+GAINS = (0.05, 5e3)
+LIMITS = (1e-4, 1e7)
+# An iteration that would move the parameters by less than this part of a standard deviation ends.
+NEAR = 1e-3
+MOST_ITERATIONS = 60
+# Steps damped by more than this lead nowhere.
+MOST_DAMPING = 1e8
+# A gain changes by no more than this factor in one iteration.
+LARGEST_FACTOR = 3.0
+
+STARTS = ("rest", "held", "moving")
+NAMES = ("kp", "kv", "delay", "q0", "dq0", "limit")
+_LOGARITHMIC = ("kp", "kv", "limit")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Data:
+    """One joint of a log.
+
+    Args:
+        t: Times [s], (n,).
+        u: Set-points [rad], (n,).
+        y: Measured positions [rad], (n,).
+        linear: Set-points are interpolated; else held.
+        delays: Least and largest dead time that is looked for [s].
+        offset: About how far the measured position stands off the command at rest [rad], if that is
+            to be estimated.
+    """
+
+    t: FloatArray
+    u: FloatArray
+    y: FloatArray
+    linear: bool
+    delays: tuple[float, float]
+    offset: float | None = None
+
+    def part(self, begin: int, end: int, every: int = 1) -> Data:
+        """Some of the samples."""
+        some = slice(begin, end, every)
+        t, u, y = (np.ascontiguousarray(x[some]) for x in (self.t, self.u, self.y))
+        return replace(self, t=t, u=u, y=y)
+
+    @property
+    def last(self) -> int:
+        """The sample behind the last one that the set-points reach, whatever the dead time."""
+        return int(np.searchsorted(self.t, self.t[-1] + min(self.delays[0], 0.0), side="right"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """Parameters of one joint, and how the log began for it.
+
+    Args:
+        order: "second" or "first".
+        start: "rest": it stood still until the first set-point reached it; "held": the first
+            set-point held before the log; "moving": what came before is not known.
+        first: First sample that is used.
+        kp, kv: Gains [1/s]; kv is infinite in the first order.
+        delay: Dead time [s].
+        limit: Acceleration limit [rad/s²], or infinity.
+        q0, dq0: State at the first sample [rad, rad/s].
+        fixed: Names of parameters that are given.
+        offset: Measured position less that of the model [rad], if it is estimated.
+    """
+
+    order: str
+    start: str
+    first: int
+    kp: float
+    kv: float
+    delay: float
+    limit: float
+    q0: float
+    dq0: float
+    fixed: tuple[str, ...] = ()
+    offset: float | None = None
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that are estimated."""
+        names = ["kp", "delay", "q0"]
+        if self.order == "second":
+            names.insert(1, "kv")
+            if self.start != "rest":
+                names.append("dq0")
+            if math.isfinite(self.limit):
+                names.append("limit")
+        if self.offset is not None:
+            names.append("offset")
+        return tuple(x for x in names if x not in self.fixed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """A state at which the likelihood is largest.
+
+    Args:
+        state: The parameters.
+        sse: Sum of squared residuals [rad²].
+        count: Number of samples.
+        jacobian: Derivatives of the positions by the free parameters, those of `_LOGARITHMIC` by
+            their logarithms, (free, count).
+        residuals: Measured less simulated [rad], (count,).
+        spread: Sum of the squares of the measured positions about their mean [rad²].
+        saturated_time: Time at the acceleration limit [s].
+        at_edge: Free parameters that ended at the edge of what is looked for.
+    """
+
+    state: State
+    sse: float
+    count: int
+    jacobian: FloatArray
+    residuals: FloatArray
+    spread: float
+    saturated_time: float
+    at_edge: tuple[str, ...]
+
+    @property
+    def variance(self) -> float:
+        """Of the noise, without bias [rad²]."""
+        return self.sse / max(self.count - len(self.state.free), 1)
+
+    @property
+    def r_squared(self) -> float:
+        """Part of the variance of the measured positions that the model explains."""
+        return 1.0 - self.sse / max(self.spread, 1e-300)
+
+    @property
+    def bic(self) -> float:
+        """Bayes's information criterion: smaller is better, a difference of 10 is much."""
+        likely = self.count * math.log(max(self.sse / self.count, 1e-300))
+        return likely + len(self.state.free) * math.log(self.count)
+
+
+def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, FloatArray]:
+    """Positions (and derivatives) from the first used sample on; largest demand, time at limit."""
+    first, last, rest = state.first, data.last, state.start == "rest"
+    given = (data.t, data.u, data.linear, first, last, rest)
+    if state.order == "first":
+        out = _joint.first_order(*given, state.kp, state.delay, state.q0, columns)
+        return out, np.zeros(2)
+    found: tuple[FloatArray, FloatArray] = _joint.second_order(
+        *given,
+        state.kp,
+        state.kv,
+        state.delay,
+        state.limit,
+        state.q0,
+        state.dq0,
+        columns,
+    )
+    return found
+
+
+def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST_ITERATIONS) -> Fit:
+    """The nearest state, from `start`, at which the likelihood is largest.
+
+    Args:
+        data: The log of the joint.
+        start: Where to start.
+        enough: A sum of squares that is small enough to stop at [rad²].
+        most: Largest number of iterations.
+    """
+    state, damping = start, 1e-3
+    sse, residuals, jacobian, saturated = _errors(data, state)
+    names = state.free
+    for _ in range(most):
+        normal, slope, _ = _joint.normal_equations(jacobian, residuals)
+        # A parameter that would leave what is looked for stays, and the others move without it.
+        free = np.array([_moves(data, state, x, slope[k]) for k, x in enumerate(names)])
+        normal[~free], normal[:, ~free], slope[~free] = 0.0, 0.0, 0.0
+        scale = np.maximum(np.diag(normal), 1e-300)
+        accepted = False
+        while damping < MOST_DAMPING:
+            step = _solved(normal, slope, damping * scale)
+            trial = _moved(data, state, names, step)
+            found = _errors(data, trial)
+            if found[0] <= sse:
+                accepted = True
+                break
+            damping *= 5.0
+        if not accepted:
+            break
+        gain = sse - found[0]
+        state, (sse, residuals, jacobian, saturated) = trial, found
+        damping = max(damping / 10.0, 1e-9)
+        if sse <= enough or gain <= NEAR**2 * sse / len(residuals):
+            break
+        # A limit that is not reached any more has left the problem.
+        if "limit" in names and saturated == 0.0:
+            break
+    used = data.y[state.first : data.last]
+    return Fit(
+        state=state,
+        sse=sse,
+        count=len(residuals),
+        jacobian=jacobian,
+        residuals=residuals,
+        spread=float(np.sum((used - used.mean()) ** 2)),
+        saturated_time=saturated,
+        at_edge=_edges(data, state),
+    )
+
+
+def best(data: Data, starts: Sequence[State]) -> Fit:
+    """The fit with the smallest errors from several starts."""
+    return min((fit(data, x) for x in starts), key=lambda x: x.sse)
+
+
+def _errors(data: Data, state: State) -> tuple[float, FloatArray, FloatArray, float]:
+    out, seen = simulated(data, state, _joint.COLUMNS)
+    residuals = data.y[state.first : data.last] - out[0] - (state.offset or 0.0)
+    names = state.free
+    jacobian = np.ones((len(names), len(residuals)))
+    for k, name in enumerate(names):
+        if name != "offset":
+            scale = getattr(state, name) if name in _LOGARITHMIC else 1.0
+            np.multiply(out[1 + NAMES.index(name)], scale, out=jacobian[k])
+    sse = float(np.sum(residuals * residuals))
+    return (sse if math.isfinite(sse) else math.inf), residuals, jacobian, float(seen[1])
+
+
+def _solved(normal: FloatArray, slope: FloatArray, damping: FloatArray) -> FloatArray:
+    # Scaled to a unit diagonal, so that units do not spoil the condition.
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    matrix = normal / np.outer(scale, scale) + np.diag(damping / scale**2)
+    return np.asarray(np.linalg.lstsq(matrix, slope / scale, rcond=None)[0] / scale)
+
+
+def _moved(data: Data, state: State, names: tuple[str, ...], step: FloatArray) -> State:
+    """The state after a step, kept in the bounds of the search; `_edges` tells where they bind."""
+    new: dict[str, Any] = {}
+    for name, change in zip(names, step.tolist(), strict=True):
+        value = getattr(state, name)
+        if name in _LOGARITHMIC:
+            most = math.log(LARGEST_FACTOR)
+            low, high = _bounds(data, name)
+            new[name] = min(max(value * math.exp(min(max(change, -most), most)), low), high)
+        elif name == "delay":
+            low, high = _bounds(data, name)
+            new[name] = min(max(value + change, low), high)
+        else:
+            new[name] = value + change
+    return replace(state, **new)
+
+
+def _moves(data: Data, state: State, name: str, slope: float) -> bool:
+    """Whether a parameter can go where the errors become less."""
+    if name not in ("delay", *_LOGARITHMIC):
+        return True
+    low, high = _bounds(data, name)
+    value = getattr(state, name)
+    return not ((value <= low and slope < 0) or (value >= high and slope > 0))
+
+
+def _bounds(data: Data, name: str) -> tuple[float, float]:
+    return {"delay": data.delays, "limit": LIMITS}.get(name, GAINS)
+
+
+def _edges(data: Data, state: State) -> tuple[str, ...]:
+    return tuple(
+        name
+        for name in state.free
+        if name in ("delay", *_LOGARITHMIC) and getattr(state, name) in _bounds(data, name)
+    )
+
+
+def covariance(found: Fit, *, white: bool) -> FloatArray:
+    """Covariance of the free parameters (logarithms of gains and limit), (free, free).
+
+    It is the inverse of the Fisher information, the Cramér-Rao bound. Of residuals that are not
+    white, Newey and West's estimate takes their correlation into account.
+    """
+    jacobian = found.jacobian
+    scale = np.sqrt(np.sum(jacobian**2, axis=1))
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = jacobian / scale[:, None]
+    inverse, lost = _inverse(_joint.normal_equations(unit, found.residuals)[0])
+    if white:
+        middle = inverse * found.variance
+    else:
+        middle = inverse @ _long_run(unit * found.residuals, found.residuals) @ inverse
+    middle[lost, lost] = math.inf
+    return np.asarray(middle / np.outer(scale, scale))
+
+
+def _inverse(normal: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Inverse, and for which parameters there is none."""
+    values, vectors = np.linalg.eigh(normal)
+    good = values > 1e-13 * values.max(initial=0.0)
+    inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
+    lost = np.sum(vectors[:, ~good] ** 2, axis=1) > 1e-6
+    return np.asarray(inverse), np.asarray(lost)
+
+
+def _long_run(scores: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Sum of the covariances of the scores over all lags at which the residuals are correlated."""
+    lags = correlated_lags(residuals)
+    total = scores @ scores.T
+    for lag in range(1, lags + 1):
+        with_lag = scores[:, lag:] @ scores[:, :-lag].T
+        total += (1 - lag / (lags + 1)) * (with_lag + with_lag.T)
+    return np.asarray(total)
+
+
+def correlations(residuals: FloatArray, most: int) -> FloatArray:
+    """Autocorrelation at the lags 1 to `most`."""
+    # A mean is not taken out: noise has none.
+    power = max(float(residuals @ residuals), 1e-300)
+    size = 2 ** math.ceil(math.log2(len(residuals) + most))
+    spectrum = np.abs(np.fft.rfft(residuals, size)) ** 2
+    return np.asarray(np.fft.irfft(spectrum)[1 : most + 1] / power)
+
+
+def correlated_lags(residuals: FloatArray) -> int:
+    """Twice the lag behind which the residuals are not correlated."""
+    n = len(residuals)
+    most = max(min(n // 8, 500), 1)
+    small = np.abs(correlations(residuals, most)) < 2 / math.sqrt(n)
+    return min(2 * (int(np.argmax(small)) + 1), most) if small.any() else most
+
+
+def whiteness(residuals: FloatArray, lags: int = 20) -> float:
+    """Probability that white residuals are as correlated as these (Ljung and Box)."""
+    from scipy.special import gammaincc
+
+    n = len(residuals)
+    lags = min(lags, n // 5)
+    rho = correlations(residuals, lags)
+    statistic: float = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
+    return float(gammaincc(lags / 2, statistic / 2))
+
+
+def noise_of(y: npt.ArrayLike) -> float:
+    """Standard deviation of white noise on a smooth motion, from its third differences."""
+    third = np.diff(np.asarray(y, dtype=np.float64), n=3)
+    return float(np.sqrt(np.mean(third**2) / 20)) if len(third) else 0.0

@@ -1,0 +1,81 @@
+"""The one door: from a log to the gains, dead time and acceleration limit of every joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour.errors import InvalidInput
+from armcontour.identification.choosing import choose
+from armcontour.identification.describing import described, nothing, why_still
+from armcontour.identification.fitting import Data
+from armcontour.identification.log import INTERPOLATIONS, Log
+from armcontour.identification.results import Identification, JointIdentification
+
+MODELS = ("auto", "second", "first")
+# Dead times up to this [s] are looked for, and down to this far below zero [s]: so that noise about
+# a dead time of zero is not cut off on one side.
+LONGEST_DELAY = 0.25
+BELOW_ZERO = 10e-3
+
+
+def identify(
+    log: Log,
+    *,
+    model: str = "auto",
+    interpolation: str | None = None,
+    longest_dead_time: float = LONGEST_DELAY,
+) -> Identification:
+    """Gains, dead time and acceleration limit of every joint, from what it was told and did.
+
+    The model of a joint is `ddq = sat(K_v (K_p (u(t - dead time) - q) - dq))`, or the lag
+    `dq = K_p (u(t - dead time) - q)`. It is simulated exactly from the set-points; the estimates
+    make the squares of the residuals least.
+
+    Args:
+        log: The log.
+        model: "second", "first", or "auto", which takes the lag where the log does not speak for
+            more.
+        interpolation: What the controller does between set-points, "linear" or "step"; by default
+            as the log says, else linear.
+        longest_dead_time: Dead times are looked for up to this [s].
+
+    Raises:
+        InvalidInput: An unknown option, or a log in which command and measurement cannot belong
+            together.
+    """
+    _checks.choice("model", model, MODELS)
+    if interpolation is not None:
+        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
+        if log.interpolation is not None and log.interpolation != interpolation:
+            raise InvalidInput(
+                f"{log.source} says that its interpolation is {log.interpolation}, but "
+                f"{interpolation} was asked for: leave one of them out."
+            )
+    between = interpolation or log.interpolation or "linear"
+    longest = _checks.positive("longest dead time", longest_dead_time, "s")
+    duration = float(log.t[-1] - log.t[0])
+    delays = (-min(BELOW_ZERO, duration / 50), min(longest, duration / 4))
+    joints = []
+    for j in range(log.dof):
+        data = Data(
+            t=np.ascontiguousarray(log.t - log.t[0]),
+            u=np.ascontiguousarray(log.command[:, j]),
+            y=np.ascontiguousarray(log.measured[:, j]),
+            linear=between == "linear",
+            delays=delays,
+        )
+        joints.append(_joint(data, log, j, model))
+    return Identification(log=log, interpolation=between, joints=tuple(joints))
+
+
+def _joint(data: Data, log: Log, j: int, model: str) -> JointIdentification:
+    name = log.joint_names[j]
+    still = why_still(data)
+    if still:
+        return nothing(data, log, name, still)
+    try:
+        choice = choose(data, model)
+    except InvalidInput as error:
+        raise InvalidInput(f"{log.source}, {name}: the log {error}", joint=j + 1) from None
+    return described(data, log, name, choice)

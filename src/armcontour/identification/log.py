@@ -1,0 +1,183 @@
+"""A recorded motion: what each joint was told, and what it did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+
+# What is known of a command between two samples of a log: not more.
+INTERPOLATIONS = ("linear", "step")
+# Fewer samples cannot tell four parameters and a noise from each other.
+FEWEST = 50
+# An interval this many times the usual one is a gap: nobody knows what was commanded in it.
+GAP = 3.0
+# A jump this close to a whole turn [rad] is the edge of a counter.
+NEAR_A_TURN = 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Log:
+    """Set-points and measured positions of joints at the same times.
+
+    Args:
+        t: Times [s], increasing, (n,).
+        command: Set-points [rad], (n, dof).
+        measured: Measured positions [rad], (n, dof).
+        joint_names: One per joint; "joint 1", ... by default.
+        interpolation: What the controller does between set-points, "linear" or "step", if known.
+        source: Where it comes from, for messages.
+
+    Raises:
+        InvalidInput: Times that do not increase, gaps, angles that wrap, too few samples.
+    """
+
+    t: FloatArray
+    command: FloatArray
+    measured: FloatArray
+    joint_names: tuple[str, ...] = ()
+    interpolation: str | None = None
+    source: str = "the log"
+
+    def __post_init__(self) -> None:
+        t = _checks.numbers(f"{self.source}: t", self.t, "s")
+        if t.ndim != 1 or len(t) < FEWEST:
+            raise InvalidInput(
+                f"{self.source} has {t.size} samples, but at least {FEWEST} are needed: record "
+                "more."
+            )
+        arrays = {}
+        for name in ("command", "measured"):
+            values = _checks.numbers(f"{self.source}: {name}", getattr(self, name), "rad")
+            values = values[:, None] if values.ndim == 1 else values
+            if values.ndim != 2 or len(values) != len(t) or values.shape[1] == 0:
+                raise InvalidInput(
+                    f"{self.source}: {name} has shape {values.shape}, but must have one row for "
+                    f"each of the {len(t)} times and one column per joint."
+                )
+            arrays[name] = np.ascontiguousarray(values)
+        dof = arrays["command"].shape[1]
+        if arrays["measured"].shape[1] != dof:
+            raise InvalidInput(
+                f"{self.source} has commands for {dof} joints, but measured positions of "
+                f"{arrays['measured'].shape[1]}."
+            )
+        names = tuple(self.joint_names) or tuple(f"joint {j + 1}" for j in range(dof))
+        if len(names) != dof or len(set(names)) != dof:
+            raise InvalidInput(
+                f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
+            )
+        if self.interpolation is not None:
+            _checks.choice("interpolation", self.interpolation, INTERPOLATIONS)
+        object.__setattr__(self, "t", _checks.locked(t))
+        for name, values in arrays.items():
+            object.__setattr__(self, name, _checks.locked(values))
+        object.__setattr__(self, "joint_names", names)
+        self._check_times()
+        for j in range(dof):
+            for name in arrays:
+                self._check_turns(name, j)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return int(self.command.shape[1])
+
+    @property
+    def interval(self) -> float:
+        """The usual time between two samples [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    def between(self, start: float = -math.inf, end: float = math.inf) -> Log:
+        """The part of the log from `start` to `end` [s]."""
+        return cut(
+            self.t, self.command, self.measured, start, end, self.joint_names,
+            interpolation=self.interpolation, source=self.source,
+        )  # fmt: skip
+
+    def _check_times(self) -> None:
+        steps = np.diff(self.t)
+        if (steps <= 0).any():
+            i = int(np.argmax(steps <= 0)) + 1
+            raise InvalidInput(
+                f"{self.source}: times must increase, but sample {i + 1} at {self.t[i]:g} s does "
+                f"not come after {self.t[i - 1]:g} s.",
+                index=i,
+                t=float(self.t[i]),
+            )
+        i = int(np.argmax(steps))
+        if steps[i] > GAP * self.interval:
+            raise InvalidInput(
+                f"{self.source} has a gap of {steps[i]:g} s at t = {self.t[i]:g} s, where samples "
+                f"usually come every {self.interval:g} s, and nobody knows what was commanded in "
+                "it: use the part before or behind it.",
+                index=i,
+                t=float(self.t[i]),
+                needed=float(steps[i]),
+                allowed=GAP * self.interval,
+            )
+
+    def _check_turns(self, name: str, j: int) -> None:
+        values = getattr(self, name)[:, j]
+        steps = np.diff(values)
+        i = int(np.argmax(np.abs(steps)))
+        # A joint that really goes a turn in one sample ends up outside one turn soon enough.
+        if abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3:
+            raise InvalidInput(
+                f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
+                f"{steps[i]:.4g} rad at t = {self.t[i]:g} s, which is a wrapped angle: unwrap it "
+                "first.",
+                index=i,
+                t=float(self.t[i]),
+                joint=j + 1,
+            )
+
+
+def cut(
+    t: FloatArray,
+    command: FloatArray,
+    measured: FloatArray,
+    start: float,
+    end: float,
+    joint_names: Sequence[str] = (),
+    *,
+    interpolation: str | None = None,
+    source: str = "the log",
+    unwrap: bool = False,
+) -> Log:
+    """The log from `start` to `end` [s], of arrays that need not be a log as a whole.
+
+    Args:
+        t: Times [s].
+        command: Set-points [rad].
+        measured: Measured positions [rad].
+        start: First time to use [s].
+        end: Last time to use [s].
+        joint_names: As in `Log`.
+        interpolation: As in `Log`.
+        source: As in `Log`.
+        unwrap: Undo jumps of whole turns.
+
+    Raises:
+        InvalidInput: As `Log` does.
+    """
+    used = (np.asarray(t) >= start) & (np.asarray(t) <= end)
+    command, measured = np.asarray(command)[used], np.asarray(measured)[used]
+    if unwrap:
+        command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)
+        # Both start in the same turn.
+        measured = measured + 2 * math.pi * np.round((command[0] - measured[0]) / (2 * math.pi))
+    return Log(
+        t=np.asarray(t)[used],
+        command=command,
+        measured=measured,
+        joint_names=tuple(joint_names),
+        interpolation=interpolation,
+        source=source,
+    )

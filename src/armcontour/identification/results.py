@@ -1,0 +1,181 @@
+"""What an identification gives: estimates of joints, and the servo made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.identification.choosing import WHITE
+from armcontour.identification.log import Log
+from armcontour.servo import ServoModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One parameter.
+
+    Args:
+        name: "kp", "kv", "dead_time" or "acceleration".
+        unit: Of the value.
+        value: The most likely value; nan if there is none.
+        sd: Standard deviation; nan if there is none.
+        low, high: Ends of the 95 % interval; of an acceleration limit that the log does not
+            show, `low` is the lowest one that it leaves possible.
+        determined: Whether the log determines it: `sd` is at most 10 % of the value, of a dead
+            time at most 10 % or 0.5 ms.
+        advice: Why it does not, and which motion would.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+    low: float
+    high: float
+    determined: bool
+    advice: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointIdentification:
+    """What a log says of one joint.
+
+    Args:
+        name: Of the joint.
+        order: "second": a velocity loop in a position loop; "first": a lag.
+        kp, kv: Gains [1/s].
+        dead_time: Time from a set-point to its effect [s].
+        acceleration: Limit of the joint acceleration [rad/s²].
+        start: How the log began: "rest", "held" or "moving".
+        t: Times that were used [s], (n,).
+        simulated: Positions of the model [rad], (n,).
+        residuals: Measured less simulated [rad], (n,).
+        noise: Standard deviation of the residuals [rad].
+        rms: Root mean square of the residuals [rad].
+        r_squared: Part of the variance of the measured positions that the model explains.
+        whiteness: Probability that white noise is as correlated as the residuals.
+        bic: Bayes's information criterion of each model that was fitted; smaller is better.
+        rms_of: Residuals of each of them [rad].
+        largest_demand: Largest acceleration that the model asks for [rad/s²].
+        saturated_time: Time at the acceleration limit [s].
+        notes: What else one should know.
+    """
+
+    name: str
+    order: str
+    kp: Estimate
+    kv: Estimate
+    dead_time: Estimate
+    acceleration: Estimate
+    start: str
+    t: FloatArray
+    simulated: FloatArray
+    residuals: FloatArray
+    noise: float
+    rms: float
+    r_squared: float
+    whiteness: float
+    bic: dict[str, float]
+    rms_of: dict[str, float]
+    largest_demand: float
+    saturated_time: float
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("t", "simulated", "residuals"):
+            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """All of them."""
+        return self.kp, self.kv, self.dead_time, self.acceleration
+
+    @property
+    def white(self) -> bool:
+        """Whether the model explains all but white noise."""
+        return self.whiteness >= WHITE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification:
+    """What a log says of every joint.
+
+    Args:
+        log: The log.
+        interpolation: What was taken to happen between set-points.
+        joints: One per joint.
+    """
+
+    log: Log
+    interpolation: str
+    joints: tuple[JointIdentification, ...] = field(repr=False)
+
+    def __getitem__(self, name: str | int) -> JointIdentification:
+        """A joint by its name, or by its number from 1."""
+        for j, joint in enumerate(self.joints):
+            if name in (joint.name, j + 1):
+                return joint
+        names = ", ".join(x.name for x in self.joints)
+        raise InvalidInput(f"{self.log.source} has no joint {name!r}: its joints are {names}.")
+
+    @property
+    def determined(self) -> bool:
+        """Whether gains and dead time of all joints are determined; limits may be open."""
+        return all(x.determined for joint in self.joints for x in _needed(joint))
+
+    def servo_model(self) -> ServoModel:
+        """The servo that was identified.
+
+        Raises:
+            InvalidInput: A gain or dead time is not determined, or joints are of different order.
+        """
+        for joint in self.joints:
+            for x in _needed(joint):
+                if not x.determined:
+                    raise InvalidInput(
+                        f"{self.log.source} does not determine {x.name} of {joint.name}, so there "
+                        f"is no servo model of it: {x.advice[:1].lower()}{x.advice[1:]}"
+                    )
+        orders = {x.order for x in self.joints}
+        if len(orders) > 1:
+            raise InvalidInput(
+                f"The joints of {self.log.source} are of different order: identify them with model "
+                "second, or with first."
+            )
+        return ServoModel(**self._servo_options(orders.pop()))
+
+    def _servo_options(self, order: str) -> dict[str, Any]:
+        given: dict[str, Any] = {
+            "kp": [x.kp.value for x in self.joints],
+            "interpolation": self.interpolation,
+            "dead_time": [_dead_time(x, self.log.source) for x in self.joints],
+            "order": order,
+        }
+        if order == "second":
+            given["kv"] = [x.kv.value for x in self.joints]
+        return given
+
+
+def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
+    """What a servo model needs."""
+    if joint.order == "first":
+        return joint.kp, joint.dead_time
+    return joint.kp, joint.kv, joint.dead_time
+
+
+def _dead_time(joint: JointIdentification, source: str) -> float:
+    """The dead time of a servo model, zero if the estimate cannot be told from zero.
+
+    Raises:
+        InvalidInput: It is below zero for certain.
+    """
+    if joint.dead_time.high < 0:
+        raise InvalidInput(
+            f"{source}: the dead time of {joint.name} is {joint.dead_time.value * 1e3:.3g} ms, "
+            "below zero: commands are logged late, or set-points that were taken for interpolated "
+            "are held (interpolation step)."
+        )
+    return max(joint.dead_time.value, 0.0)

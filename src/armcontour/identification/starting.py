@@ -1,0 +1,143 @@
+"""Where the search starts: a coarse scan of gains and dead time on the liveliest part of a log."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.identification import _joint
+from armcontour.identification.fitting import Data, State, fit
+
+# The scan's grid, coarser than the valleys of the likelihood are wide.
+KP = (2.0, 4.0, 8.0, 14.0, 25.0, 45.0, 80.0, 150.0)
+KV = (12.0, 35.0, 90.0, 250.0, 700.0, 2000.0)
+DELAY_STEP = 10e-3
+# The limit, in parts of the largest acceleration that is seen.
+LIMIT = (0.5, 0.8, 1.0, 1.25)
+# The scan uses at most this many samples, and the fits from its best places this many.
+SCANNED = 2000
+FITTED = 8000
+# Places from which it is fitted.
+PLACES = 6
+# Samples over which an acceleration or a velocity is estimated.
+SMOOTHED = 41
+
+
+def first_states(data: Data, order: str, start: str, *, limited: bool = False) -> list[State]:
+    """Good places to start from for a part of the log, best first, for the whole of it.
+
+    Args:
+        data: One joint.
+        order: "first" or "second".
+        start: As in `State`.
+        limited: Whether to scan limits too.
+    """
+    begin, end = liveliest(data)
+    piece = data.part(begin, end)
+    # Only at the log's own begin is known how it started.
+    how = start if begin == 0 else "moving"
+    thin = piece.part(0, len(piece.t), max(1, math.ceil(len(piece.t) / SCANNED)))
+    seed = initial(thin, order, how)
+    trials = _trials(data.delays, order, _accelerations(piece) if limited else None)
+    y, rest = thin.y - (data.offset or 0.0), how == "rest"
+    log = (thin.t, thin.u, y, thin.linear, seed.first, thin.last, rest)
+    sums = _joint.scan(*log, trials, seed.q0, seed.dq0)
+    seed = initial(piece, order, how)
+    places = [_with(seed, trials[i]) for i in _spread(trials, sums)]
+    fits = sorted((fit(piece, x) for x in places), key=lambda x: x.sse)
+    whole = initial(data, order, start)
+    found: list[State] = []
+    for s in (x.state for x in fits[:3]):
+        given = replace(whole, kp=s.kp, kv=s.kv, delay=s.delay)
+        found.append(replace(given, limit=s.limit, offset=s.offset))
+    return found
+
+
+def initial(data: Data, order: str, start: str, first: int | None = None) -> State:
+    """A state with what the measured positions say of its begin, and no parameters yet."""
+    if first is None:
+        first = 0 if start != "moving" else known_from(data, data.delays[1])
+    n = min(SMOOTHED // 2, max(len(data.t) - first, 2))
+    t, y = data.t[first : first + n] - data.t[first], data.y[first : first + n]
+    # A joint at rest may be told to go at once: only its first positions say where it was.
+    q0, dq0 = (float(y[0]), 0.0) if start == "rest" else np.polyfit(t, y, 1)[::-1].tolist()
+    return State(
+        offset=data.offset,
+        order=order,
+        start=start,
+        first=first,
+        kp=math.nan,
+        kv=math.inf,
+        delay=math.nan,
+        limit=math.inf,
+        q0=q0 - (data.offset or 0.0),
+        dq0=dq0,
+    )
+
+
+def known_from(data: Data, delay: float) -> int:
+    """The first sample whose set-point, `delay` ago, is in the log."""
+    return int(np.searchsorted(data.t, data.t[0] + max(delay, 0.0) * (1 + 1e-12)))
+
+
+def liveliest(data: Data) -> tuple[int, int]:
+    """Begin and end of the part of the log, of `FITTED` samples, in which commands move most."""
+    n = len(data.t)
+    if n <= FITTED:
+        return 0, n
+    moved = np.concatenate([[0.0], np.cumsum(np.diff(data.u) ** 2)])
+    begins = np.arange(0, n - FITTED, FITTED // 8)
+    best_begin = int(begins[np.argmax(moved[begins + FITTED - 1] - moved[begins])])
+    # The joint still answers to what came before the part.
+    return max(best_begin - FITTED // 8, 0), min(best_begin + FITTED, n)
+
+
+def _trials(delays: tuple[float, float], order: str, top: float | None) -> FloatArray:
+    count = max(int(math.ceil((delays[1] - max(delays[0], 0.0)) / DELAY_STEP)), 1) + 1
+    dead = np.linspace(max(delays[0], 0.0), delays[1], count)
+    kv = KV if order == "second" else (math.inf,)
+    limits = (math.inf,) if top is None else tuple(x * top for x in LIMIT)
+    # With a limit there is more to scan: every second dead time will do.
+    steps = dead if top is None else dead[::2]
+    return np.array(list(product(KP, kv, steps, limits)))
+
+
+def _accelerations(data: Data) -> float:
+    """About the largest acceleration of the measured motion [rad/s²]."""
+    from scipy.signal import savgol_filter
+
+    window = min(SMOOTHED, (len(data.t) - 1) // 2 * 2 - 1)
+    step = float(np.median(np.diff(data.t)))
+    # As short as the noise allows: a long window would flatten the peaks.
+    tops = [
+        float(np.percentile(np.abs(savgol_filter(data.y, w, 2, deriv=2, delta=step)), 99.5))
+        for w in {window, max(window // 2 | 1, 5)}
+    ]
+    return max(min(tops), 1e-3)
+
+
+def _spread(trials: FloatArray, sums: FloatArray) -> list[int]:
+    """The best trials, no two of them neighbours."""
+    chosen: list[int] = []
+    for i in np.argsort(sums, kind="stable"):
+        near = False
+        for k in chosen:
+            a, b = trials[i], trials[k]
+            ratio = abs(math.log(a[0] / b[0]))
+            # An infinite kv is the same infinite kv.
+            ratio = max(ratio, 0.0 if a[1] == b[1] else abs(math.log(a[1] / b[1])) / 2)
+            near |= ratio < 0.7 and abs(a[2] - b[2]) < 1.5 * DELAY_STEP
+        if not near:
+            chosen.append(int(i))
+        if len(chosen) == PLACES:
+            break
+    return chosen
+
+
+def _with(seed: State, trial: FloatArray) -> State:
+    kp, kv, delay, limit = trial.tolist()
+    return replace(seed, kp=kp, kv=kv, delay=delay, limit=limit)

@@ -1,0 +1,112 @@
+"""What was identified, as a job file takes it, and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from armcontour._version import __version__
+from armcontour.identification import Estimate, Identification
+
+
+def servo_yaml(found: Identification) -> str:
+    """The keys `servo` and `limits` of a job file.
+
+    Raises:
+        InvalidInput: The log does not determine the servo.
+    """
+    servo = found.servo_model()
+    lines = [
+        f"# Identified from {found.log.source} by armcontour {__version__}: goes into a job file.",
+        *(f"# {joint.name}: {_told(joint.estimates)}" for joint in found.joints),
+        "servo:",
+        f"  order: {servo.order}",
+        f"  kp: {_listed(servo.kp)}    # 1/s",
+    ]
+    if servo.kv is not None:
+        lines.append(f"  kv: {_listed(servo.kv)}    # 1/s")
+    lines += [
+        f"  dead_time: {_listed(servo.dead_time)}    # s",
+        f"  interpolation: {servo.interpolation}",
+    ]
+    limits = [x.acceleration for x in found.joints]
+    if all(x.determined for x in limits):
+        lines += [
+            "limits:",
+            f"  joint_acceleration: {_listed([x.value for x in limits])}    # rad/s^2",
+        ]
+    else:
+        lines.append("# Not every acceleration limit is determined, so none is given:")
+        for joint in found.joints:
+            lines.append(
+                f"#   {joint.name}: {joint.acceleration.advice or _range(joint.acceleration)}"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def identification_json(found: Identification, files: Sequence[str] = ()) -> str:
+    """Everything that was found, but the samples."""
+    joints = []
+    for joint in found.joints:
+        joints.append(
+            {
+                "name": joint.name,
+                "order": joint.order,
+                "start": joint.start,
+                "parameters": [
+                    {
+                        "name": x.name,
+                        "unit": x.unit,
+                        "value": _number(x.value),
+                        "sd": _number(x.sd),
+                        "low": _number(x.low),
+                        "high": _number(x.high),
+                        "determined": x.determined,
+                        "advice": x.advice,
+                    }
+                    for x in joint.estimates
+                ],
+                "noise": _number(joint.noise),
+                "rms": _number(joint.rms),
+                "r_squared": _number(joint.r_squared),
+                "whiteness": _number(joint.whiteness),
+                "bic": {k: _number(v) for k, v in joint.bic.items()},
+                "largest_demand": _number(joint.largest_demand),
+                "saturated_time": joint.saturated_time,
+                "notes": list(joint.notes),
+            }
+        )
+    page: dict[str, Any] = {
+        "version": __version__,
+        "log": found.log.source,
+        "samples": len(found.log.t),
+        "interpolation": found.interpolation,
+        "determined": found.determined,
+        "joints": joints,
+    }
+    if files:
+        page["files"] = list(files)
+    return json.dumps(page, indent=2, allow_nan=False) + "\n"
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity: none stands for it."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _listed(values: Any) -> str:
+    return "[" + ", ".join(f"{float(x):.6g}" for x in values) + "]"
+
+
+def _told(estimates: Sequence[Estimate]) -> str:
+    return "; ".join(_range(x) for x in estimates)
+
+
+def _range(x: Estimate) -> str:
+    scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
+    name = x.name.replace("_", " ")
+    if not x.determined:
+        return f"{name} not determined"
+    return f"{name} {x.value * scale:.5g} [{x.low * scale:.5g}, {x.high * scale:.5g}] {unit}"

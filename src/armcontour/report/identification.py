@@ -1,0 +1,149 @@
+"""The report of an identification: motion, residuals, their spectrum; one page, offline."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._version import __version__
+from armcontour.identification import Estimate, Identification, JointIdentification
+from armcontour.report.style import (
+    EXECUTED_COLOUR,
+    LIMIT_COLOUR,
+    PATH_COLOUR,
+    PLANNED_COLOUR,
+    finish,
+    line,
+    thinned,
+)
+
+SYMBOLS = {
+    "kp": "K_p",
+    "kv": "K_v",
+    "dead_time": "dead time",
+    "acceleration": "acceleration limit",
+}
+# Segments of the spectrum are this long at most: enough lines to see a resonance by.
+SEGMENT = 2048
+
+
+def render_identification(found: Identification) -> str:
+    """The report as one HTML page that needs nothing else."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
+    )
+
+    def drawing(figure: Any, key: str) -> Markup:
+        return Markup(
+            figure.to_html(
+                full_html=False,
+                include_plotlyjs=False,
+                div_id=f"figure-{key}",
+                config={"displaylogo": False, "responsive": True},
+            )
+        )
+
+    joints = [
+        {
+            "joint": joint,
+            "rows": [_row(x) for x in joint.estimates],
+            "advice": [
+                f"{SYMBOLS[x.name]}: {x.advice}" for x in joint.estimates if not x.determined
+            ],
+            "figures": _figures(found, j),
+        }
+        for j, joint in enumerate(found.joints)
+    ]
+    return environment.get_template("identification.html").render(
+        found=found,
+        joints=joints,
+        version=__version__,
+        drawing=drawing,
+        plotly=Markup(get_plotlyjs()),
+    )
+
+
+def _row(x: Estimate) -> dict[str, str]:
+    scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
+
+    def shown(value: float) -> str:
+        if math.isnan(value):
+            return "–"
+        return "∞" if math.isinf(value) and value > 0 else f"{value * scale:.5g}"
+
+    return {
+        "name": SYMBOLS[x.name],
+        "value": shown(x.value),
+        "sd": shown(x.sd) if math.isnan(x.sd) or math.isinf(x.sd) else f"{x.sd * scale:.2g}",
+        "interval": f"{shown(x.low)} to {shown(x.high)}",
+        "unit": unit,
+        "determined": "yes" if x.determined else "no",
+    }
+
+
+def _figures(found: Identification, j: int) -> list[Any]:
+    joint, log = found.joints[j], found.log
+    return [
+        _motion(joint, log.t, log.command[:, j], log.measured[:, j]),
+        _residuals(joint),
+        _spectrum(joint),
+    ]
+
+
+def _motion(
+    joint: JointIdentification, t: FloatArray, command: FloatArray, measured: FloatArray
+) -> Any:
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for curve, name, colour in (
+        ((t, command), "command", PATH_COLOUR),
+        ((t, measured), "measured", EXECUTED_COLOUR),
+        ((joint.t, joint.simulated), "simulated", PLANNED_COLOUR),
+    ):
+        x, y = thinned(*curve)
+        figure.add_trace(line(x, y, name, colour, width=1.5))
+    figure.update_xaxes(title="t [s]")
+    figure.update_yaxes(title="position [rad]")
+    return finish(figure, title=f"{joint.name}: told, measured and simulated")
+
+
+def _residuals(joint: JointIdentification) -> Any:
+    import plotly.graph_objects as go
+
+    x, y = thinned(joint.t, joint.residuals * 1e3)
+    figure = go.Figure([line(x, y, "measured less simulated", EXECUTED_COLOUR, width=1)])
+    figure.update_xaxes(title="t [s]")
+    figure.update_yaxes(title="residual [mrad]")
+    return finish(figure, title=f"{joint.name}: residuals", height=320)
+
+
+def _spectrum(joint: JointIdentification) -> Any:
+    import plotly.graph_objects as go
+    from scipy.signal import welch
+
+    interval = float(np.median(np.diff(joint.t)))
+    f, power = welch(
+        joint.residuals,
+        fs=1 / interval,
+        nperseg=min(SEGMENT, len(joint.residuals)),
+        detrend=False,
+    )
+    root = np.sqrt(power[1:]) * 1e3
+    white = joint.rms * 1e3 * math.sqrt(2 * interval)
+    figure = go.Figure(
+        [
+            line(f[1:], root, "residuals", EXECUTED_COLOUR, width=1),
+            line(f[[1, -1]], [white, white], "white noise of that size", LIMIT_COLOUR, dash="dash"),
+        ]
+    )
+    figure.update_xaxes(title="frequency [Hz]", type="log")
+    figure.update_yaxes(title="mrad per root Hz", type="log")
+    return finish(figure, title=f"{joint.name}: spectrum of the residuals", height=320)

@@ -1,0 +1,160 @@
+"""Logs from files, and what is written of an identification: servo file, JSON, report, table."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from soak.identify import multisine
+from soak.joint import move
+
+from armcontour.cli.identifying import identify_file
+from armcontour.errors import InvalidInput
+from armcontour.identification import Log, identify
+from armcontour.io.log_file import parse_log, read_log
+from armcontour.io.servo_file import identification_json, servo_yaml
+from armcontour.report.identification import render_identification
+
+ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "joint"),
+    [
+        ("t,u1,q1", "joint 1"),
+        ("t [s],command 1 [rad],measured 1 [rad]", "joint 1"),
+        ("time,q1_cmd,q1", "joint 1"),
+        ("t_s,command1_rad,q1_rad", "joint 1"),
+        ("Time (s), Joint 1 command, Joint 1 actual", "joint 1"),
+        ("t,q_cmd_2,q_2", "joint 2"),
+        ("t,shoulder command,shoulder measured", "shoulder"),
+        ("t,cmd_lwr_joint_3,meas_lwr_joint_3", "lwr_joint_3"),
+        ("timestamp,setpoint elbow [rad],feedback elbow [rad]", "elbow"),
+    ],
+)
+def test_names_of_columns(header, joint):
+    log = parse_log(header + ROWS)
+    assert log.joint_names == (joint,)
+    np.testing.assert_allclose(log.command[:, 0], np.arange(60) * 0.1, atol=1e-9)
+    np.testing.assert_allclose(log.measured[:, 0], np.arange(60) * 0.1 - 0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_units_order_comments_and_columns_that_are_not_needed(separator):
+    rows = "\n".join(f"{i * 4},9,{90 + i},{45},{i},{i},{7}" for i in range(60))
+    text = (
+        "# from a controller\n# interpolation: step\n"
+        "t [ms],torque1,q2 [deg],q1_deg,u1 [deg],u2 [deg],dq1\n" + rows
+    )
+    log = parse_log(text.replace(",", separator), start=0.01, end=0.23)
+    assert log.interpolation == "step"
+    assert log.joint_names == ("joint 1", "joint 2")
+    assert log.t[0] == pytest.approx(0.012)
+    np.testing.assert_allclose(log.measured[:, 0], np.pi / 4)
+    np.testing.assert_allclose(np.degrees(log.measured[0, 1]), 93)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["is empty"]),
+        ("u1,q1" + ROWS, ["column t is missing"]),
+        ("t,speed,torque" + ROWS, ["no command", "t,u1,q1"]),
+        ("t,u1,q2" + ROWS, ["'u1'", "no measured column", "q1"]),
+        ("t,u1,command 1" + ROWS, ["'u1' and 'command 1'", "same"]),
+        ("t,u1 [m],q1" + ROWS, ["unit 'm'", "not one of rad"]),
+        ("t,u1,q1\n0,1,x\n", ["line 2", "'x'", "finite"]),
+        ("t,u1,q1\n0,1,1\n", ["1 samples"]),
+    ],
+)
+def test_refusals(refuses, text, words):
+    refuses(lambda: parse_log(text, source="a.csv"), InvalidInput, "a.csv", *words)
+
+
+def test_a_file_that_is_not_there(refuses, tmp_path):
+    refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "Cannot read the log", "no.csv")
+
+
+@pytest.fixture(scope="module")
+def log():
+    t = np.arange(5000) * 1e-3
+    u = np.column_stack([3e-3 * multisine(t, 25.0, seed) for seed in (1, 2)])
+    u[1000:1600, 1] += 0.2  # a step into saturation
+    q = np.column_stack(
+        [
+            move(t, u[:, 0].copy(), kp=25.0, kv=150.0, delay=12.3e-3),
+            move(t, u[:, 1].copy(), kp=40.0, kv=100.0, delay=4e-3, limit=20.0, steps=100),
+        ]
+    )
+    y = q + 1e-4 * np.random.default_rng(0).normal(size=q.shape)
+    return Log(t=t, command=u, measured=y, joint_names=("a <b>", "elbow"), source="l.csv")
+
+
+@pytest.fixture(scope="module")
+def found(log):
+    return identify(log)
+
+
+def test_the_servo_file_is_what_a_job_takes(found):
+    text = servo_yaml(found)
+    data = yaml.safe_load(text)
+    assert data["servo"]["order"] == "second"
+    assert data["servo"]["interpolation"] == "linear"
+    np.testing.assert_allclose(data["servo"]["kp"], [25, 40], rtol=0.02)
+    np.testing.assert_allclose(data["servo"]["dead_time"], [12.3e-3, 4e-3], atol=1e-3)
+    assert "limits" not in data  # that of the first joint is not known
+    assert "does not show the limit" in text
+
+
+def test_json_has_no_infinities(found):
+    data = json.loads(identification_json(found, ["summary.json"]))
+    first, second = data["joints"]
+    assert data["determined"] is True
+    assert first["parameters"][3]["value"] is None
+    assert first["parameters"][3]["high"] is None
+    assert second["parameters"][3]["value"] == pytest.approx(20, rel=0.05)
+    assert second["parameters"][3]["determined"] is True
+
+
+def test_the_report_stands_alone(found):
+    page = render_identification(found)
+    assert "a &lt;b&gt;" in page
+    assert "<b>" not in page.split("</style>")[0]
+    assert "http-equiv" not in page
+    assert 'src="http' not in page
+    for words in ("told, measured and simulated", "spectrum of the residuals", "95 % interval"):
+        assert words in page
+
+
+def _write(log, file):
+    table = np.column_stack([log.t, log.command, log.measured])
+    names = "t,u1,u2,q1,q2"
+    np.savetxt(file, table, delimiter=",", fmt="%.7f", header=names, comments="")
+
+
+def test_the_command(log, tmp_path, capsys):
+    file, out = tmp_path / "log.csv", tmp_path / "out"
+    _write(log, file)
+    assert identify_file(file, out)
+    printed = capsys.readouterr().out
+    assert "dead time" in printed
+    assert "joint 1, acceleration: The log does not show the limit" in printed
+    assert {x.name for x in out.iterdir()} == {"servo.yaml", "report.html", "summary.json"}
+    assert identify_file(file, as_json=True, start=0.0, end=3.0)
+    assert json.loads(capsys.readouterr().out)["samples"] == 3001
+
+
+def test_the_command_where_the_servo_is_not_determined(tmp_path, capsys, refuses):
+    t = np.arange(2000) * 1e-3
+    u = 0.02 * t
+    y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
+    file, out = tmp_path / "log.csv", tmp_path / "out"
+    table = np.column_stack([t, u, y])
+    np.savetxt(file, table, delimiter=",", fmt="%.7f", header="t,u1,q1", comments="")
+    assert not identify_file(file, out)
+    assert "no servo.yaml: log.csv does not determine" in capsys.readouterr().out
+    assert {x.name for x in out.iterdir()} == {"report.html", "summary.json"}
+    refuses(lambda: identify_file(file, open_report=True), InvalidInput, "--out")
+    refuses(lambda: identify_file(file, out), InvalidInput, "not empty", "--force")
