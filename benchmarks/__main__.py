@@ -5,7 +5,16 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import kinematics, optimal, polyline, projection, spread, square, start_up
+from benchmarks import (
+    certify,
+    kinematics,
+    optimal,
+    polyline,
+    projection,
+    spread,
+    square,
+    start_up,
+)
 
 
 def main() -> None:
@@ -19,7 +28,7 @@ def main() -> None:
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
-    smaller = [*start_up.measure(), *projection.measure()]
+    smaller = [*start_up.measure(), *projection.measure(), *certify.measure()]
     for measured in [*smaller, *plans, *polylines, *solved, *squares, *executed]:
         table.add_row(
             measured.what,

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -254,15 +253,21 @@ def test_the_summary_repeats_it(certified):
     assert data["duration"] == certified.duration
 
 
-def test_it_comes_out_the_same_again_in_less_than_thirty_plain_rounds(certified):
+def test_it_comes_out_the_same_again(certified):
     this = replace(certified.job.runs[0], experiment=None)
-    plain = replace(certified.job, runs=(this,))
-    started = perf_counter()
-    ac.run(plain)
-    once = perf_counter()
-    again = ac.certify(plain)
-    assert perf_counter() - once < 30 * (once - started)
+    again = ac.certify(replace(certified.job, runs=(this,)))
     np.testing.assert_array_equal(again.taught.q, certified.taught.q)
+    # Time is measured in benchmarks; a round is about a trial.
+    assert again.trials < 30
+
+
+def test_a_corner_that_smoothing_carries_to_its_neighbours():
+    slot = job().path.polyline([(0.30, 0.15), (0.40, 0.15), (0.40, 0.25), (0.30, 0.25)])
+    found = ac.certify(replace(job(), path=slot), servo=1e-5)
+    executed, evaluation = judged(found)
+    assert evaluation.contour_error.max <= 1e-5
+    assert (evaluation.demand_ratio <= 1 + 1e-6).all()
+    assert found.cost < 0.03
 
 
 def test_rigid_bodies_stand_beside_it(certified):

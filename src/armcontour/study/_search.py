@@ -30,6 +30,9 @@ WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {
 }
 # A search with one choice of windows takes at most this many trials.
 MOST_TRIALS = 25
+# Smoothing carries what is held back in one cell to its neighbours, so that an excess may shrink by
+# less than half in a trial: after so many trials it is met with its square, then its cube.
+PATIENCE = 5
 # Trials aim a little below each limit, so that they arrive: at this share of accelerations, and of
 # what bounds the speed, where nothing but rounding is between plan and limit.
 ACCELERATION_GOAL = 1 - 3e-6
@@ -226,7 +229,8 @@ class Search:
                 if found is None or isinstance(found, Kept):
                     return found
                 factors = found
-            held = self._tightened(trial, first=number == 0 and not self.setting.saturated)
+            first = number == 0 and not self.setting.saturated
+            held = self._tightened(trial, first=first, power=1 + number // PATIENCE)
         return None
 
     def _trial(self, windows: tuple[float, ...], held: Held, factors: Mapping[str, float]) -> Trial:
@@ -307,8 +311,14 @@ class Search:
             error = max(error, float(trial.uses.box.max()) * self.setting.budget)
         self.reached = min(self.reached, error)
 
-    def _tightened(self, trial: Trial, *, first: bool) -> Held:
-        """What to hold back next: more, wherever a limit is exceeded or nearly so."""
+    def _tightened(self, trial: Trial, *, first: bool, power: int) -> Held:
+        """What to hold back next: more, wherever a limit is exceeded or nearly so.
+
+        Args:
+            trial: The last trial.
+            first: Whether it was the first.
+            power: With which power of their excess accelerations are held back.
+        """
         held, uses, tight = trial.held, trial.uses, self.tightness
         share, cap = held.share.copy(), held.cap.copy()
         moment = _Moments(trial, sum(trial.windows) + trial.taught.period + self._memory())
@@ -322,7 +332,7 @@ class Search:
                 common = float(np.median(use[use > 1]))
                 share[:, j] /= common
                 use = use / common
-            share[:, j] /= np.maximum(use, 1.0)
+            share[:, j] /= np.maximum(use, 1.0) ** power
         use = moment.largest(uses.pace) / tight["speed"]
         cap = np.where(use > 1, np.minimum(cap, speed / use), cap)
         if not self.setting.saturated:
