@@ -28,9 +28,9 @@ from armcontour.identification.starting import first_states, initial, known_from
 
 # Residuals are white unless chance would make them so in one log of a thousand only.
 WHITE = 1e-3
-# Twice the logarithm of the likelihood that a limit or an offset must gain: 0.1 % of logs
-# gain it by chance.
-GAIN = 10.8
+# Twice the logarithm of the likelihood that a limit or an offset must gain: one log of ten thousand
+# gains it by chance. A limit that is not there is worse than one that is not seen.
+GAIN = 15.1
 # The same, of what a wrong belief about the begin costs: never by chance.
 START_COST = 25.0
 # Parts of the begin whose means are looked at, and the sum of their squares that is not chance.
