@@ -107,11 +107,11 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     s = path.length * (np.arange(PLACES) + 0.5) / PLACES
     segment = path.locate(s)
     u = s - path.breaks[segment]
-    knots = Knots(segment, path.orientation.locate(s), u, u, s)
+    knots = Knots(segment=segment, piece=path.orientation.locate(s), u0=u, u1=u, s0=s)
     first = first_knots(path)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = Numeric(path, arm, 6, first, Way(q, 0.0), 1e-10)
+    solver = Numeric(path, arm, 6, first, Way(q=q, cost=0.0), 1e-10)
     begin, end = (solver.ends(first, at, None) for at in (first.u0, first.u1))
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)
