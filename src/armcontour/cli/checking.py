@@ -8,6 +8,8 @@ from dataclasses import asdict
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
+
 if TYPE_CHECKING:
     from armcontour.evaluation import Check, LimitUse
     from armcontour.study import Job, Run
@@ -15,18 +17,9 @@ if TYPE_CHECKING:
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
 UNITS = {
-    "joint_acceleration": "rad/s²",
-    "joint_deceleration": "rad/s²",
-    "joint_velocity": "rad/s",
-    "joint_torque": "N m",
-    "joint_jerk": "rad/s³",
-    "joint_lower": "rad",
-    "joint_upper": "rad",
-    "angular_speed": "rad/s",
-    "angular_acceleration": "rad/s²",
-    "speed": "m/s",
-    "tool_acceleration": "m/s²",
-    "centripetal_acceleration": "m/s²",
+    **JOINT_LIMITS,
+    **dict.fromkeys(JOINT_RANGE, "rad"),
+    **TOOL_LIMITS,
     "path_deviation": "m",
     "orientation_deviation": "rad",
 }

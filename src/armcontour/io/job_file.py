@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import arm_of
@@ -29,7 +30,6 @@ from armcontour.io.job_model import (
 from armcontour.io.job_path import path_of
 from armcontour.io.problems import first_problem
 from armcontour.io.units import parse
-from armcontour.io.yaml_text import load
 from armcontour.servo import ServoModel
 from armcontour.study import Experiment, Goal, Job, Published, Rounding, Run
 from armcontour.study.robustness import Box

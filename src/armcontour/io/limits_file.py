@@ -6,12 +6,12 @@ from pathlib import Path as FilePath
 
 from pydantic import ValidationError
 
+from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.io.job_model import LimitsModel
 from armcontour.io.problems import first_problem
 from armcontour.io.units import Angle, Length
-from armcontour.io.yaml_text import load
 
 DEVIATIONS = {"deviation", "orientation_deviation"}
 

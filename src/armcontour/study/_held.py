@@ -12,7 +12,6 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.motion import JointPath, Trajectory, smoothed
-from armcontour.timing import refuse_out_of_range
 from armcontour.timing.constraints import (
     Bounds,
     Ceiling,
@@ -23,6 +22,7 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
+from armcontour.tracing import refuse_out_of_range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

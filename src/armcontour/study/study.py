@@ -22,7 +22,6 @@ from armcontour.timing import (
     explain,
     plan,
     refuse_jerk,
-    refuse_out_of_range,
     trace_fastest,
 )
 
@@ -206,14 +205,7 @@ def same_plan(first: RunResult, second: RunResult) -> bool:
 
 def traced(job: Job, this: Run, path: Path) -> JointPath:
     """The joint path of the configuration that is fastest under the run's limits."""
-    return trace_fastest(
-        path,
-        job.arm,
-        this.limits,
-        branch=job.branch,
-        start=job.start,
-        refuse=lambda found: refuse_out_of_range(found, this.limits),
-    )
+    return trace_fastest(path, job.arm, this.limits, branch=job.branch, start=job.start)
 
 
 def traced_alike(first: Run, second: Run) -> bool:

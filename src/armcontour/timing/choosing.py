@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy.typing as npt
 
 from armcontour.arms import Arm, Limits
@@ -24,7 +22,6 @@ def trace_fastest(
     *,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
-    refuse: Callable[[JointPath], None] = lambda _: None,
 ) -> JointPath:
     """The joint path of the configuration whose optimal plan takes the least time.
 
@@ -34,7 +31,6 @@ def trace_fastest(
         limits: They rule the ranges of the joints too; by default the arm's own.
         branch: For an arm in the plane: the branch, as in `trace`; there is nothing to choose then.
         start: For an arm in space: joint positions near to those to start in.
-        refuse: Raises for a joint path that cannot be taken.
 
     Raises:
         Unreachable: No configuration completes the path.
@@ -47,7 +43,6 @@ def trace_fastest(
     best, least = found[0], float("inf")
     for joint_path in found:
         try:
-            refuse(joint_path)
             duration = plan_optimal(joint_path, arm, bounds, intervals=ROUGHLY).duration
         except ArmContourError:
             # If none can be planned so, the plan of the first says why.

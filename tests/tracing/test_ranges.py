@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.timing import refuse_out_of_range
+from armcontour.tracing import refuse_out_of_range
 
 
 def bump(height):
