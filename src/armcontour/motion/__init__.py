@@ -5,7 +5,7 @@ from armcontour.motion.joint_path import JointPath, quintic
 from armcontour.motion.laws import LapLaw, Law, PathLaw, interval_times
 from armcontour.motion.smoothing import SmoothedLaw, smoothed
 from armcontour.motion.taught import TaughtData
-from armcontour.motion.trajectory import Samples, Stretch, Trajectory
+from armcontour.motion.trajectory import Samples, Span, Stretch, TimedEvent, Trajectory
 
 __all__ = [
     "Execution",
@@ -15,8 +15,10 @@ __all__ = [
     "PathLaw",
     "Samples",
     "SmoothedLaw",
+    "Span",
     "Stretch",
     "TaughtData",
+    "TimedEvent",
     "Trajectory",
     "interval_times",
     "quintic",

@@ -39,6 +39,48 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Span:
+    """The share that a move of a program has of its trajectory.
+
+    Args:
+        move: Its index among the program's moves; None for a rapid that leads to the next one.
+        kind: "contour", "rapid" or "dwell".
+        name: Of its contour; may be empty.
+        t: Start and end [s].
+        s: Start and end along the contours of the program, one behind the other [m].
+        trajectory: Its own, from 0; None where the tool stands still.
+    """
+
+    move: int | None
+    kind: str
+    t: tuple[float, float]
+    name: str = ""
+    s: tuple[float, float] = (0.0, 0.0)
+    trajectory: Trajectory | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedEvent:
+    """Something that is switched at a time of a trajectory.
+
+    Args:
+        name: What is switched.
+        value: What to.
+        t: When, its lead taken off [s].
+        due: When the tool is at its place [s].
+        s: That place along the contours of the program, one behind the other [m].
+        point: The same in space or in the plane [m].
+    """
+
+    name: str
+    value: bool | float | str
+    t: float
+    due: float
+    s: float
+    point: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Samples:
     """A trajectory at regular times: t (n,), q, dq, ddq (n, dof)."""
 
@@ -61,12 +103,16 @@ class Trajectory:
         method: Name of the planner that made it.
         path: The tool path it follows, if there is one.
         stretches: What was made by which rule, in order.
+        spans: The moves of the program it does, in order; none for a single path.
+        events: What is switched on the way, by their times.
     """
 
     laws: tuple[Law, ...]
     method: str
     path: Path | None = None
     stretches: tuple[Stretch, ...] = ()
+    spans: tuple[Span, ...] = ()
+    events: tuple[TimedEvent, ...] = ()
     starts: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -1,0 +1,57 @@
+"""What the readers of drawings share: how a file is to be read, and its bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+from armcontour import _checks
+from armcontour.errors import InvalidInput
+
+# Largest file that is read [bytes]: what is made of it must fit in memory many times over.
+LARGEST = 200_000_000
+UNKNOWN = ("refuse", "skip")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """How a drawing is to be read.
+
+    Args:
+        unit: Length of its unit [m]; None takes what the file says.
+        chord_tolerance: Curves that are neither lines nor arcs become arcs within this [m].
+        join_tolerance: Ends nearer than this are one point [m].
+        unknown: What to do with what the reader does not know: "refuse" it, or "skip" it and say so
+            in the program's notes.
+    """
+
+    unit: float | None = None
+    chord_tolerance: float = 1e-5
+    join_tolerance: float = 1e-5
+    unknown: str = "refuse"
+
+    def __post_init__(self) -> None:
+        if self.unit is not None:
+            _checks.positive("unit of a drawing", self.unit, "m")
+        _checks.positive("chord tolerance", self.chord_tolerance, "m")
+        _checks.positive("join tolerance", self.join_tolerance, "m")
+        _checks.choice("unknown", self.unknown, UNKNOWN)
+
+
+def bytes_of(file: str | FilePath) -> bytes:
+    """What a file holds.
+
+    Raises:
+        InvalidInput: It cannot be read, or is too large.
+    """
+    place = FilePath(file)
+    try:
+        size = place.stat().st_size
+        if size > LARGEST:
+            raise InvalidInput(
+                f"{place.name} has {size / 1e6:.0f} MB, more than the {LARGEST / 1e6:.0f} MB that "
+                "are read: split it."
+            )
+        return place.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"Cannot read {place}: {error.strerror}.") from None

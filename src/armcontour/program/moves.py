@@ -1,0 +1,264 @@
+"""A program: contours, and what comes between them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+from armcontour.geometry import Path
+from armcontour.geometry.cutting import flattened, in_space, placed
+from armcontour.geometry.path import REPEATED_POINT
+
+Value = bool | float | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something that is switched at a place of a contour, or where the tool stands still.
+
+    Args:
+        name: What is switched, such as "tool", "spindle", "laser" or "coolant".
+        value: What to: on and off are True and False.
+        s: Place along the path of its contour [m]; 0 where it is a move of its own.
+        lead_time: So much earlier than the tool gets there [s]; later if negative.
+        lead_distance: So far before that place along the path [m]; behind it if negative.
+    """
+
+    name: str
+    value: Value = True
+    s: float = 0.0
+    lead_time: float = 0.0
+    lead_distance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise InvalidInput("An event needs a name.")
+        _checks.not_negative(f"place of the event {self.name}", self.s, "m")
+        _checks.number(f"lead time of the event {self.name}", self.lead_time, "s")
+        _checks.number(f"lead distance of the event {self.name}", self.lead_distance, "m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contour:
+    """A path along which the process is at work.
+
+    Args:
+        path: The path.
+        name: What it is called in its source, such as an id or a line number.
+        layer: Layer of the drawing that it is on.
+        events: What is switched along it, by their places.
+
+    Raises:
+        InvalidInput: An event behind the end of the path.
+    """
+
+    path: Path
+    name: str = ""
+    layer: str = ""
+    events: tuple[Event, ...] = ()
+
+    def __post_init__(self) -> None:
+        for x in self.events:
+            if x.s > self.path.length + REPEATED_POINT:
+                raise InvalidInput(
+                    f"The event {x.name} is to come at {x.s:g} m of the contour {self.name}, which "
+                    f"is {self.path.length:g} m long.",
+                    s=x.s,
+                    allowed=self.path.length,
+                )
+        ordered = tuple(sorted(self.events, key=lambda x: x.s))
+        object.__setattr__(self, "events", ordered)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it ends where it starts."""
+        ends = self.path([0.0, self.path.length])
+        return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rapid:
+    """A free motion with the tool off, at the arm's limits.
+
+    Args:
+        path: What the tool follows; None leaves the way to the joints.
+    """
+
+    path: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dwell:
+    """The tool stands still.
+
+    Args:
+        duration: For so long [s].
+    """
+
+    duration: float
+
+    def __post_init__(self) -> None:
+        _checks.positive("dwell", self.duration, "s")
+
+
+Move = Contour | Rapid | Dwell | Event
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Program:
+    """Moves in order. Where two contours do not meet, a rapid goes from one to the next.
+
+    Args:
+        moves: The moves.
+        source: What it was made from, such as the name of a file.
+        notes: Sentences on what was left out or changed when it was read.
+
+    Raises:
+        InvalidInput: No contour, or contours of different dimension.
+    """
+
+    moves: tuple[Move, ...]
+    source: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "moves", tuple(self.moves))
+        if not self.contours:
+            raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
+        if len({x.path.dimension for x in self.contours}) > 1:
+            raise InvalidInput(
+                "The contours of a program must all be in the plane or all in space."
+            )
+
+    @property
+    def contours(self) -> tuple[Contour, ...]:
+        """The contours, in order."""
+        return tuple(x for x in self.moves if isinstance(x, Contour))
+
+    @property
+    def path(self) -> Path:
+        """The path of its only contour.
+
+        Raises:
+            InvalidInput: It has several.
+        """
+        if len(self.contours) != 1:
+            raise InvalidInput(
+                f"{self.source or 'The program'} has {len(self.contours)} contours and not one "
+                "path: give it as a program, or choose a contour by its layer or name."
+            )
+        return self.contours[0].path
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.contours[0].path.dimension
+
+    @property
+    def length(self) -> float:
+        """Length of all contours together [m]."""
+        return float(sum(x.path.length for x in self.contours))
+
+    @property
+    def breaks(self) -> FloatArray:
+        """Arc length of all contours before each contour, and of all [m], (contours + 1,)."""
+        lengths = [x.path.length for x in self.contours]
+        return np.concatenate([[0.0], np.cumsum(lengths)])
+
+    def mapped(self, change: Callable[[Path], Path]) -> Program:
+        """The same with other paths; events keep their share of the length of theirs."""
+        moves: list[Move] = []
+        for x in self.moves:
+            if isinstance(x, Contour):
+                path = change(x.path)
+                factor = path.length / x.path.length
+                events = tuple(
+                    dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
+                )
+                moves.append(dataclasses.replace(x, path=path, events=events))
+            elif isinstance(x, Rapid) and x.path is not None:
+                moves.append(Rapid(path=change(x.path)))
+            else:
+                moves.append(x)
+        return dataclasses.replace(self, moves=tuple(moves))
+
+    def placed(self, frame: Frame, *, scale: float = 1.0) -> Program:
+        """The program drawn in a frame, as seen from where the frame stands.
+
+        Speeds, tolerances and leads stay what they are.
+        """
+        moved = self.mapped(lambda path: placed(path, frame, scale=scale))
+        dimensions = {
+            x.path.dimension
+            for x in moved.moves
+            if isinstance(x, Contour | Rapid) and x.path is not None
+        }
+        return moved if len(dimensions) == 1 else moved.mapped(in_space)
+
+    def flattened(self) -> Program:
+        """The program without z; what only goes up and down is left out."""
+        moves: list[Move] = []
+        for x in self.moves:
+            if isinstance(x, Contour | Rapid) and x.path is not None:
+                if not _runs(x.path):
+                    continue
+                path = flattened(x.path)
+                if isinstance(x, Contour):
+                    events = tuple(dataclasses.replace(e, s=_flat(x.path, e.s)) for e in x.events)
+                    moves.append(dataclasses.replace(x, path=path, events=events))
+                else:
+                    moves.append(Rapid(path=path))
+            else:
+                moves.append(x)
+        return dataclasses.replace(self, moves=tuple(moves))
+
+    def selected(
+        self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
+    ) -> Program:
+        """The contours on some layers, or of some names, with free rapids between them.
+
+        Raises:
+            InvalidInput: A layer or a name that there is not.
+        """
+        for what, wanted, known in (
+            ("layer", layers, {x.layer for x in self.contours}),
+            ("contour", names, {x.name for x in self.contours}),
+        ):
+            unknown = sorted(set(wanted or ()) - known)
+            if unknown:
+                listed = ", ".join(repr(x) for x in sorted(known)[:12])
+                raise InvalidInput(
+                    f"{self.source or 'The program'} has no {what} {unknown[0]!r}: it has {listed}"
+                    f"{', ...' if len(known) > 12 else ''}."
+                )
+        if layers is None and names is None:
+            return self
+        kept = tuple(
+            x
+            for x in self.contours
+            if (layers is None or x.layer in layers) and (names is None or x.name in names)
+        )
+        if not kept:
+            raise InvalidInput(f"{self.source or 'The program'} has no contour that fits both.")
+        return dataclasses.replace(self, moves=kept)
+
+
+def _runs(path: Path) -> bool:
+    """Whether something of a path is left without its z."""
+    run = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
+    return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
+
+
+def _flat(path: Path, s: float) -> float:
+    """Arc length without z of a place on a path."""
+    run = np.linalg.norm(path.tangents[:, :2], axis=1)
+    run = np.where(path.curvatures > 0, 1.0, run)
+    run = np.where(run * path.lengths > REPEATED_POINT, run, 0.0)
+    return float(np.sum(run * np.clip(s - path.breaks[:-1], 0.0, path.lengths)))
