@@ -1,1 +1,17 @@
 """Writers of what robots take: each turns joint set-points and events into one format."""
+
+from armcontour.io.exports.exporting import chosen_format, export, formats, write_table
+from armcontour.io.exports.table import Table, tabulated
+from armcontour.io.exports.template import templates
+from armcontour.io.exports.text import csv_text
+
+__all__ = [
+    "Table",
+    "chosen_format",
+    "csv_text",
+    "export",
+    "formats",
+    "tabulated",
+    "templates",
+    "write_table",
+]

@@ -1,0 +1,140 @@
+"""ROS 2: a JointTrajectory as YAML, or in a bag with the events beside it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from armcontour.errors import InvalidInput
+from armcontour.io.exports.table import Table
+from armcontour.io.exports.text import FIXED, event_data, filled
+
+TOPIC = "/joint_trajectory_controller/joint_trajectory"
+EVENTS_TOPIC = "/armcontour/events"
+SECOND = 1_000_000_000
+# A duration in ROS has a 32-bit number of seconds.
+LONGEST = 2**31 - 1
+
+
+def ros_yaml_of(table: Table) -> str:
+    """The table as the YAML of a trajectory_msgs/msg/JointTrajectory.
+
+    It is what `ros2 topic pub` takes and `ros2 topic echo` prints. The message has no place for
+    events: each is a comment at the top, `# event: {...}`, in JSON.
+    """
+    of = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
+    present = {name: x for name, x in of.items() if x is not None}
+    lines = [
+        f"  {name}: [{', '.join([FIXED] * table.dof) if name in present else ''}]\n" for name in of
+    ]
+    point = (
+        f"- {''.join(lines).lstrip()}"
+        "  effort: []\n  time_from_start:\n    sec: %d\n    nanosec: %d\n"
+    )
+    ns = _nanoseconds(table)
+    values = np.column_stack([*present.values(), ns // SECOND, ns % SECOND])
+    events = "".join(f"# event: {json.dumps(event_data(x))}\n" for x in table.events)
+    names = "".join(f"- {json.dumps(x, ensure_ascii=False)}\n" for x in table.joint_names)
+    return (
+        f"# {table.name}\n{events}"
+        "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
+        f"joint_names:\n{names}points:\n{''.join(filled(point, values))}"
+    )
+
+
+def write_ros_yaml(table: Table, file: FilePath) -> None:
+    """Write `ros_yaml_of` to a file."""
+    file.write_text(ros_yaml_of(table), encoding="utf-8", newline="\n")
+
+
+def write_mcap(table: Table, file: FilePath) -> None:
+    """Write a folder as `ros2 bag record` makes, with storage MCAP: one message, and the events.
+
+    The message is at time 0 of the bag; every event is a std_msgs/msg/String of JSON on the topic
+    /armcontour/events, at its time. A bag that is played thus tells them as the motion goes.
+
+    Raises:
+        InvalidInput: rosbags is not there.
+    """
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise InvalidInput(
+            "MCAP needs the library rosbags: pip install 'armcontour[ros]'."
+        ) from None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with TemporaryDirectory(prefix=".armcontour-", dir=file.parent) as beside:
+        # The library names the file inside after the folder, with an ending of its own.
+        bag = FilePath(beside) / (file.stem if file.suffix == ".mcap" else file.name)
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            _fill(writer, table, store)
+        bag.rename(file)
+
+
+def _fill(writer: Any, table: Table, store: Any) -> None:
+    """Put the messages into an open bag."""
+    kind = "trajectory_msgs/msg/JointTrajectory"
+    of = writer.add_connection(TOPIC, kind, typestore=store)
+    writer.write(of, 0, store.serialize_cdr(_message(table, store.types), kind))
+    if not table.events:
+        return
+    kind = "std_msgs/msg/String"
+    of = writer.add_connection(EVENTS_TOPIC, kind, typestore=store)
+    for event in table.events:
+        said = store.types[kind](data=json.dumps(event_data(event)))
+        at = max(0, round(event.t * SECOND))
+        writer.write(of, at, store.serialize_cdr(said, kind))
+
+
+def _message(table: Table, types: Any) -> Any:
+    """The table as a JointTrajectory of rosbags."""
+    make = {
+        name.rpartition("/")[2]: types[name]
+        for name in (
+            "trajectory_msgs/msg/JointTrajectory",
+            "trajectory_msgs/msg/JointTrajectoryPoint",
+            "std_msgs/msg/Header",
+            "builtin_interfaces/msg/Time",
+            "builtin_interfaces/msg/Duration",
+        )
+    }
+    none = np.zeros(0)
+    empty = [none] * len(table.t)
+    points = [
+        make["JointTrajectoryPoint"](
+            positions=q,
+            velocities=dq,
+            accelerations=ddq,
+            effort=none,
+            time_from_start=make["Duration"](sec=ns // SECOND, nanosec=ns % SECOND),
+        )
+        for q, dq, ddq, ns in zip(
+            table.q,
+            empty if table.dq is None else table.dq,
+            empty if table.ddq is None else table.ddq,
+            _nanoseconds(table).tolist(),
+            strict=True,
+        )
+    ]
+    stamp = make["Time"](sec=0, nanosec=0)
+    return make["JointTrajectory"](
+        header=make["Header"](stamp=stamp, frame_id=""),
+        joint_names=list(table.joint_names),
+        points=points,
+    )
+
+
+def _nanoseconds(table: Table) -> Any:
+    if table.duration > LONGEST:
+        raise InvalidInput(
+            f"{table.name} takes {table.duration:g} s, but a duration in ROS is at most "
+            f"{LONGEST} s.",
+            needed=table.duration,
+            allowed=float(LONGEST),
+        )
+    return table.nanoseconds

@@ -1,0 +1,158 @@
+"""Tables: time from the first point, derivatives of set-points, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import BPoly
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.io.exports import Table, tabulated
+from armcontour.io.exports.table import _set_points
+from armcontour.motion import TimedEvent
+
+PERIOD = 0.004
+
+
+def joined(samples: Any, orders: int) -> BPoly:
+    """What a controller makes of points: cubics of two orders, quintics of three."""
+    given_of = np.stack([samples.q, samples.dq, samples.ddq][:orders], axis=1)
+    return BPoly.from_derivatives(samples.t, given_of)
+
+
+def rest_to_rest(t: np.ndarray) -> np.ndarray:
+    return np.stack([np.cos(3 * t), 2 * np.cos(6 * t)], axis=1)
+
+
+def test_time_counts_from_the_first_set_point_and_that_of_events_too(
+    taught: Callable[..., ac.TaughtData],
+) -> None:
+    data = taught(np.zeros((30, 2)), start_time=-3 * PERIOD)
+    found = tabulated(data, name="x")
+    assert found.t[0] == 0 and found.start_time == -3 * PERIOD
+    np.testing.assert_allclose(found.t + found.start_time, data.t, rtol=0, atol=1e-15)
+    for before, after in zip(data.trajectory.events, found.events, strict=True):
+        assert after.t == pytest.approx(before.t + 3 * PERIOD, abs=1e-15)
+        assert after.due == pytest.approx(before.due + 3 * PERIOD, abs=1e-15)
+        assert (after.name, after.value, after.s) == (before.name, before.value, before.s)
+
+
+def test_a_trajectory_is_sampled_with_its_own_derivatives(
+    conventional: ac.Trajectory, arm: ac.Arm
+) -> None:
+    found = tabulated(conventional, name="x", arm=arm, period=0.05)
+    np.testing.assert_array_equal(found.q, conventional(found.t))
+    np.testing.assert_array_equal(found.dq, conventional(found.t, 1))
+    np.testing.assert_array_equal(found.ddq, conventional(found.t, 2))
+    np.testing.assert_allclose(found.tool, arm.forward(found.q), atol=1e-15)
+    assert found.t[-1] == conventional.duration and found.joint_names == arm.joint_names
+
+
+@given(st.integers(0, 10_000), st.integers(2, 40))
+def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points(
+    seed: int, count: int
+) -> None:
+    q = np.random.default_rng(seed).normal(size=(count, 3))
+    data = ac.TaughtData(period=PERIOD, q=q, trajectory=None, method="none")  # type: ignore[arg-type]
+    found = _set_points(data, None)
+    t = np.linspace(0, found.t[-1], 501)
+    np.testing.assert_allclose(joined(found, 2)(t), joined(found, 3)(t), atol=1e-11)
+    np.testing.assert_allclose(joined(found, 3)(found.t), q, atol=1e-12)
+    assert not found.dq[[0, -1]].any()
+
+
+def test_the_curve_through_set_points_is_of_fourth_order(
+    taught: Callable[..., ac.TaughtData],
+) -> None:
+    errors = []
+    for count in (101, 201):
+        t = np.linspace(0, np.pi / 3, count)
+        data = dataclasses.replace(taught(rest_to_rest(t)), period=t[1])
+        dense = np.linspace(0, t[-1], 5000)
+        curve = joined(tabulated(data, name="x"), 3)
+        errors.append(np.abs(curve(dense) - rest_to_rest(dense)).max())
+    assert errors[0] < 1e-6
+    assert 12 < errors[0] / errors[1] < 20
+
+
+def test_one_set_point_is_at_rest(taught: Callable[..., ac.TaughtData]) -> None:
+    found = tabulated(taught(np.ones((1, 2))), name="x")
+    assert not found.dq.any() and not found.ddq.any() and found.duration == 0
+
+
+@pytest.mark.parametrize("derivatives", [0, 1, 2])
+def test_derivatives_are_left_out_from_the_highest_on(
+    taught: Callable[..., ac.TaughtData], derivatives: int
+) -> None:
+    found = tabulated(taught(np.ones((5, 2))), name="x", derivatives=derivatives)
+    assert [found.dq is not None, found.ddq is not None] == [derivatives > 0, derivatives > 1]
+
+
+def test_an_event_belongs_to_the_last_point_at_or_before_it(table: Callable[..., Table]) -> None:
+    found = table(count=9)
+    assert found.point_of_events == [0, 1, 1, 3, 8]
+    assert found.events[3].t < found.t[3]  # by rounding only, so that it is on the point
+
+
+def test_joint_names_come_from_the_caller_the_arm_or_are_numbered(
+    taught: Callable[..., ac.TaughtData], arm: ac.Arm
+) -> None:
+    data = taught(np.zeros((3, 2)))
+    assert tabulated(data, name="x").joint_names == ("joint 1", "joint 2")
+    assert tabulated(data, name="x", arm=arm).joint_names == arm.joint_names
+    assert tabulated(data, name="x", arm=arm, joint_names=["a", "b"]).joint_names == ("a", "b")
+
+
+def early(t: float) -> tuple[TimedEvent, ...]:
+    return (TimedEvent(name="gas", value=True, t=t, due=0.0, s=0.0, point=(0.0, 0.0)),)
+
+
+def test_refuses_what_cannot_be_a_table(
+    taught: Callable[..., ac.TaughtData],
+    conventional: ac.Trajectory,
+    arm: ac.Arm,
+    refuses: Callable[..., None],
+) -> None:
+    data, three = taught(np.zeros((3, 2))), taught(np.zeros((3, 3)))
+    cases: list[tuple[Any, dict[str, Any], str]] = [
+        (data, {"period": 0.008}, "its own interval of 0.004 s"),
+        (data, {"period": "often"}, "period must be numbers in s"),
+        (conventional, {}, "give a period"),
+        (conventional, {"period": -1.0}, "above zero"),
+        (three, {"arm": arm}, "has 2 joints, but 'x' has 3"),
+        (data, {"joint_names": ["a", "b", "c"]}, "2 joints, but 3 joint names"),
+        (data, {"joint_names": ["a", "a"]}, "'a' is there twice"),
+        (data, {"joint_names": ["a", "b\nc"]}, "one line of text"),
+        (data, {"derivatives": 3}, "from 0 to 2"),
+        ([1, 2], {}, "not a list"),
+        (taught(np.zeros((3, 2)), events=early(-0.05)), {}, "0.05 s before the first set-point"),
+    ]
+    for what, options, words in cases:
+        refuses(lambda w=what, o=options: tabulated(w, name="x", **o), InvalidInput, words)
+
+
+def test_an_event_before_the_plan_is_kept_where_the_command_leads(
+    taught: Callable[..., ac.TaughtData],
+) -> None:
+    data = taught(np.zeros((9, 2)), start_time=-0.008, events=early(-0.005))
+    assert tabulated(data, name="x").events[0].t == pytest.approx(0.003, abs=1e-15)
+
+
+def test_refuses_arrays_that_do_not_fit(table: Callable[..., Table]) -> None:
+    good = table()
+    for change, words in (
+        ({"dq": good.q[:-1]}, "dq of 'part 7' has shape"),
+        ({"tool": good.q}, "tool of 'part 7' has shape"),
+        ({"t": good.t[::-1]}, "start at zero and increase"),
+        ({"q": good.q * np.nan}, "finite"),
+        ({"name": "two\nlines"}, "one line of text"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            dataclasses.replace(good, **change)
