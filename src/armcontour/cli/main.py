@@ -43,16 +43,94 @@ def _common(
 
 @app.command()
 def run(
-    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    job: Annotated[
+        FilePath,
+        typer.Argument(
+            help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
+            "waypoints (.csv, .parquet), with --cell."
+        ),
+    ],
     out: Out,
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
+        ),
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
+    ] = None,
+    scale: Annotated[float | None, typer.Option("--scale", help="Factor of its lengths.")] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", help="Its origin, such as '300 mm, 0 mm, 100 mm'.")
+    ] = None,
+    turn: Annotated[
+        str | None, typer.Option("--turn", help="Its roll, pitch, yaw: '0, 0, 90 deg'.")
+    ] = None,
+    layer: Annotated[
+        list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
+    ] = None,
+    contour: Annotated[
+        list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
+    ] = None,
+    flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False,
+    skip_unknown: Annotated[
+        bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
+    ] = False,
+    speed: Annotated[
+        str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
+    ] = None,
+    tolerance: Annotated[
+        str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
+    ] = None,
+    from_s: Annotated[
+        str | None,
+        typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
+    ] = None,
+    export: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            help="Format of taught data: csv, parquet, npz, ros-yaml, mcap, urscript; may be "
+            "repeated.",
+        ),
+    ] = None,
+    template: Annotated[
+        list[str] | None,
+        typer.Option("--template", help="Export by a template: kuka, abb, or a .j2 file."),
+    ] = None,
+    output: Annotated[
+        list[str] | None,
+        typer.Option("--output", help="Digital output of an event in exports: tool=0."),
+    ] = None,
     force: Force = False,
     open_report: Open = False,
 ) -> None:
-    """Run a job: writes summary.json, report.html, and per run its trajectories (CSV)."""
+    """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
+    from armcontour.cli.exporting import exports_of
+    from armcontour.cli.opening import Overrides, open_job
     from armcontour.cli.running import run_job
-    from armcontour.io import read_job
 
-    run_job(lambda: read_job(job), out, force=force, open_report=open_report)
+    overrides = Overrides(
+        units=units,
+        scale=scale,
+        at=at,
+        turn=turn,
+        layers=layer,
+        names=contour,
+        flat=flat,
+        skip=skip_unknown,
+        speed=speed,
+        tolerance=tolerance,
+        from_s=from_s,
+    )
+    run_job(
+        lambda told: open_job(job, cell, overrides, told),
+        out,
+        force=force,
+        open_report=open_report,
+        exports=exports_of(export or [], template or [], output or []),
+    )
 
 
 @app.command()
@@ -60,7 +138,7 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
     """Run the built-in job: the paper's contouring job on the PMK-3s."""
     from armcontour.cli.running import built_in_job, run_job
 
-    run_job(built_in_job, out, force=force, open_report=open_report)
+    run_job(lambda told: built_in_job(), out, force=force, open_report=open_report)
 
 
 @app.command()

@@ -7,6 +7,9 @@ from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour.cli.exporting import Exports, write_exports
+from armcontour.cli.progress import job_progress
+
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
     from armcontour.study import Job, RunResult, Study
@@ -24,55 +27,48 @@ def built_in_job() -> Job:
 
 
 def run_job(
-    read: Callable[[], Job], out: FilePath, *, force: bool = False, open_report: bool = False
+    read: Callable[[Callable[[float], None]], Job],
+    out: FilePath,
+    *,
+    force: bool = False,
+    open_report: bool = False,
+    exports: Exports | None = None,
 ) -> None:
     """Read a job, run it, and write its results.
 
     Args:
-        read: Gives the job.
+        read: Gives the job; called with what is to be told of the share that is read.
         out: Folder for the results.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
+        exports: What is to be exported of every run.
 
     Raises:
         ArmContourError: As the steps raise it; nothing is written then.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
     # Only then the heavy part, so that the folder and the job are refused at once.
     from armcontour.io import ResultFolder, planned_csv, summary, taught_csv, torque_csv
 
-    job = read()
-    console = Console(stderr=True)
-    with (
-        ResultFolder(out, force=force) as folder,
-        Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TimeElapsedColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        ) as progress,
-    ):
+    with ResultFolder(out, force=force) as folder, job_progress() as progress:
+        job = read(progress.share)
         from armcontour.report import render_report
         from armcontour.study import run, steps_of
 
-        task = progress.add_task("starting", total=sum(len(steps_of(x)) for x in job.runs) + 2)
-
-        def step(name: str, what: str) -> None:
-            progress.update(task, description=f"{name}: {what}", advance=1)
-
-        study = run(job, progress=step)
-        progress.update(task, description="writing the report", advance=1)
+        progress.planned(job, [steps_of(x) for x in job.runs])
+        study = run(
+            job,
+            progress=lambda name, what: progress.begin(f"{name}: {what}", what),
+            done=progress.share,
+        )
+        progress.begin("writing the results", "writing")
         for name, result in study.runs.items():
             folder.write(f"{name}/taught.csv", taught_csv(result.taught, job.arm.joint_names))
             plan, period = result.trajectory, result.run.period
             folder.write(f"{name}/planned.csv", planned_csv(plan, period, job.arm.joint_names))
             if job.arm.has_bodies:
                 folder.write(f"{name}/torque.csv", torque_csv(plan, job.arm, period))
+            if exports:
+                write_exports(folder, job, name, result, exports)
         folder.write("report.html", render_report(study))
         folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()

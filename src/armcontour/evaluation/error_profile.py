@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from armcontour._checks import FloatArray
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorProfile:
     """A distance over time, or an angle: then in rad for m, but for arc lengths.
+
+    Between the contours of a program, where nothing is judged, all but the times are NaN.
 
     Args:
         t: Times [s], (n,).
@@ -81,3 +84,27 @@ class ErrorProfile:
             t_max=float(t[worst]),
             s_max=float(s[worst]),
         )
+
+    @classmethod
+    def joined(cls, profiles: Sequence[ErrorProfile]) -> ErrorProfile:
+        """One profile of several that follow each other in time, with gaps between them."""
+        if len(profiles) == 1:
+            return profiles[0]
+        worst = max(profiles, key=lambda x: x.max)
+        times = [float(x.t[-1] - x.t[0]) for x in profiles]
+        squares = sum(x.rms**2 * time for x, time in zip(profiles, times, strict=True))
+        signed = [x.signed for x in profiles if x.signed is not None]
+        return cls(
+            t=np.concatenate([np.append(x.t, x.t[-1]) for x in profiles]),
+            values=_with_gaps([x.values for x in profiles]),
+            s=_with_gaps([x.s for x in profiles]),
+            signed=_with_gaps(signed) if len(signed) == len(profiles) else None,
+            rms=float(np.sqrt(squares / sum(times))),
+            max=worst.max,
+            t_max=worst.t_max,
+            s_max=worst.s_max,
+        )
+
+
+def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
+    return np.concatenate([np.append(x, np.nan) for x in columns])

@@ -5,23 +5,24 @@ Shares only geometry and arms with what it judges.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.arms import Limits, SerialArm
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms import Limits
+from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
-from armcontour.evaluation.corners import CornerDeviation, corner_deviations
+from armcontour.evaluation.corners import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
-from armcontour.evaluation.turning import angle_off
 from armcontour.geometry import Path
-from armcontour.motion import Execution
+from armcontour.motion import Execution, Trajectory
+from armcontour.program import Program
 
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
@@ -59,6 +60,7 @@ class Evaluation:
         demand_ratio: The largest share of the limit in its direction that each joint was asked
             for; 0 for a joint without one, (dof,).
         saturated: Share of the time for which each joint was saturated, (dof,).
+        contours: Of a program: the contour error of every contour, in order.
     """
 
     duration: float
@@ -78,6 +80,7 @@ class Evaluation:
     demand: FloatArray
     demand_ratio: FloatArray
     saturated: FloatArray
+    contours: tuple[ErrorProfile, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("demand", "demand_ratio", "saturated"):
@@ -86,35 +89,37 @@ class Evaluation:
 
 def evaluate(
     executed: Execution,
-    path: Path,
+    path: Path | Program,
     *,
-    objective: Path | None = None,
+    objective: Path | Program | None = None,
     limits: Limits | None = None,
     until: float | None = None,
 ) -> Evaluation:
     """Judge an execution against the path that it was to follow.
 
     Errors are weighted by time, from the first set-point to `until`; behind its end the execution
-    stands still.
+    stands still. Of a program, every contour is judged for as long as the process is planned to be
+    at work on it, and nothing between contours.
 
     Args:
         executed: What the joints did.
-        path: The path that the tool was to follow.
-        objective: The path before rounding; gives `objective_error` and the corners.
+        path: The path that the tool was to follow, or the program that was planned.
+        objective: The same before rounding; gives `objective_error` and the corners.
         limits: By default the arm's own.
         until: End of the time that errors cover [s]; by default when the planned motion has ended
-            and the tool is at rest.
+            and the tool is at rest. A program takes none.
 
     Raises:
-        InvalidInput: A path of another dimension than the arm's, or a time that is not above zero.
+        InvalidInput: A path of another dimension than the arm's, a time that is not above zero, or
+            a program that was not planned.
     """
-    if not isinstance(executed, Execution) or not isinstance(path, Path):
+    if not isinstance(executed, Execution) or not isinstance(path, Path | Program):
         raise InvalidInput(
-            "evaluate needs an Execution, as execute gives it, and a Path, not "
+            "evaluate needs an Execution, as execute gives it, and a Path or a Program, not "
             f"{type(executed).__name__} and {type(path).__name__}."
         )
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
-    t, tool, speed = executed.t, executed.tool, executed.tool_speed
+    t, speed = executed.t, executed.tool_speed
     moving = np.flatnonzero(speed > REST_SPEED)
     settled = float(t[moving[-1]]) if len(moving) else 0.0
     trajectory = executed.taught.trajectory
@@ -123,68 +128,46 @@ def evaluate(
         if until is None
         else _checks.positive("until", until, "s")
     )
-
-    found = path.project(tool)
+    pieces = pieces_of(executed, path, objective, end)
     moved = (t >= 0) & (t <= trajectory.duration)
-    planned = executed.arm.forward(trajectory(np.clip(t, 0.0, trajectory.duration)))
-    off_objective = None if objective is None else objective.project(tool)
+    fastest = max(float(x.speed.max()) for x in pieces)
+    contour_errors = tuple(x.contour_error for x in pieces)
     low, high = bounds.acceleration_bounds(executed.arm.dof)
     lowest, highest = executed.demand_range
     return Evaluation(
         duration=trajectory.duration,
         settled=settled,
         until=end,
-        contour_error=ErrorProfile.over_time(
-            t, found.distance, found.s, end, _side(path, tool, found.s)
-        ),
-        tracking_error=ErrorProfile.over_time(
-            t, np.linalg.norm(tool - planned, axis=1), found.s, end
-        ),
-        objective_error=(
-            None
-            if off_objective is None
-            else ErrorProfile.over_time(t, off_objective.distance, off_objective.s, end)
-        ),
-        orientation_error=_orientation_error(executed, path, t, found.s, end),
-        corners=() if objective is None else corner_deviations(tool[t <= end], objective),
-        speed=float(speed.max()),
-        speed_ratio=float(speed.max()) / (np.nan if bounds.speed is None else bounds.speed),
-        speed_overshoot=_overshoot(path, found.s, speed, bounds),
+        contour_error=ErrorProfile.joined(contour_errors),
+        tracking_error=ErrorProfile.joined([x.tracking_error for x in pieces]),
+        objective_error=_of_all([x.objective_error for x in pieces]),
+        orientation_error=_of_all([x.orientation_error for x in pieces]),
+        corners=tuple(x for piece in pieces for x in piece.corners),
+        speed=fastest,
+        speed_ratio=fastest / (np.nan if bounds.speed is None else bounds.speed),
+        speed_overshoot=max(_overshoot(x, bounds) for x in pieces),
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / trajectory.duration),
         utilisation=_utilisation(executed, bounds, trajectory.duration),
         limit_ratios=_limit_ratios(executed, bounds),
         demand=executed.peak_demand,
         demand_ratio=np.maximum(lowest / low, highest / high),
         saturated=executed.saturated_time / (max(end, float(t[-1])) - float(t[0])),
+        contours=contour_errors if isinstance(path, Program) else (),
     )
 
 
-def _orientation_error(
-    executed: Execution, path: Path, t: FloatArray, s: FloatArray, end: float
-) -> ErrorProfile | None:
-    """Angle between the tool's orientation, or its axis, and the path's at the nearest place."""
-    if path.orientation is None or not isinstance(executed.arm, SerialArm):
-        return None
-    angle = angle_off(path.orientation, s, executed.arm.pose(executed.q)[1])
-    return ErrorProfile.over_time(t, angle, s, end)
+def _of_all(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
+    found = [x for x in profiles if x is not None]
+    return ErrorProfile.joined(found) if found else None
 
 
-def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:
-    """1 where the tool is to the left of the path, -1 to its right; None in space."""
-    if path.dimension != 2:
-        return None
-    # At a corner the two sides' tangents decide together.
-    tangent = path(s, 1, side="left") + path(s, 1)
-    offset = tool - path(s)
-    return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)
-
-
-def _overshoot(path: Path, s: FloatArray, speed: FloatArray, limits: Limits) -> float:
+def _overshoot(piece: Piece, limits: Limits) -> float:
     """Largest excess of the tool speed over the assigned velocity at the nearest place."""
+    path, s = piece.path, piece.found.s
     assigned = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
     # Next to a joint between segments the faster one's velocity is not exceeded yet.
     here = np.fmax(assigned[path.locate(s)], assigned[path.locate(s, side="left")])
-    return max(0.0, float(np.nanmax(speed - np.where(np.isnan(here), np.inf, here))))
+    return max(0.0, float(np.nanmax(piece.speed - np.where(np.isnan(here), np.inf, here))))
 
 
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
@@ -211,13 +194,19 @@ def _torque(executed: Execution) -> FloatArray | None:
 
 
 def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
-    """Largest share of every limit that the planned motion takes."""
+    """Largest share of every limit that the planned motion takes; a rapid has none of the tool."""
     trajectory = executed.taught.trajectory
-    points = max(FINER, FEWEST_PLACES // len(trajectory.breaks))
-    found = check(trajectory, executed.arm, limits, points=points)
+    free = limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
+    judged: list[tuple[Trajectory, Limits]] = [
+        (x.trajectory, limits if x.kind == "contour" else free)
+        for x in trajectory.spans
+        if x.trajectory is not None
+    ]
     ratios: dict[str, float] = {}
-    for use in found.uses:
-        if use.name not in Limits.__dataclass_fields__:
-            continue  # steps at breaks are no limits
-        ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
+    for law, bounds in judged or [(trajectory, limits)]:
+        points = max(FINER, FEWEST_PLACES // len(law.breaks))
+        for use in check(law, executed.arm, bounds, points=points).uses:
+            if use.name not in Limits.__dataclass_fields__:
+                continue  # steps at breaks are no limits
+            ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
     return ratios

@@ -88,6 +88,18 @@ class RoundedPath(Path):
     objective: Path
     corners: Corners
 
+    def place(self, s: npt.ArrayLike) -> FloatArray:
+        """Where places of the objective path lie on this one [m]: on an arc, by their share."""
+        c = self.corners
+        at = self.objective.breaks[c.joint]
+        before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])
+        after = np.concatenate([[0.0], np.stack([c.start, c.end], axis=1).ravel()])
+        ends = self.objective.length, self.length
+        places = np.interp(
+            np.asarray(s, dtype=np.float64), np.append(before, ends[0]), np.append(after, ends[1])
+        )
+        return np.asarray(places)
+
 
 def round_corners(
     path: Path,

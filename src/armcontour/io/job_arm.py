@@ -40,9 +40,9 @@ def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
     if model.joint_limits is not None:
         options["joint_limits"] = folder / model.joint_limits
     if model.tool is not None:
-        options["tool"] = _frame("arm.tool", model.tool)
+        options["tool"] = frame_of("arm.tool", model.tool)
     if model.work is not None:
-        options["work"] = _frame("arm.work", model.work)
+        options["work"] = frame_of("arm.work", model.work)
     if model.payload is not None:
         options["payload"] = _payload(model.payload)
     if model.file is not None and not model.file.endswith(ARM_FILES):
@@ -67,7 +67,12 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     return None if model.rpy is None else from_rpy(model.rpy)
 
 
-def _frame(key: str, model: FrameModel) -> Frame:
+def frame_of(key: str, model: FrameModel) -> Frame:
+    """The frame that a file describes.
+
+    Raises:
+        InvalidInput: Two rotations, or a quaternion that is none.
+    """
     turned = rotation_of(key, model)
     return Frame(
         position=np.array(model.position or [0.0, 0.0, 0.0]),

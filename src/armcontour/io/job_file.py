@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -27,13 +27,15 @@ from armcontour.io.job_model import (
     given,
     given_limits,
 )
-from armcontour.io.job_path import path_of
+from armcontour.io.job_path import Reading, path_of
+from armcontour.io.job_process import with_process
 from armcontour.io.problems import first_problem
 from armcontour.io.units import parse
 from armcontour.servo import ServoModel
 from armcontour.study import Experiment, Goal, Job, Published, Rounding, Run
 from armcontour.study.robustness import Box
 
+Changes = Callable[[dict[str, Any]], dict[str, Any]]
 # Which method takes which option.
 TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
 COMPENSATION_OPTIONS = {"poles": "pole_placement"}
@@ -45,29 +47,50 @@ PUBLISHED_UNITS = {
 }
 
 
-def read_job(file: str | FilePath) -> Job:
+def read_job(file: str | FilePath, *, reading: Reading | None = None) -> Job:
     """The job in a YAML file.
+
+    Args:
+        file: The file.
+        reading: Called with the share that is read of the drawing it names.
 
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
             that do not make a job; one sentence that names the key.
     """
     place = FilePath(file)
+    return parse_job(job_text(place), source=place.name, folder=place.parent, reading=reading)
+
+
+def job_text(file: FilePath) -> str:
+    """The text of a job file.
+
+    Raises:
+        InvalidInput: No such file, or not text.
+    """
     try:
-        text = place.read_text(encoding="utf-8")
+        return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InvalidInput(f"Cannot read the job file {place}: {reason}.") from None
-    return parse_job(text, source=place.name, folder=place.parent)
+        raise InvalidInput(f"Cannot read the job file {file}: {reason}.") from None
 
 
-def parse_job(text: str, *, source: str = "job", folder: FilePath | None = None) -> Job:
+def parse_job(
+    text: str,
+    *,
+    source: str = "job",
+    folder: FilePath | None = None,
+    changes: Changes | None = None,
+    reading: Reading | None = None,
+) -> Job:
     """The job in YAML text.
 
     Args:
         text: The text.
         source: What to call it in errors.
-        folder: Where a relative arm file is looked for.
+        folder: Where relative files are looked for.
+        changes: Applied to the data before it is looked at, such as what a command line overrides.
+        reading: As in `read_job`.
 
     Raises:
         InvalidInput: As in `read_job`.
@@ -77,12 +100,14 @@ def parse_job(text: str, *, source: str = "job", folder: FilePath | None = None)
         raise InvalidInput(
             f"{source} must hold a mapping of keys such as name, arm, path and runs."
         )
+    if changes is not None:
+        data = changes(data)
     try:
         model = JobModel.model_validate(data)
     except ValidationError as error:
         raise InvalidInput(f"{source}: {first_problem(error, JobModel)}") from None
     try:
-        return _job(model, folder or FilePath())
+        return _job(model, folder or FilePath(), reading)
     except InvalidInput as error:
         raise InvalidInput(f"{source}: {error}") from None
 
@@ -93,8 +118,11 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _job(model: JobModel, folder: FilePath) -> Job:
+def _job(model: JobModel, folder: FilePath, reading: Reading | None) -> Job:
     arm = arm_of(model.arm, folder)
+    path, process = with_process(
+        path_of(model.path, folder, arm.dimension, reading), model.process, model.path
+    )
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
         _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
@@ -103,7 +131,8 @@ def _job(model: JobModel, folder: FilePath) -> Job:
         name=model.name,
         title=model.title or model.name,
         arm=arm,
-        path=path_of(model.path),
+        path=path,
+        process=process,
         branch=model.branch,
         start=None if model.start is None else np.array(model.start),
         servo=servo,
@@ -148,6 +177,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     method = options.pop("method")
     _refuse_options(f"runs.{name}", model)
     period = job.command_interval if model.command_interval is None else model.command_interval
+    reserve = options.pop("reserve")
     if method == "mac":
         options["period"] = period
     return Run(
@@ -162,6 +192,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             {} if model.compensation.poles is None else {"poles": model.compensation.poles}
         ),
         until=model.until,
+        reserve=reserve,
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
         experiment=_experiment(name, job.experiment),
     )

@@ -27,6 +27,7 @@ from armcontour.io.units import (
     Ratio,
     Speed,
     Torque,
+    quantity,
 )
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -133,15 +134,100 @@ class OrientationModel(RotationModel):
     )
 
 
+class LayerModel(Model):
+    """What contours on a layer are run with, where the drawing itself says nothing."""
+
+    speed: Speed | None = Field(default=None, description="assigned velocity")
+    tolerance: Distance | None = Field(default=None, description="largest corner error")
+
+
 class PathModel(Model):
-    """One of `points` of a polyline, `start` and `segments`, and `spline`."""
+    """One of `points` of a polyline, `start` and `segments`, `spline`, and a `file`.
+
+    What stands behind `file` here says how that is read.
+    """
 
     points: list[Point] | None = None
     start: Point | None = None
     segments: list[SegmentModel] | None = None
     spline: SplineModel | None = None
+    file: str | None = Field(
+        default=None,
+        description="a drawing (.dxf, .svg), G-code (.ngc, ...), or waypoints (.csv, "
+        ".parquet); it is looked for beside the job",
+    )
+    units: str | None = Field(
+        default=None, description="unit of the file's lengths, such as mm, where it does not say"
+    )
+    scale: Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)] = 1.0
+    frame: FrameModel | None = Field(default=None, description="where the drawing lies")
+    layers: list[str] | dict[str, LayerModel] | None = Field(
+        default=None, description="only contours on these; or what those on them are run with"
+    )
+    names: list[str] | None = Field(default=None, description="only contours with these names")
+    flat: StrictBool = Field(default=False, description="leave z out")
+    chord_tolerance: Distance = Field(
+        default=1e-5, description="largest distance between a curve and the arcs it becomes"
+    )
+    join_tolerance: Distance = Field(
+        default=1e-5, description="ends nearer than this are one point"
+    )
+    unknown: Literal["refuse", "skip"] = "refuse"
     orientation: OrientationModel | list[OrientationModel] | None = Field(
-        default=None, description="in space: once for the whole path, or one per waypoint"
+        default=None,
+        description="in space: once for the whole path, or one per waypoint; of a file, in the "
+        "coordinates of the drawing",
+    )
+
+
+class LeadModel(Model):
+    """A piece of path along which the tool is off."""
+
+    length: Annotated[Literal["auto"] | Distance, Field(union_mode="left_to_right")] = Field(
+        default="auto", description="as long as the arm needs for the assigned velocity"
+    )
+    shape: Literal["line", "arc"] = "line"
+    side: Literal["left", "right"] = Field(default="left", description="of an arc")
+
+
+class SwitchModel(Model):
+    """Events that turn the process on where a contour begins, and off where it ends."""
+
+    name: str = "tool"
+    on_lead: Duration = Field(default=0.0, description="on so much earlier")
+    off_lead: Duration = Field(default=0.0, description="off so much earlier")
+
+
+class EventModel(Model):
+    """Something that is switched at a place of every contour."""
+
+    name: Annotated[str, Field(min_length=1)]
+    value: StrictBool | Number | str = True
+    at: Distance = 0.0
+    lead_time: Annotated[float, *quantity("s", "20 ms")] = 0.0
+    lead_distance: Length = 0.0
+
+
+class ProcessModel(Model):
+    """What is added to contours."""
+
+    begin: Annotated[
+        Literal["auto", "drawn"] | Distance | Point, Field(union_mode="left_to_right")
+    ] = Field(
+        default="auto",
+        description="where closed contours begin: off a corner, as drawn, at an arc length, or at "
+        "the place nearest to a point",
+    )
+    overlap: Distance = Field(default=0.0, description="of closed contours")
+    lead_in: LeadModel | None = None
+    lead_out: LeadModel | None = None
+    approach: Distance = Field(default=0.0, description="straight down from so high")
+    retract: Distance = Field(default=0.0, description="straight up so high")
+    switch: SwitchModel | None = None
+    events: list[EventModel] = []
+    order: Literal["drawn", "nearest"] = "drawn"
+    from_s: Distance = Field(
+        default=0.0, description="where to resume: arc length of all contours together"
     )
 
 
@@ -217,6 +303,9 @@ class TimingModel(Model):
     )
     intervals: Annotated[StrictInt, Field(ge=2)] | None = Field(
         default=None, description="optimal: intervals of the grid, about"
+    )
+    reserve: Ratio = Field(
+        default=0.0, description="share of joint acceleration and torque left to the servo"
     )
 
 
@@ -310,6 +399,9 @@ class JobModel(Model):
         default=None, description="joint positions near to those to start in, of an arm in space"
     )
     path: PathModel
+    process: ProcessModel | None = Field(
+        default=None, description="what is added to contours: leads, overlaps, events"
+    )
     limits: LimitsModel = LimitsModel()
     ignore_jerk: StrictBool = Field(default=False, description="plan in spite of limits of jerk")
     corners: CornersModel | Literal["sharp"] = "sharp"

@@ -2,24 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.io.job_arm import rotation_of
+from armcontour.geometry.cutting import in_space
+from armcontour.io.drawings.door import read_path
+from armcontour.io.job_arm import frame_of, rotation_of
 from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
 from armcontour.io.problems import place
+from armcontour.program import Program
 
+# What says how a file is read.
+ONLY_OF_FILES = frozenset(
+    {
+        "units",
+        "scale",
+        "frame",
+        "layers",
+        "names",
+        "flat",
+        "chord_tolerance",
+        "join_tolerance",
+        "unknown",
+    }
+)
+Reading = Callable[[float], None]
 WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
-def path_of(model: PathModel) -> Path:
-    """The objective path of a job, with the tool's orientation if it has one.
+def path_of(
+    model: PathModel, folder: FilePath, dimension: int, progress: Reading | None = None
+) -> Path | Program:
+    """The objective path of a job, or its program, with the tool's orientation if it has one.
+
+    Args:
+        model: What the job says.
+        folder: Where files are looked for.
+        dimension: In which the arm moves its tool: drawings are put in space for 3.
+        progress: Called with the share of a file that is read.
 
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
     """
+    if model.file is not None:
+        return _drawn(model, model.file, folder, dimension, progress)
+    for name in ONLY_OF_FILES & model.model_fields_set:
+        raise InvalidInput(f"path.{name} says how a file is read: it goes with path.file.")
     path = _positions(model)
     if model.orientation is None:
         return path
@@ -32,10 +66,51 @@ def path_of(model: PathModel) -> Path:
     return _at_waypoints(path, model.orientation)
 
 
+def _drawn(
+    model: PathModel, file: str, folder: FilePath, dimension: int, progress: Reading | None
+) -> Program:
+    """The program in a file, where it is to lie."""
+    if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
+        raise InvalidInput("path takes either a file, or points, start and segments, or spline.")
+    program = read_path(
+        folder / file,
+        units=model.units,
+        scale=model.scale,
+        layers=model.layers,
+        names=model.names,
+        flat=model.flat,
+        chord_tolerance=model.chord_tolerance,
+        join_tolerance=model.join_tolerance,
+        unknown=model.unknown,
+        progress=progress,
+    )
+    frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)
+    if dimension == 2:
+        if program.dimension == 3:
+            raise InvalidInput(
+                f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
+                "leave z out with path.flat: true, or take an arm in space."
+            )
+        if model.orientation is not None:
+            raise InvalidInput("path.orientation: a tool is oriented by an arm in space only.")
+        return program.placed(frame)
+    program = program.mapped(in_space)
+    if model.orientation is not None:
+        how = model.orientation
+        if not isinstance(how, OrientationModel):
+            raise InvalidInput("path.orientation of a file is one for all of it, not a list.")
+        if any(x.path.orientation is not None for x in program.contours):
+            raise InvalidInput(
+                f"path.orientation: {program.source} says itself how the tool is held."
+            )
+        program = program.mapped(lambda path: _held(path, how))
+    return program.placed(frame)
+
+
 def _positions(model: PathModel) -> Path:
     kinds = (model.points, model.segments, model.spline)
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
-        raise InvalidInput("path takes either points, or start and segments, or spline.")
+        raise InvalidInput("path takes either points, or start and segments, or spline, or a file.")
     if model.points is not None:
         return Path.polyline(_points("path", model.points))
     if model.spline is not None:

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path as FilePath
 
 from armcontour.errors import InvalidInput
@@ -56,13 +57,23 @@ class ResultFolder:
 
     def write(self, name: str, text: str) -> None:
         """Write one file, by its name relative to the folder."""
+        self.place(name, lambda file: file.write_text(text, encoding="utf-8"))
+
+    def place(self, name: str, write: Callable[[FilePath], object]) -> None:
+        """Have one file written, or a folder of files.
+
+        Args:
+            name: Relative to the folder.
+            write: Called with where to write it.
+        """
         file = self._temporary / name
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
+            write(file)
         except OSError as error:
             raise InvalidInput(f"Cannot write {self.folder / name}: {error.strerror}.") from None
-        self.files.append(name)
+        inside = sorted(x for x in file.rglob("*") if x.is_file()) if file.is_dir() else [file]
+        self.files += [x.relative_to(self._temporary).as_posix() for x in inside]
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from collections.abc import Sequence
@@ -14,7 +13,8 @@ from armcontour._checks import FloatArray
 from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.evaluation import ErrorProfile, Evaluation
-from armcontour.geometry import RoundedPath
+from armcontour.geometry import Path, RoundedPath
+from armcontour.io.exports.text import csv_text
 from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.study import ExperimentResult, RunResult, Study
 from armcontour.study.quantities import (
@@ -43,6 +43,8 @@ UNITS = {
     "assigned_time": "share of time",
     "period": "s",
     "t": "s",
+    "due": "s",
+    "work": "s",
     "s": "m",
     "start": "rad",
     "turn": "rad",
@@ -125,10 +127,7 @@ def torque_csv(trajectory: Trajectory, arm: Arm, period: float) -> str:
 
 
 def _csv(names: Sequence[str], columns: Sequence[FloatArray]) -> str:
-    text = io.StringIO()
-    text.write(",".join(["t [s]", *names]) + "\n")
-    np.savetxt(text, np.column_stack(columns), fmt="%.12f", delimiter=",")
-    return text.getvalue()
+    return csv_text(["t [s]", *names], columns)
 
 
 def run_summary(result: RunResult) -> dict[str, Any]:
@@ -155,8 +154,9 @@ def run_summary(result: RunResult) -> dict[str, Any]:
             }
             for x in result.trajectory.stretches
         ],
-        "merged_points": path.merged,
+        "merged_points": path.merged if isinstance(path, Path) else (),
         "warnings": result.warnings,
+        **_moves(result),
     }
     torques = planned_torques(result)
     if torques is not None:
@@ -203,6 +203,33 @@ def run_summary(result: RunResult) -> dict[str, Any]:
             for i in range(len(c))
         ]
     return found
+
+
+def _moves(result: RunResult) -> dict[str, Any]:
+    """What a program adds: its moves with their times, and its events."""
+    if isinstance(result.path, Path):
+        return {}
+    contours = iter(zip(result.path.contours, result.evaluation.contours, strict=True))
+    moves = []
+    for x in result.trajectory.spans:
+        move: dict[str, Any] = {"kind": x.kind, "t": x.t, "s": x.s}
+        if x.kind == "contour":
+            contour, error = next(contours)
+            move |= {
+                "name": contour.name,
+                "layer": contour.layer,
+                "closed": contour.closed,
+                "work": x.work,
+                "contour_error": _error(error),
+            }
+        moves.append(move)
+    return {
+        "moves": moves,
+        "events": [
+            {"name": x.name, "value": x.value, "t": x.t, "due": x.due, "s": x.s, "point": x.point}
+            for x in result.trajectory.events
+        ],
+    }
 
 
 def _judged(e: Evaluation) -> dict[str, Any]:

@@ -17,6 +17,8 @@ from armcontour.errors import InvalidInput
 from armcontour.io.units import parse
 
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
+# Columns that are passed over.
+BESIDE = ("events",)
 KINDS = {"t": "t", "time": "t", "q": "q", "joint": "q", "dq": "dq", "ddq": "ddq"}
 _NAME = re.compile(
     r"(?P<kind>time|t|joint|ddq|dq|q)[ _]?(?P<joint>\d+)?"
@@ -106,6 +108,11 @@ def parse_trajectory(
     names, *rows = (
         [x.strip() for x in row] for row in csv.reader((x for _, x in lines), delimiter=separator)
     )
+    # What is switched on the way says nothing about joints.
+    kept = [i for i, name in enumerate(names) if name.lower() not in BESIDE]
+    if len(kept) < len(names):
+        rows = [[row[i] for i in kept] if len(row) == len(names) else row for row in rows]
+        names = [names[i] for i in kept]
     columns = _columns(names, joint_names, f"{source}, line {lines[0][0]}")
     numbers = [number for number, _ in lines[1:]]
     values = _values(rows, names, numbers, source)

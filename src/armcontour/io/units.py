@@ -113,7 +113,8 @@ def share(value: Any) -> float:
     return parse(value, "1")
 
 
-def _quantity(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+def quantity(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    """What makes a field of a model a quantity in a unit, either way of zero."""
     return _read(lambda value: parse(value, unit), unit, example, {})
 
 
@@ -158,11 +159,11 @@ def _read(
     return BeforeValidator(read), WithJsonSchema(schema)
 
 
-Length = Annotated[float, *_quantity("m", "5 mm")]
+Length = Annotated[float, *quantity("m", "5 mm")]
 Distance = Annotated[float, *_not_negative("m", "5 mm")]
 Speed = Annotated[float, *_positive("m/s", "0.15 m/s")]
 Acceleration = Annotated[float, *_positive("m/s^2", "0.09 m/s^2")]
-Angle = Annotated[float, *_quantity("rad", "90 deg")]
+Angle = Annotated[float, *quantity("rad", "90 deg")]
 AngularDistance = Annotated[float, *_not_negative("rad", "2 deg")]
 JointVelocity = Annotated[float, *_positive("rad/s", "1.5 rad/s")]
 JointAcceleration = Annotated[float, *_positive("rad/s^2", "0.72 rad/s^2")]
@@ -174,8 +175,8 @@ Torque = Annotated[float, *_positive("N m", "150 N m")]
 JointJerk = Annotated[float, *_positive("rad/s^3", "4000 rad/s^3")]
 AngularSpeed = Annotated[float, *_positive("rad/s", "90 deg/s")]
 AngularAcceleration = Annotated[float, *_positive("rad/s^2", "720 deg/s^2")]
-Mass = Annotated[float, *_quantity("kg", "2 kg")]
-Inertia = Annotated[float, *_quantity("kg m^2", "0.002 kg m^2")]
+Mass = Annotated[float, *quantity("kg", "2 kg")]
+Inertia = Annotated[float, *quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[
     float,
     BeforeValidator(share),

@@ -48,6 +48,7 @@ class Span:
         name: Of its contour; may be empty.
         t: Start and end [s].
         s: Start and end along the contours of the program, one behind the other [m].
+        work: Of a contour: from when to when the process is at work [s].
         trajectory: Its own, from 0; None where the tool stands still.
     """
 
@@ -56,6 +57,7 @@ class Span:
     t: tuple[float, float]
     name: str = ""
     s: tuple[float, float] = (0.0, 0.0)
+    work: tuple[float, float] | None = None
     trajectory: Trajectory | None = None
 
 
@@ -171,10 +173,13 @@ class Trajectory:
             )
         flat = np.clip(at.ravel(), 0, self.duration)
         which = self._law(flat, side)
+        # Times of one law stand together once they are sorted by it.
+        order_of = np.argsort(which, kind="stable")
+        edges = np.flatnonzero(np.diff(which[order_of])) + 1
         result: FloatArray | None = None
-        for k in np.unique(which):
+        for of in np.split(order_of, edges) if len(flat) else ():
+            k = int(which[of[0]])
             law = self.laws[k]
-            of = which == k
             local = np.clip(flat[of] - self.starts[k], 0, law.breaks[-1])
             where = np.searchsorted(law.breaks, local, side=_checks.side(side))
             values = law.on_interval(np.clip(where - 1, 0, len(law.breaks) - 2), local, order)

@@ -1,5 +1,21 @@
 """Programs: several contours in order, and what comes between them."""
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
+from armcontour.program.preparing import prepared
+from armcontour.program.process import Lead, Leads, Process, Switch
+from armcontour.program.rounding import round_corners
 
-__all__ = ["Contour", "Dwell", "Event", "Move", "Program", "Rapid"]
+__all__ = [
+    "Contour",
+    "Dwell",
+    "Event",
+    "Lead",
+    "Leads",
+    "Move",
+    "Process",
+    "Program",
+    "Rapid",
+    "Switch",
+    "prepared",
+    "round_corners",
+]

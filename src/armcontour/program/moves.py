@@ -54,6 +54,8 @@ class Contour:
         name: What it is called in its source, such as an id or a line number.
         layer: Layer of the drawing that it is on.
         events: What is switched along it, by their places.
+        work: Between which places the process is at work [m]; before and behind are leads. By
+            default all of it.
 
     Raises:
         InvalidInput: An event behind the end of the path.
@@ -63,6 +65,7 @@ class Contour:
     name: str = ""
     layer: str = ""
     events: tuple[Event, ...] = ()
+    work: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for x in self.events:
@@ -182,7 +185,8 @@ class Program:
                 events = tuple(
                     dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
                 )
-                moves.append(dataclasses.replace(x, path=path, events=events))
+                work = None if x.work is None else (x.work[0] * factor, x.work[1] * factor)
+                moves.append(dataclasses.replace(x, path=path, events=events, work=work))
             elif isinstance(x, Rapid) and x.path is not None:
                 moves.append(Rapid(path=change(x.path)))
             else:

@@ -37,7 +37,7 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
 
 
 def thinned(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
-    """Times and curves with at most about `most` points, every peak kept.
+    """Times and curves with at most about `most` points, every peak and every gap (NaN) kept.
 
     Args:
         t: (n,).
@@ -51,10 +51,14 @@ def thinned(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list
     size = int(np.ceil(n / bins))
     kept = {0, n - 1}
     for curve in curves:
-        padded = np.append(curve, np.full(-n % size, curve[-1])).reshape(-1, size)
-        first = np.arange(len(padded)) * size
-        kept |= set(np.minimum(first + padded.argmin(axis=1), n - 1).tolist())
-        kept |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
+        gaps = np.isnan(curve)
+        kept |= set(np.flatnonzero(gaps).tolist())
+        for sign in (1, -1):
+            # A gap is no peak.
+            peaks = np.where(gaps, -np.inf, sign * curve)
+            padded = np.append(peaks, np.full(-n % size, -np.inf)).reshape(-1, size)
+            first = np.arange(len(padded)) * size
+            kept |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
     order = np.array(sorted(kept))
     return [t[order], *(x[order] for x in curves)]
 

@@ -181,6 +181,7 @@ class Certificate:
         """The certified plan as the result of its run."""
         return RunResult(
             run=self.run,
+            objective=self.job.single_path,
             path=self.path,
             joint_path=self.joint_path,
             trajectory=self.trajectory,
@@ -334,13 +335,17 @@ class _Certifying:
         job, this, setting, trial = self.job, found.this, found.setting, found.kept.trial
         execution = execute(trial.taught, setting.plant(), resolution=RESOLUTION)
         result = evaluate(
-            execution, setting.path, objective=job.path, limits=setting.limits, until=this.until
+            execution,
+            setting.path,
+            objective=job.single_path,
+            limits=setting.limits,
+            until=this.until,
         )
         experiment, failure = None, None
         if this.experiment is not None:
             self.progress("experiment")
             try:
-                experiment = on_bodies(job, this, trial.taught, setting.path)
+                experiment = on_bodies(job, this, trial.taught, setting.path, job.single_path)
             except ExecutionError as error:
                 failure = error
         return Certificate(

@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
+from armcontour.program import Process, Program
 from armcontour.servo import ServoModel
 from armcontour.study.goal import Goal
 
@@ -59,6 +60,7 @@ class Run:
         compensation_options: Options of the compensation method.
         until: End of the time that errors cover [s]; None is until the tool rests.
         ignore_jerk: Plan in spite of limits of jerk.
+        reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         experiment: How it is executed on the arm's rigid bodies too; None leaves that out.
     """
 
@@ -72,6 +74,7 @@ class Run:
     compensation_options: Mapping[str, Any] = field(default_factory=dict)
     until: float | None = None
     ignore_jerk: bool = False
+    reserve: float = 0.0
     experiment: Experiment | None = None
 
 
@@ -103,7 +106,8 @@ class Job:
         name: Short name.
         title: For people.
         arm: The arm.
-        path: The objective path.
+        path: The objective path, or a program of several.
+        process: What is added to the contours of a program, such as leads.
         branch: Branch of the inverse kinematics of an arm in the plane; None is its first.
         start: For an arm in space: joint positions near to those to start in [rad], (dof,); None
             is the configuration that is fastest along the path.
@@ -120,12 +124,13 @@ class Job:
     name: str
     title: str
     arm: Arm
-    path: Path
+    path: Path | Program
     servo: ServoModel
     plant_servo: ServoModel
     runs: tuple[Run, ...]
     branch: str | None = None
     start: FloatArray | None = None
+    process: Process = field(default_factory=Process)
     published: Published | None = None
     certificate: Goal | None = None
 
@@ -136,3 +141,18 @@ class Job:
         if self.start is not None:
             start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
             object.__setattr__(self, "start", _checks.locked(start))
+
+    @property
+    def single_path(self) -> Path:
+        """The objective path of a job that has one.
+
+        Raises:
+            InvalidInput: It has a program.
+        """
+        if isinstance(self.path, Path):
+            return self.path
+        raise InvalidInput(
+            f"The job {self.name} is a program of {len(self.path.contours)} "
+            f"contour{'s' if len(self.path.contours) != 1 else ''} with what belongs to it: "
+            "certify, sweep and check --path take a job of a single path, without leads or events."
+        )

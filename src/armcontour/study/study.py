@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,16 @@ from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.program import Program
 from armcontour.study.job import Job, Run
+from armcontour.study.programs import planned, program_of, slow_ends
 from armcontour.timing import (
     Explanation,
     explain,
     plan,
     refuse_jerk,
     trace_fastest,
+    with_reserve,
 )
 
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
@@ -55,8 +59,9 @@ class RunResult:
 
     Args:
         run: The run.
-        path: The path that the tool was to follow: rounded, or the objective path itself.
-        joint_path: The same in joint space.
+        objective: The objective path, or the program before its corners were rounded.
+        path: What the tool was to follow: the same with its corners rounded, if they were.
+        joint_path: The same in joint space; None for a program, whose moves have their own.
         trajectory: The realizable trajectory.
         explanation: Which limit binds where, for a plan of the method "optimal".
         taught: The taught data.
@@ -68,8 +73,9 @@ class RunResult:
     """
 
     run: Run
-    path: Path
-    joint_path: JointPath
+    objective: Path | Program
+    path: Path | Program
+    joint_path: JointPath | None
     trajectory: Trajectory
     explanation: Explanation | None
     taught: TaughtData
@@ -82,12 +88,15 @@ class RunResult:
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what makes these results less than they look."""
         period, duration = self.run.period, self.trajectory.duration
-        if period <= COARSE * duration:
-            return ()
-        return (
-            f"Run {self.run.name}: the command interval of {period:g} s is more than a tenth of "
-            f"the motion of {duration:.3g} s, so set-points hardly say what was planned.",
-        )
+        found = []
+        if period > COARSE * duration:
+            found.append(
+                f"the command interval of {period:g} s is more than a tenth of the motion of "
+                f"{duration:.3g} s, so set-points hardly say what was planned."
+            )
+        if isinstance(self.path, Program):
+            found += [*self.path.notes, *slow_ends(self.path, self.trajectory, self.run)]
+        return tuple(f"Run {self.run.name}: {x}" for x in found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +107,12 @@ class Study:
     runs: Mapping[str, RunResult]
 
 
-def run(job: Job, *, progress: Progress | None = None) -> Study:
+def run(
+    job: Job,
+    *,
+    progress: Progress | None = None,
+    done: Callable[[float], None] | None = None,
+) -> Study:
     """Do a job: every run from the objective path to its evaluation.
 
     An experiment whose joints do not come to rest is the `failure` of its run, and no error.
@@ -106,14 +120,17 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     Args:
         job: The job.
         progress: Called with the run's name and the step before each step.
+        done: Called with the share of a step that is done, where the step can tell: planning of a
+            program does.
 
     Raises:
         ArmContourError: The first run that fails says why.
     """
     results: dict[str, RunResult] = {}
+    telling = progress or (lambda run, step: None)
     for x in job.runs:
         with _named(f"Run {x.name}"):
-            results[x.name] = _run(job, x, progress or (lambda run, step: None), results.values())
+            results[x.name] = _run(job, x, telling, done, results.values())
     return Study(job=job, runs=MappingProxyType(results))
 
 
@@ -124,39 +141,43 @@ def steps_of(this: Run) -> tuple[str, ...]:
 
 def path_of(job: Job, this: Run) -> Path:
     """The path that the tool is to follow in one run: with its corners rounded, if they are."""
+    rounding = rounding_of(this)
+    path = job.single_path
+    return path if rounding is None else round_corners(path, **rounding)
+
+
+def rounding_of(this: Run) -> dict[str, Any] | None:
+    """The arguments of `round_corners` for a run; None if it keeps its corners."""
     if this.rounding is None:
-        return job.path
+        return None
     acceleration = this.rounding.acceleration
     if acceleration is None:
         acceleration = this.limits.centripetal_acceleration
-    return round_corners(
-        job.path,
-        tolerance=this.rounding.tolerance,
-        speed=this.rounding.speed,
-        acceleration=acceleration,
-        angular_tolerance=this.rounding.angular_tolerance,
-    )
+    return {
+        "tolerance": this.rounding.tolerance,
+        "speed": this.rounding.speed,
+        "acceleration": acceleration,
+        "angular_tolerance": this.rounding.angular_tolerance,
+    }
 
 
-def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
-    progress(this.name, "rounding")
-    # Runs that differ in what comes behind tracing share what is before: with joints to spare
-    # tracing takes seconds.
-    same = next((x for x in earlier if traced_alike(x.run, this)), None)
-    path = path_of(job, this) if same is None else same.path
+def _run(
+    job: Job,
+    this: Run,
+    progress: Progress,
+    done: Callable[[float], None] | None,
+    earlier: Iterable[RunResult],
+) -> RunResult:
     # Before tracing, which can take seconds.
     refuse_jerk(this.limits, this.ignore_jerk)
-    progress(this.name, "tracing")
-    joint_path = traced(job, this, path) if same is None else same.joint_path
-    progress(this.name, "timing")
-    trajectory = plan(
-        joint_path,
-        job.arm,
-        this.limits,
-        method=this.timing,
-        ignore_jerk=this.ignore_jerk,
-        **this.timing_options,
-    )
+    objective: Path | Program
+    path: Path | Program
+    joint_path: JointPath | None = None
+    if isinstance(job.path, Program):
+        objective, path, trajectory = _planned_program(job, this, progress, done)
+    else:
+        objective = job.path
+        path, joint_path, trajectory = _planned_path(job, this, progress, earlier)
     progress(this.name, "compensation")
     taught = compensate(
         trajectory,
@@ -168,22 +189,25 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
     progress(this.name, "execution")
     executed = execute(taught, ServoPlant(job.arm, job.plant_servo, this.limits))
     progress(this.name, "evaluation")
-    evaluation = evaluate(executed, path, objective=job.path, limits=this.limits, until=this.until)
+    evaluation = evaluate(executed, path, objective=objective, limits=this.limits, until=this.until)
     experiment, failure = None, None
     if this.experiment is not None:
         progress(this.name, EXPERIMENT)
         try:
             with _named("experiment"):
-                experiment = on_bodies(job, this, taught, path)
+                experiment = on_bodies(job, this, taught, path, objective)
         except ExecutionError as error:
             failure = error
     return RunResult(
         run=this,
+        objective=objective,
         path=path,
         joint_path=joint_path,
         trajectory=trajectory,
         explanation=(
-            explain(trajectory, job.arm, this.limits) if trajectory.method == "optimal" else None
+            explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
+            if trajectory.method == "optimal"
+            else None
         ),
         taught=taught,
         execution=executed,
@@ -191,6 +215,45 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         experiment=experiment,
         failure=failure,
     )
+
+
+def _planned_path(
+    job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]
+) -> tuple[Path, JointPath, Trajectory]:
+    """The rounded path of a run, its joint path and its plan."""
+    progress(this.name, "rounding")
+    # Runs that differ in what comes behind tracing share what is before: with joints to spare
+    # tracing takes seconds.
+    known = [(x.path, x.joint_path) for x in earlier if traced_alike(x.run, this)]
+    path, joint_path = next(((a, b) for a, b in known if isinstance(a, Path)), (None, None))
+    if path is None:
+        path = path_of(job, this)
+    progress(this.name, "tracing")
+    if joint_path is None:
+        joint_path = traced(job, this, path)
+    progress(this.name, "timing")
+    trajectory = plan(
+        joint_path,
+        job.arm,
+        this.limits,
+        method=this.timing,
+        ignore_jerk=this.ignore_jerk,
+        reserve=this.reserve,
+        **this.timing_options,
+    )
+    return path, joint_path, trajectory
+
+
+def _planned_program(
+    job: Job, this: Run, progress: Progress, done: Callable[[float], None] | None
+) -> tuple[Program, Program, Trajectory]:
+    """The program of a run before and after rounding, and its plan."""
+    progress(this.name, "rounding")
+    objective, program = program_of(job, this, rounding_of(this))
+    progress(this.name, "tracing")
+    progress(this.name, "timing")
+    told = None if done is None else lambda number, count: done(number / count)
+    return objective, program, planned(job, this, program, told)
 
 
 def same_plan(first: RunResult, second: RunResult) -> bool:
@@ -216,7 +279,9 @@ def traced_alike(first: Run, second: Run) -> bool:
     )
 
 
-def on_bodies(job: Job, this: Run, taught: TaughtData, path: Path) -> ExperimentResult:
+def on_bodies(
+    job: Job, this: Run, taught: TaughtData, path: Path | Program, objective: Path | Program
+) -> ExperimentResult:
     """The same taught data on the arm's rigid bodies, by the real servo's gains."""
     assert this.experiment is not None
     options = asdict(this.experiment)
@@ -227,7 +292,7 @@ def on_bodies(job: Job, this: Run, taught: TaughtData, path: Path) -> Experiment
         plant=plant,
         execution=executed,
         evaluation=evaluate(
-            executed, path, objective=job.path, limits=this.limits, until=this.until
+            executed, path, objective=objective, limits=this.limits, until=this.until
         ),
     )
 

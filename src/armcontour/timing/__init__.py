@@ -2,7 +2,7 @@
 
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
-from armcontour.timing.planner import METHODS, plan, refuse_jerk
+from armcontour.timing.planner import METHODS, plan, refuse_jerk, with_reserve
 
 __all__ = [
     "METHODS",
@@ -13,4 +13,5 @@ __all__ = [
     "plan",
     "refuse_jerk",
     "trace_fastest",
+    "with_reserve",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ BINDS = 0.99
 REACHED = 0.999
 # The speed has turned when it has left its extreme by this share.
 FLAT = 0.01
+# What an explanation adds up over contours: lengths and times.
+SUMMED = ("asked", "reached")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,12 +111,49 @@ def explain(
     Raises:
         InvalidInput: A plan of another method.
     """
-    law = trajectory.laws[0]
-    if trajectory.method != "optimal" or not isinstance(law, PathLaw):
-        raise InvalidInput(
-            f"Only plans of the method optimal can be explained, not of {trajectory.method}."
-        )
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    planned = [(x.t[0], x.s[0], x.trajectory) for x in trajectory.spans if x.kind == "contour"]
+    laws: list[tuple[float, float, PathLaw]] = []
+    for t, s, found in planned or [(0.0, 0.0, trajectory)]:
+        law = None if found is None else found.laws[0]
+        if trajectory.method != "optimal" or not isinstance(law, PathLaw):
+            raise InvalidInput(
+                f"Only plans of the method optimal can be explained, not of {trajectory.method}."
+            )
+        laws.append((t, s, law))
+    return _together([_of_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What is said of one law; lengths and times that have an assigned velocity, and reach it."""
+
+    bindings: tuple[Binding, ...]
+    shortfalls: tuple[Shortfall, ...]
+    asked: tuple[float, float] = (0.0, 0.0)
+    reached: tuple[float, float] = (0.0, 0.0)
+
+
+def _together(parts: Sequence[_Part]) -> Explanation:
+    asked, reached = (np.sum([getattr(x, name) for x in parts], axis=0) for name in SUMMED)
+    shares = [None, None] if asked[0] == 0 else (reached / asked).tolist()
+    return Explanation(
+        bindings=tuple(x for part in parts for x in part.bindings),
+        assigned_length=shares[0],
+        assigned_time=shares[1],
+        shortfalls=tuple(x for part in parts for x in part.shortfalls),
+    )
+
+
+def _of_law(
+    law: PathLaw,
+    arm: Arm,
+    bounds: Limits,
+    constraints: Sequence[Constraint],
+    offsets: tuple[float, float],
+) -> _Part:
+    """What binds on one law, with what is added to its times and places."""
+    later, farther = offsets
     active = [*constraints_of(law.joint_path, arm, bounds), *constraints]
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
@@ -124,32 +163,32 @@ def explain(
     which = np.where(share >= BINDS, strongest, -1)
     edges = np.flatnonzero(np.diff(which)) + 1
     starts, ends = np.append(0, edges), np.append(edges, len(grid))
+    largest = np.maximum.reduceat(share, starts)
     bindings = tuple(
         Binding(
             limit="nothing" if which[i] < 0 else names[which[i]][0],
             joint=None if which[i] < 0 else names[which[i]][1],
-            t=(float(law.breaks[i]), float(law.breaks[k])),
-            s=(float(law.s[i]), float(law.s[k])),
-            share=float(share[i:k].max()),
+            t=(later + float(law.breaks[i]), later + float(law.breaks[k])),
+            s=(farther + float(law.s[i]), farther + float(law.s[k])),
+            share=float(most),
         )
-        for i, k in zip(starts, ends, strict=True)
+        for i, k, most in zip(starts, ends, largest, strict=True)
     )
     speed = [x for x in active if isinstance(x, ToolSpeed)]
     if not speed:
-        return Explanation(
-            bindings=bindings, assigned_length=None, assigned_time=None, shortfalls=()
-        )
+        return _Part(bindings, ())
     path = JointDerivatives.on(grid)
     at = speed[0].usage(grid, path, law.speeds**2, law.rates[:, 1], law.rates[:, 2])[:, 0]
     assigned = speed[0].assigned[grid.piece]
     asked = np.isfinite(assigned)
     reached = (at >= REACHED) & asked
     times = np.diff(law.breaks)
-    return Explanation(
-        bindings=bindings,
-        assigned_length=float(grid.width[reached].sum() / grid.width[asked].sum()),
-        assigned_time=float(times[reached].sum() / times[asked].sum()),
-        shortfalls=_shortfalls(law, assigned, reached | ~asked, which, names),
+    shortfalls = _shortfalls(law, assigned, reached | ~asked, which, names)
+    return _Part(
+        bindings,
+        tuple(replace(x, s=farther + x.s) for x in shortfalls),
+        (float(grid.width[asked].sum()), float(times[asked].sum())),
+        (float(grid.width[reached].sum()), float(times[reached].sum())),
     )
 
 
@@ -177,7 +216,7 @@ def _shortfalls(
     names: list[tuple[str, int | None]],
 ) -> tuple[Shortfall, ...]:
     """The turning points of the speed on every stretch below the assigned velocity, stops apart."""
-    speed = law.speeds
+    speed = law.speeds.tolist()
     result = []
     edges = np.flatnonzero(np.diff(np.concatenate([[1], reached, [1]]).astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -204,7 +243,7 @@ def _shortfalls(
     return tuple(result)
 
 
-def _turning_points(speed: FloatArray, first: int, last: int) -> list[tuple[int, int, str]]:
+def _turning_points(speed: list[float], first: int, last: int) -> list[tuple[int, int, str]]:
     """Where the speed turns by more than a hundredth: first and last point, and which way.
 
     A turn is known once the speed has left its extreme by `FLAT`; all points within `FLAT` of the
@@ -221,12 +260,12 @@ def _turning_points(speed: FloatArray, first: int, last: int) -> list[tuple[int,
         if (speed[i] > speed[extreme]) == rising:
             extreme = i
         elif abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
-            flat = np.abs(speed[first : i + 1] - speed[extreme]) <= FLAT * speed[extreme]
-            left = right = extreme - first
-            while left > 0 and flat[left - 1]:
+            near = FLAT * speed[extreme]
+            left = right = extreme
+            while left > first and abs(speed[left - 1] - speed[extreme]) <= near:
                 left -= 1
-            while right < i - first and flat[right + 1]:
+            while right < i and abs(speed[right + 1] - speed[extreme]) <= near:
                 right += 1
-            found.append((first + left, first + right, "fastest" if rising else "slowest"))
+            found.append((left, right, "fastest" if rising else "slowest"))
             rising, extreme = not rising, i
     return found

@@ -11,13 +11,17 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Trajectory
+from armcontour.program import Program
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.programs import Progress, Ways, plan_program, plan_rapid
 from armcontour.tracing import refuse_out_of_range
 
 METHODS = ("optimal", "mac", "conventional")
+# Limits of which a reserve is a share.
+RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
 OPTIONS = {
     "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
     "mac": ("knots", "period"),
@@ -26,7 +30,7 @@ OPTIONS = {
 
 
 def plan(
-    path: Path | JointPath,
+    path: Path | JointPath | Program,
     arm: Arm,
     limits: Limits | None = None,
     *,
@@ -34,12 +38,15 @@ def plan(
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
     ignore_jerk: bool = False,
+    reserve: float = 0.0,
+    progress: Progress | None = None,
     **options: Any,
 ) -> Trajectory:
     """Time a path: the realizable trajectory.
 
     Args:
-        path: A tool path, which is traced first, or a traced one.
+        path: A tool path, which is traced first, or a traced one; or a program of several, which
+            has rapids between them.
         arm: The arm.
         limits: By default the arm's own.
         method: "optimal", the fastest that keeps every limit; "mac", the paper's; or
@@ -48,6 +55,8 @@ def plan(
         start: For a tool path and an arm in space, joint positions near to those to start in [rad];
             by default the configuration that is fastest along the path.
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
+        reserve: Share of the limits of joint acceleration and torque that is left to the servo.
+        progress: For a program: called with the number of contours done, and of all.
         options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
             (see `plan_optimal`). For "mac": `knots` per line, command `period` [s].
 
@@ -57,8 +66,10 @@ def plan(
         NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
     """
     _checks.choice("method", method, METHODS)
-    if not isinstance(path, Path | JointPath):
-        raise InvalidInput(f"plan needs a Path or a JointPath, not {type(path).__name__}.")
+    if not isinstance(path, Path | JointPath | Program):
+        raise InvalidInput(
+            f"plan needs a Path, a JointPath or a Program, not {type(path).__name__}."
+        )
     # Whatever has joints will do for a joint path, so this looks for no more.
     if not hasattr(arm, "dof"):
         raise InvalidInput(
@@ -71,17 +82,50 @@ def plan(
         )
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     refuse_jerk(bounds, ignore_jerk)
-    joint_path = _joint_path(path, arm, bounds, branch, start)
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
         takes = f"the options {', '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
+    kept = with_reserve(bounds, reserve)
+
+    def timed(joint_path: JointPath) -> Trajectory:
+        return _timed(joint_path, arm, kept, method, options)
+
+    def rapid(joint_path: JointPath) -> Trajectory:
+        return plan_rapid(joint_path, arm, kept)
+
+    if isinstance(path, Program):
+        ways = Ways(arm=arm, limits=bounds, branch=branch, start=start, contour=timed, rapid=rapid)
+        return plan_program(path, ways, progress)
+    return timed(_joint_path(path, arm, bounds, branch, start))
+
+
+def with_reserve(limits: Limits, reserve: float) -> Limits:
+    """Limits of which a share of joint acceleration and torque is left over.
+
+    Raises:
+        InvalidInput: No share below 1.
+    """
+    if not 0 <= _checks.number("reserve", reserve) < 1:
+        raise InvalidInput(f"reserve must be a share from 0 to below 1, but is {reserve:g}.")
+    left = {
+        name: (1 - reserve) * value
+        for name in RESERVED
+        if (value := getattr(limits, name)) is not None
+    }
+    return limits.replace(**left) if reserve and left else limits
+
+
+def _timed(
+    joint_path: JointPath, arm: Arm, limits: Limits, method: str, options: dict[str, Any]
+) -> Trajectory:
+    """The plan of a joint path by a method."""
     if method == "optimal":
-        return plan_optimal(joint_path, arm, bounds, **options)
+        return plan_optimal(joint_path, arm, limits, **options)
     if method == "mac":
-        return plan_mac(joint_path, arm, bounds, **options)
-    return plan_conventional(joint_path, arm, bounds)
+        return plan_mac(joint_path, arm, limits, **options)
+    return plan_conventional(joint_path, arm, limits)
 
 
 def _joint_path(

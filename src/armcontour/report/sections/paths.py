@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
+from armcontour.program import Program
 from armcontour.report.section import Section, marked_run
 from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
@@ -78,13 +79,17 @@ def _times(result: RunResult) -> FloatArray:
     return np.linspace(0, result.trajectory.duration, DRAWN_PLACES)
 
 
-def drawn(path: Path) -> FloatArray:
-    """Points along a path, every joint between segments among them."""
-    return path(np.union1d(np.linspace(0, path.length, DRAWN_PLACES), path.breaks))
+def drawn(path: Path | Program) -> FloatArray:
+    """Points along a path, every joint between segments among them; gaps between contours."""
+    if isinstance(path, Path):
+        return path(np.union1d(np.linspace(0, path.length, DRAWN_PLACES), path.breaks))
+    gap = np.full((1, path.dimension), np.nan)
+    return np.concatenate([y for x in path.contours for y in (drawn(x.path), gap)])
 
 
-def _tall(path: Path) -> bool:
-    width, height = np.ptp(drawn(path), axis=0)
+def _tall(path: Path | Program) -> bool:
+    points = drawn(path)
+    width, height = np.nanmax(points, axis=0) - np.nanmin(points, axis=0)
     return bool(height > TALL * width)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.motion import Execution
+from armcontour.program import Program
 from armcontour.report.section import Section
 from armcontour.report.sections.corners import DASHES, corners, rounded_paths
 from armcontour.report.sections.paths import drawn
@@ -21,7 +22,7 @@ from armcontour.report.style import (
     run_colours,
     run_widths,
 )
-from armcontour.study import Study
+from armcontour.study import RunResult, Study
 
 # How many times larger errors can be shown.
 MAGNIFICATIONS = (1, 10, 100, 1000)
@@ -113,14 +114,28 @@ def _roomy(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return low - more, high + more
 
 
-def _error(execution: Execution, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Nearest places of the path, and the way from there to the tool, (n, 3) each [m]."""
+def _error(execution: Execution, path: Path | Program) -> tuple[FloatArray, FloatArray]:
+    """Nearest places of the path, and the way from there to the tool, (n, 3) each [m].
+
+    Between the contours of a program there is no path: the tool is drawn where it was.
+    """
     tool = execution.tool
-    found = path.project(tool)
+    nearest, distance = tool.copy(), np.zeros(len(tool))
+    for part, of in _followed(execution, path):
+        found = part.project(tool[of])
+        nearest[of], distance[of] = part(found.s), found.distance
     every = max(1, len(tool) // MOST_PLACES)
-    kept = np.union1d(np.arange(0, len(tool), every), [int(np.argmax(found.distance))])
-    nearest = path(found.s[kept])
-    return nearest, tool[kept] - nearest
+    kept = np.union1d(np.arange(0, len(tool), every), [int(np.argmax(distance))])
+    return nearest[kept], tool[kept] - nearest[kept]
+
+
+def _followed(execution: Execution, path: Path | Program) -> list[tuple[Path, slice]]:
+    """The paths that were followed, and which of the results belong to each."""
+    if isinstance(path, Path):
+        return [(path, slice(None))]
+    spans = [x for x in execution.taught.trajectory.spans if x.kind == "contour"]
+    ends = [np.searchsorted(execution.t, x.t) for x in spans]
+    return [(x.path, slice(int(a), int(b))) for x, (a, b) in zip(path.contours, ends, strict=True)]
 
 
 def _coordinates(curves: list[FloatArray]) -> dict[str, list[Any]]:
@@ -138,15 +153,25 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     arm = result.execution.arm
     if not hasattr(arm, "pose"):
         return []
-    path = result.path
-    points, axes = arm.pose(result.joint_path(np.linspace(0, path.length, STICKS)))
-    length = STICK_LENGTH * float(np.ptp(drawn(path), axis=0).max())
+    points, axes = arm.pose(_along(result))
+    outline = drawn(result.path)
+    length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
     # The tool is behind its point: its axis goes from the arm to the work.
     found = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
+    path = result.path if isinstance(result.path, Path) else result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
         ends = points + length / 2 * axes[:, :, 0]
         found.append((_separate(points, ends), "tool x axis", RUN_COLOURS[4]))
     return [(x * 1e3, name, colour) for x, name, colour in found]
+
+
+def _along(result: RunResult) -> FloatArray:
+    """Joint positions at places along the path, or at times along every contour, (n, dof)."""
+    if result.joint_path is not None and isinstance(result.path, Path):
+        return result.joint_path(np.linspace(0, result.path.length, STICKS))
+    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    each = max(2, STICKS // len(spans))
+    return result.trajectory(np.concatenate([np.linspace(*x.t, each) for x in spans]))
 
 
 def _separate(begin: FloatArray, end: FloatArray) -> FloatArray:

@@ -1,0 +1,177 @@
+"""What is judged piece by piece: a path from start to end, or every contour of a program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import SerialArm
+from armcontour.errors import InvalidInput
+from armcontour.evaluation.corners import CornerDeviation, corner_deviations
+from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.turning import angle_off
+from armcontour.geometry import Path, Projection
+from armcontour.motion import Execution, Span
+from armcontour.program import Program
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Piece:
+    """An execution along one path.
+
+    Args:
+        executed: What the joints did, for a longer time than this.
+        path: What the tool was to follow.
+        objective: The same before rounding, if it is known.
+        which: The part of the times that is meant.
+        until: Its end [s].
+        offset: What is added to arc lengths [m].
+    """
+
+    executed: Execution
+    path: Path
+    objective: Path | None
+    which: slice
+    until: float
+    offset: float = 0.0
+
+    @cached_property
+    def t(self) -> FloatArray:
+        """Times [s], (n,)."""
+        return self.executed.t[self.which]
+
+    @cached_property
+    def q(self) -> FloatArray:
+        """Joint positions [rad], (n, dof)."""
+        return self.executed.q[self.which]
+
+    @cached_property
+    def tool(self) -> FloatArray:
+        """Tool points [m], (n, dimension)."""
+        return self.executed.arm.forward(self.q)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """Tool speed [m/s], (n,)."""
+        velocity = self.executed.arm.tool_velocity(self.q, self.executed.dq[self.which])
+        return np.asarray(np.linalg.norm(velocity, axis=1))
+
+    @cached_property
+    def found(self) -> Projection:
+        """The nearest places of the path."""
+        return self.path.project(self.tool)
+
+    @property
+    def contour_error(self) -> ErrorProfile:
+        """Distance from the tool to the path."""
+        s = self.found.s
+        return self._over_time(self.found.distance, s, _side(self.path, self.tool, s))
+
+    @property
+    def tracking_error(self) -> ErrorProfile:
+        """Distance from the tool to where it should be at that time."""
+        trajectory = self.executed.taught.trajectory
+        planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
+        off = np.linalg.norm(self.tool - self.executed.arm.forward(planned), axis=1)
+        return self._over_time(off, self.found.s)
+
+    @property
+    def objective_error(self) -> ErrorProfile | None:
+        """Distance from the tool to the objective path, if it is known."""
+        if self.objective is None:
+            return None
+        found = self.objective.project(self.tool)
+        return self._over_time(found.distance, found.s)
+
+    @property
+    def orientation_error(self) -> ErrorProfile | None:
+        """Angle between the tool's orientation, or its axis, and the path's at the nearest place."""
+        arm = self.executed.arm
+        if self.path.orientation is None or not isinstance(arm, SerialArm):
+            return None
+        angle = angle_off(self.path.orientation, self.found.s, arm.pose(self.q)[1])
+        return self._over_time(angle, self.found.s)
+
+    @property
+    def corners(self) -> tuple[CornerDeviation, ...]:
+        """How the corners of the objective path were taken, if it is known."""
+        if self.objective is None:
+            return ()
+        return corner_deviations(self.tool[self.t <= self.until], self.objective)
+
+    def _over_time(
+        self, values: FloatArray, s: FloatArray, side: FloatArray | None = None
+    ) -> ErrorProfile:
+        return ErrorProfile.over_time(self.t, values, s + self.offset, self.until, side)
+
+
+def pieces_of(
+    executed: Execution, path: Path | Program, objective: Path | Program | None, until: float
+) -> list[Piece]:
+    """What is to be judged of an execution.
+
+    Args:
+        executed: The execution.
+        path: A path, or the program that was planned.
+        objective: The same before rounding, if it is known.
+        until: End of the time to judge along a path [s].
+
+    Raises:
+        InvalidInput: A program that was not planned, or an objective that does not belong to it.
+    """
+    if isinstance(path, Path) and not isinstance(objective, Program):
+        return [
+            Piece(
+                executed=executed,
+                path=path,
+                objective=objective,
+                which=slice(0, len(executed.t)),
+                until=until,
+            )
+        ]
+    spans = [x for x in executed.taught.trajectory.spans if x.kind == "contour"]
+    if not isinstance(path, Program) or len(spans) != len(path.contours):
+        raise InvalidInput(
+            f"The execution has {len(spans)} contours: evaluate it with the program that was "
+            "planned."
+        )
+    before: list[Path | None] = [None] * len(spans)
+    if objective is not None:
+        contours = objective.contours if isinstance(objective, Program) else ()
+        if len(contours) != len(spans):
+            raise InvalidInput(
+                f"The objective must be a program of {len(spans)} contours, as the planned one is."
+            )
+        before = [x.path for x in contours]
+    return [
+        _of_span(executed, span, contour.path, first)
+        for span, contour, first in zip(spans, path.contours, before, strict=True)
+    ]
+
+
+def _of_span(executed: Execution, span: Span, path: Path, objective: Path | None) -> Piece:
+    assert span.work is not None
+    begin, end = np.searchsorted(executed.t, span.work)
+    # One result at least, however short the contour is.
+    begin = min(int(begin), len(executed.t) - 2)
+    return Piece(
+        executed=executed,
+        path=path,
+        objective=objective,
+        which=slice(begin, max(int(end), begin + 2)),
+        until=span.work[1],
+        offset=span.s[0],
+    )
+
+
+def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:
+    """1 where the tool is to the left of the path, -1 to its right; None in space."""
+    if path.dimension != 2:
+        return None
+    # At a corner the two sides' tangents decide together.
+    tangent = path(s, 1, side="left") + path(s, 1)
+    offset = tool - path(s)
+    return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)

@@ -1,0 +1,104 @@
+"""The one door to the readers: a file becomes a program, by its extension."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Collection
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour import _checks
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+from armcontour.io.drawings.reading import Reading, bytes_of
+from armcontour.io.units import parse
+from armcontour.program import Program
+
+# Which module and function reads what.
+READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
+    ".dxf": ("dxf", "read_dxf", {}),
+    ".svg": ("svg", "read_svg", {}),
+    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode", {})),
+    ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
+    ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
+}
+# Those that tell how far they are.
+TELLING = ("gcode",)
+
+
+def read_path(
+    file: str | FilePath,
+    *,
+    units: str | float | None = None,
+    scale: float = 1.0,
+    frame: Frame | None = None,
+    layers: Collection[str] | None = None,
+    names: Collection[str] | None = None,
+    flat: bool = False,
+    chord_tolerance: float = 1e-5,
+    join_tolerance: float = 1e-5,
+    unknown: str = "refuse",
+    progress: Callable[[float], None] | None = None,
+) -> Program:
+    """The program in a drawing (DXF, SVG), in G-code, or in a table of waypoints (CSV, Parquet).
+
+    Lines and arcs stay what they are, other curves become tangent arcs. A program of one contour
+    gives its path as `program.path`.
+
+    Args:
+        file: The file; its extension says what it is.
+        units: Unit of its lengths, such as "mm", or how many metres it is; by default what the
+            file says. A number that the file itself gives a unit keeps that.
+        scale: Factor of all lengths.
+        frame: Where the drawing lies; a frame that lifts or tilts it makes it one in space.
+        layers: Only contours on these.
+        names: Only contours with these names: ids of elements, handles of entities, "line 12" of
+            G-code.
+        flat: Leave z out.
+        chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
+        join_tolerance: Ends nearer than this are one point [m].
+        unknown: "refuse" what the reader does not know, or "skip" it with a note.
+        progress: Called with the share that is read.
+
+    Raises:
+        InvalidInput: A file that cannot be read; names the line, the element or the row.
+    """
+    place = FilePath(file)
+    suffix = place.suffix.lower()
+    if suffix not in READERS:
+        raise InvalidInput(
+            f"{place.name} is no file that can be read as a path: its extension must be one of "
+            f"{', '.join(READERS)}."
+        )
+    reading = Reading(
+        unit=_unit(units),
+        chord_tolerance=chord_tolerance,
+        join_tolerance=join_tolerance,
+        unknown=unknown,
+    )
+    factor = _checks.positive("scale", scale)
+    module, name, options = READERS[suffix]
+    read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
+    if module in TELLING:
+        read = partial(read, progress=progress)
+    program: Program = read(bytes_of(place), source=place.name, reading=reading, **options)
+    program = program.selected(layers=layers, names=names)
+    if flat:
+        program = program.flattened()
+    if frame is None and factor == 1.0:
+        return program
+    return program.placed(Frame() if frame is None else frame, scale=factor)
+
+
+def _unit(units: str | float | None) -> float | None:
+    if units is None:
+        return None
+    if isinstance(units, str):
+        try:
+            return parse(f"1 {units}", "m")
+        except ValueError:
+            raise InvalidInput(
+                f"units must be a unit of length such as mm, not {units!r}."
+            ) from None
+    return _checks.positive("units", units, "m")

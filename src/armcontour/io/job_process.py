@@ -1,0 +1,83 @@
+"""What a job file adds to its contours."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+from armcontour.geometry import Demand, Path
+from armcontour.io.job_arm import frame_of
+from armcontour.io.job_model import EventModel, LayerModel, LeadModel, PathModel, ProcessModel
+from armcontour.program import (
+    Contour,
+    Event,
+    Lead,
+    Process,
+    Program,
+    Switch,
+    prepared,
+)
+
+
+def with_process(
+    path: Path | Program, model: ProcessModel | None, drawing: PathModel
+) -> tuple[Path | Program, Process]:
+    """The path or program of a job, and its process; a plain contour of a file is a path.
+
+    Raises:
+        InvalidInput: Values that make no process.
+    """
+    if isinstance(path, Path):
+        if model is None:
+            return path, Process()
+        path = Program(moves=(Contour(path=path),))
+    try:
+        process = _process(model or ProcessModel(), drawing)
+    except InvalidInput as error:
+        raise InvalidInput(f"process: {error}") from None
+    if process.automatic:
+        return path, process
+    # Leads need the arm only where their length is automatic: what can go wrong does so now.
+    done = prepared(path, process)
+    if len(done.moves) == 1 and not done.notes:
+        (only,) = done.contours
+        begin, end = only.work or (0.0, only.path.length)
+        if not only.events and (begin, end) == (0.0, only.path.length):
+            return only.path, Process()
+    return path, process
+
+
+def _process(model: ProcessModel, drawing: PathModel) -> Process:
+    frame = Frame() if drawing.frame is None else frame_of("path.frame", drawing.frame)
+    layers = drawing.layers if isinstance(drawing.layers, dict) else {}
+    return Process(
+        begin=tuple(model.begin) if isinstance(model.begin, list) else model.begin,
+        overlap=model.overlap,
+        lead_in=_lead(model.lead_in),
+        lead_out=_lead(model.lead_out),
+        approach=model.approach,
+        retract=model.retract,
+        up=frame.rotation[:, 2],
+        switch=None if model.switch is None else Switch(**model.switch.model_dump()),
+        events=tuple(_event(x) for x in model.events),
+        layers={name: _demand(x) for name, x in layers.items()},
+        order=model.order,
+        from_s=model.from_s,
+    )
+
+
+def _lead(model: LeadModel | None) -> Lead | None:
+    if model is None:
+        return None
+    length = None if model.length == "auto" else float(model.length)
+    return Lead(length=length, shape=model.shape, side=model.side)
+
+
+def _event(model: EventModel) -> Event:
+    values = model.model_dump(exclude={"at"})
+    return dataclasses.replace(Event(**values), s=model.at)
+
+
+def _demand(model: LayerModel) -> Demand:
+    return Demand(speed=model.speed, tolerance=model.tolerance)

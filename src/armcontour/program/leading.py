@@ -1,0 +1,105 @@
+"""Leads: a line along the tangent, or a quarter of a circle that touches it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.geometry.orientation import Orientation
+
+SHAPES = ("line", "arc")
+SIDES = ("left", "right")
+# How far a quarter of a circle turns [rad].
+QUARTER = np.pi / 2
+# Below this sine the tangent goes straight up, and has no side.
+UPRIGHT = 1e-6
+
+
+def lead_path(
+    path: Path, length: float, shape: str, side: str, up: FloatArray, *, behind: bool
+) -> Path:
+    """The lead before a path, or behind it.
+
+    Args:
+        path: The path.
+        length: Of the lead [m].
+        shape: "line" or "arc".
+        side: Of the path, seen along it, on which an arc lies.
+        up: In space, the direction about which "left" is to the left, (3,).
+        behind: Whether it comes behind the path.
+
+    Raises:
+        InvalidInput: An arc beside a tangent that goes straight up.
+    """
+    at = path.length if behind else 0.0
+    which = "left" if behind else "right"
+    point, tangent = path(at), path(at, 1, side=which)
+    i = -1 if behind else 0
+    speed, tolerance = path.speeds[[i]], path.tolerances[[i]]
+    if shape == "line":
+        start = point if behind else point - length * tangent
+        inward, curvature, first = np.zeros_like(tangent), 0.0, tangent
+    else:
+        curvature = QUARTER / length
+        inward = _beside(tangent, side, up)
+        start, first = point, tangent
+        if not behind:
+            # The same circle, run a quarter earlier: it comes in from its side.
+            start = point - (tangent - inward) / curvature
+            first, inward = -inward, tangent
+    lead = Path(
+        starts=start[None],
+        tangents=first[None],
+        inwards=inward[None],
+        curvatures=np.array([curvature]),
+        lengths=np.array([length]),
+        speeds=speed,
+        tolerances=tolerance,
+        tags=("lead-out" if behind else "lead-in",),
+    )
+    if path.orientation is None:
+        return lead
+    held = path.orientation(at, side=which)
+    return dataclasses.replace(lead, orientation=_held(path.orientation, held, lead, behind))
+
+
+def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
+    """Unit vector to one side of a tangent."""
+    if len(tangent) == 2:
+        left = np.array([-tangent[1], tangent[0]])
+    else:
+        left = np.cross(up, tangent)
+        size = float(np.linalg.norm(left))
+        if size < UPRIGHT:
+            raise InvalidInput(
+                "A lead in the shape of an arc has no side where the contour goes straight up: "
+                "take the shape line."
+            )
+        left = left / size
+        left -= (left @ tangent) * tangent
+        left /= np.linalg.norm(left)
+    return np.asarray(left if side == "left" else -left)
+
+
+def _held(orientation: Orientation, held: FloatArray, lead: Path, behind: bool) -> Orientation:
+    """The tool held as at the end of the path, or going on to follow the tangent."""
+    rate = np.zeros(3)
+    if orientation.follows and lead.curvatures[0] > 0:
+        rate = lead.curvatures[0] * np.cross(lead.tangents[0], lead.inwards[0])
+    start = held
+    if not behind and rate.any():
+        from armcontour.frames import exp
+
+        start = exp(-rate[None] * lead.length)[0] @ held
+    return Orientation.even(
+        _checks.locked(lead.lengths),
+        start[None],
+        rate[None],
+        axis_only=orientation.axis_only,
+        follows=orientation.follows,
+    )

@@ -1,0 +1,260 @@
+"""A program with what its process asks for around the contours."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Demand, Path
+from armcontour.geometry.cutting import joined, part
+from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.program.leading import lead_path
+from armcontour.program.moves import Contour, Event, Move, Program, Rapid
+from armcontour.program.process import AUTO, DRAWN, Lead, Leads, Process
+from armcontour.program.resuming import resumed
+
+
+def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
+    """The program with what the process asks for around its contours.
+
+    Args:
+        program: Contours, as they are drawn.
+        process: What is asked for.
+        lengths: Of automatic leads, one per contour that is left; needed if there are any.
+
+    Raises:
+        InvalidInput: A place to resume that the program has not, a layer that it has not, a lead
+            that has no direction, or heights in the plane.
+    """
+    _refuse_unknown_layers(program, process.layers)
+    if process.approach or process.retract:
+        _refuse_plane(program)
+    program = _ordered(program, process.order)
+    begun: list[Move] = []
+    for x in program.moves:
+        led = bool(begun) and isinstance(begun[-1], Rapid)
+        begun.append(_begun(x, process, led) if isinstance(x, Contour) else x)
+    program, run_in = resumed(dataclasses.replace(program, moves=tuple(begun)), process.from_s)
+    result: list[Move] = []
+    number = 0
+    for move in program.moves:
+        if not isinstance(move, Contour):
+            result.append(move)
+            continue
+        asked = _lengths(process, lengths, number)
+        contour = _around(move, process, asked, run_in if number == 0 else None)
+        before = result[-1] if result else None
+        linked = isinstance(before, Rapid) and before.path is not None
+        if isinstance(before, Rapid) and before.path is not None:
+            result[-1] = Rapid(path=_led_to(before.path, contour.path))
+        result += _between(contour, process, linked)
+        number += 1
+    return dataclasses.replace(program, moves=tuple(result))
+
+
+def _lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
+    given = Leads() if lengths is None else lengths[number]
+
+    def of(lead: Lead | None, automatic: float) -> float:
+        if lead is None:
+            return 0.0
+        return automatic if lead.length is None else lead.length
+
+    return Leads(
+        before=of(process.lead_in, given.before), behind=of(process.lead_out, given.behind)
+    )
+
+
+def _refuse_unknown_layers(program: Program, layers: Mapping[str, Demand]) -> None:
+    known = {x.layer for x in program.contours}
+    for name in layers:
+        if name not in known:
+            listed = ", ".join(repr(x) for x in sorted(known)[:12])
+            raise InvalidInput(
+                f"{program.source or 'The program'} has no contour on a layer {name!r}, only on "
+                f"{listed}."
+            )
+
+
+def _refuse_plane(program: Program) -> None:
+    if program.dimension == 2:
+        raise InvalidInput(
+            "approach and retract go up and down, which a program in the plane cannot: leave them "
+            "out, or use an arm in space."
+        )
+
+
+def _demanding(contour: Contour, demand: Demand | None) -> Contour:
+    """The contour with what its layer demands where its segments demand nothing."""
+    if demand is None:
+        return contour
+    path = contour.path
+    speeds, tolerances = (
+        values if given is None else np.where(np.isnan(values), given, values)
+        for values, given in (
+            (path.speeds, demand.speed),
+            (path.tolerances, demand.tolerance),
+        )
+    )
+    changed = dataclasses.replace(path, speeds=speeds, tolerances=tolerances)
+    return dataclasses.replace(contour, path=changed)
+
+
+def _ordered(program: Program, order: str) -> Program:
+    """The contours in the order that is asked for; what stands between them goes with the next."""
+    if order == "drawn":
+        return program
+    for x in program.moves:
+        if not isinstance(x, Contour):
+            raise InvalidInput(
+                "The order 'nearest' is for drawings: this program has rapids, dwells or events "
+                "between its contours, whose order has a meaning."
+            )
+    left = list(program.contours)
+    taken = [left.pop(0)]
+    while left:
+        here = taken[-1].path(taken[-1].path.length)
+        away = [float(np.linalg.norm(x.path(0.0) - here)) for x in left]
+        taken.append(left.pop(int(np.argmin(away))))
+    return dataclasses.replace(program, moves=tuple(taken))
+
+
+def _begun(contour: Contour, process: Process, led: bool) -> Contour:
+    """A contour with what its layer demands and the events that all get, begun where it is to be.
+
+    Args:
+        contour: The contour.
+        process: What is asked for.
+        led: Whether a rapid of the program leads to where it begins.
+
+    Raises:
+        InvalidInput: An event beyond its end.
+    """
+    contour = _demanding(contour, process.layers.get(contour.layer))
+    if contour.closed:
+        contour = _closed(contour, process, led)
+    path = contour.path
+    for x in process.events:
+        if x.s > path.length + REPEATED_POINT:
+            raise InvalidInput(
+                f"The event {x.name} is to come at {x.s:g} m of every contour, but the contour "
+                f"{contour.name} is {path.length:g} m long.",
+                s=x.s,
+                allowed=path.length,
+            )
+    return dataclasses.replace(contour, events=(*contour.events, *process.events))
+
+
+def _around(contour: Contour, process: Process, leads: Leads, run_in: Contour | None) -> Contour:
+    """A contour with its leads, and with what is switched at its ends."""
+    path, events = contour.path, list(contour.events)
+    if process.switch is not None:
+        on, off = process.switch.on_lead, process.switch.off_lead
+        events.append(Event(name=process.switch.name, value=True, s=0.0, lead_time=on))
+        events.append(Event(name=process.switch.name, value=False, s=path.length, lead_time=off))
+    before = 0.0
+    parts = [path]
+    if process.lead_in is not None and leads.before > REPEATED_POINT:
+        lead = _lead_in(path, process, process.lead_in, leads.before, run_in)
+        before = lead.length
+        parts.insert(0, lead)
+    if process.lead_out is not None and leads.behind > REPEATED_POINT:
+        shape, side = process.lead_out.shape, process.lead_out.side
+        parts.append(lead_path(path, leads.behind, shape, side, process.up, behind=True))
+    return dataclasses.replace(
+        contour,
+        path=joined(parts),
+        events=tuple(dataclasses.replace(x, s=x.s + before) for x in events),
+        work=(before, before + path.length),
+    )
+
+
+def _lead_in(
+    path: Path, process: Process, lead: Lead, length: float, run_in: Contour | None
+) -> Path:
+    """What comes before a path: where it is resumed, what comes before it on its contour."""
+    if run_in is not None and run_in.path.length >= length:
+        return part(run_in.path, run_in.path.length - length, run_in.path.length)
+    return lead_path(path, length, lead.shape, lead.side, process.up, behind=False)
+
+
+def _closed(contour: Contour, process: Process, led: bool) -> Contour:
+    """A closed contour that begins where it should, with its overlap.
+
+    Where it begins is meant if a rapid leads there, or something is switched on the way.
+    """
+    path = contour.path
+    meant = process.begin == AUTO and (led or bool(contour.events))
+    begin = _begin(path, DRAWN if meant else process.begin)
+    events = contour.events
+    if begin > REPEATED_POINT and path.length - begin > REPEATED_POINT:
+        path = joined([part(path, begin, path.length), part(path, 0.0, begin)])
+        events = tuple(_moved(x, begin, path.length) for x in events)
+    whole = path
+    over = process.overlap
+    while over > REPEATED_POINT:
+        more = min(over, whole.length)
+        path = joined([path, part(whole, 0.0, more)])
+        over -= more
+    return dataclasses.replace(contour, path=path, events=events)
+
+
+def _moved(event: Event, begin: float, length: float) -> Event:
+    """An event of a closed contour that begins elsewhere; what is at its ends stays there."""
+    if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
+        return dataclasses.replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
+    return dataclasses.replace(event, s=(event.s - begin) % length)
+
+
+def _begin(path: Path, begin: str | float | tuple[float, ...]) -> float:
+    """Where on a closed path it is to begin [m]."""
+    if begin == DRAWN:
+        return 0.0
+    if isinstance(begin, tuple):
+        point = np.array(begin)
+        return float(path.project(point[None]).s[0])
+    if not isinstance(begin, str):
+        return float(begin) % path.length
+    ends = path([0.0, path.length], 1, side="left")
+    turn = np.linalg.norm(path(0.0, 1) - ends[1])
+    if turn <= TANGENT_TOLERANCE:
+        return 0.0
+    longest = int(np.argmax(path.lengths))
+    return float(path.breaks[longest] + path.lengths[longest] / 2)
+
+
+def _led_to(rapid: Path, path: Path) -> Path:
+    """A rapid's polyline that ends where a path begins, whose lead may have moved that."""
+    start = path(0.0)
+    vertices = rapid.vertices
+    if np.linalg.norm(vertices[-1] - start) <= REPEATED_POINT:
+        return rapid
+    return Path.polyline([*vertices[:-1], start])
+
+
+def _between(contour: Contour, process: Process, linked: bool) -> list[Move]:
+    """A contour with its way down and up; not down where a rapid leads to it already."""
+    path = contour.path
+    result: list[Move] = [contour]
+    if process.approach and not linked:
+        result.insert(0, Rapid(path=_vertical(path, 0.0, process.up * process.approach, down=True)))
+    if process.retract:
+        up = process.up * process.retract
+        result.append(Rapid(path=_vertical(path, path.length, up, down=False)))
+    return result
+
+
+def _vertical(path: Path, s: float, up: FloatArray, *, down: bool) -> Path:
+    """The line above a place of a path, with the tool held as it is there."""
+    here = path(s)
+    ends = [here + up, here] if down else [here, here + up]
+    line = Path.polyline(ends)
+    if path.orientation is None:
+        return line
+    side = "right" if s == 0 else "left"
+    held = path.orientation(s, side=side)
+    return line.oriented(held, axis_only=path.orientation.axis_only)

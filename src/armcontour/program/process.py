@@ -1,0 +1,125 @@
+"""What a process asks for around its contours: where they begin, leads, overlaps, approaches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Demand
+from armcontour.program.leading import SHAPES, SIDES
+from armcontour.program.moves import Event
+
+UP = _checks.locked([0.0, 0.0, 1.0])
+NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
+# Where a closed contour begins: "auto" goes off a corner, "drawn" stays.
+AUTO, DRAWN = "auto", "drawn"
+ORDERS = ("drawn", "nearest")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lead:
+    """A piece of path before or behind a contour, along which the tool is off.
+
+    Args:
+        length: Its length [m]; None is as long as the arm needs for the assigned velocity.
+        shape: "line", along the tangent, or "arc", a quarter of a circle that touches it.
+        side: Of the contour, seen along it, on which an arc lies: "left" or "right".
+    """
+
+    length: float | None = None
+    shape: str = "line"
+    side: str = "left"
+
+    def __post_init__(self) -> None:
+        if self.length is not None:
+            _checks.positive("length of a lead", self.length, "m")
+        _checks.choice("shape", self.shape, SHAPES)
+        _checks.choice("side", self.side, SIDES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """Events that turn the process on where a contour begins, and off where it ends.
+
+    Args:
+        name: What is switched.
+        on_lead: On so much earlier than the tool gets there [s].
+        off_lead: Off so much earlier [s].
+    """
+
+    name: str = "tool"
+    on_lead: float = 0.0
+    off_lead: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Process:
+    """What is added to the contours of a program.
+
+    Args:
+        begin: Where closed contours begin: "auto" leaves the place where it is drawn, but off a
+            corner, in the middle of the longest segment, so that every corner is rounded alike,
+            unless a rapid leads there or events are on the contour; "drawn" leaves it; a number is
+            an arc length [m]; a point, the place nearest to it.
+        overlap: How far closed contours are gone on with behind their end [m].
+        lead_in: Before every contour.
+        lead_out: Behind every contour.
+        approach: Straight down to every contour from so high [m].
+        retract: Straight up from every contour so high [m].
+        up: Which way is up, and about which arcs of leads turn, in space, (3,).
+        switch: Events at both ends of every contour.
+        events: On every contour; a place beyond its end is refused.
+        layers: Speed and tolerance of contours by their layer, where segments have none.
+        order: "drawn", or "nearest": each time the contour that begins nearest.
+        from_s: Where to resume the program: arc length of all contours together, from where they
+            begin, with their overlaps and without leads or rounding [m].
+
+    Raises:
+        InvalidInput: Values that are none.
+    """
+
+    begin: str | float | tuple[float, ...] = AUTO
+    overlap: float = 0.0
+    lead_in: Lead | None = None
+    lead_out: Lead | None = None
+    approach: float = 0.0
+    retract: float = 0.0
+    up: FloatArray = field(default_factory=lambda: UP)
+    switch: Switch | None = None
+    events: tuple[Event, ...] = ()
+    layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
+    order: str = "drawn"
+    from_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("overlap", "approach", "retract", "from_s"):
+            _checks.not_negative(name, getattr(self, name), "m")
+        _checks.choice("order", self.order, ORDERS)
+        if isinstance(self.begin, str):
+            _checks.choice("begin", self.begin, (AUTO, DRAWN))
+        up = _checks.numbers("up", self.up)
+        if up.shape != (3,) or not np.linalg.norm(up) > 0:
+            raise InvalidInput("up must be a direction in space.")
+        object.__setattr__(self, "up", _checks.locked(up / np.linalg.norm(up)))
+
+    @property
+    def automatic(self) -> bool:
+        """Whether a lead is to be as long as it needs."""
+        return any(x is not None and x.length is None for x in (self.lead_in, self.lead_out))
+
+
+NOTHING = Process()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leads:
+    """Lengths of the leads of one contour [m]."""
+
+    before: float = 0.0
+    behind: float = 0.0

@@ -1,0 +1,278 @@
+"""Planning a program: every contour by itself, free rapids between them, one trajectory of all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits, PlanarTwoLink
+from armcontour.arms.limits import TOOL_LIMITS
+from armcontour.errors import ArmContourError, InvalidInput, Unreachable
+from armcontour.frames import exp, log
+from armcontour.geometry import Path
+from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
+from armcontour.program import Contour, Dwell, Event, Program, Rapid
+from armcontour.timing.choosing import trace_fastest
+from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.passing import time_at
+from armcontour.tracing import trace
+
+# Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
+SAME_POSITION = 1e-9
+# A rapid's grid: its limits change little along a straight line of the joints.
+RAPID_INTERVALS = 200
+
+Plan = Callable[[JointPath], Trajectory]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ways:
+    """How the moves of a program are traced and timed.
+
+    Args:
+        arm: The arm.
+        limits: Of this arm, one value per joint.
+        branch: As in `plan`.
+        start: As in `plan`.
+        contour: Plans a contour along its joint path.
+        rapid: Plans a rapid, likewise.
+    """
+
+    arm: Arm
+    limits: Limits
+    branch: str | None
+    start: npt.ArrayLike | None
+    contour: Plan
+    rapid: Plan
+
+
+def plan_program(program: Program, ways: Ways, progress: Progress | None = None) -> Trajectory:
+    """One trajectory of all moves of a program, at rest between any two of them.
+
+    Limits of the tool hold along contours; rapids have those of the joints. A rapid without a path,
+    and whatever gap is left between two moves, is a straight line of the joints. The first contour
+    starts in the configuration that is fastest along it; every other one in that which is nearest
+    to where the joints are then, or in the fastest if that does not complete it.
+
+    Args:
+        program: The program, with its corners rounded and the tool's orientation given.
+        ways: How its moves are planned.
+        progress: Called with the number of contours done, and of all.
+
+    Raises:
+        ArmContourError: As tracing and planning raise it, with the contour's name.
+    """
+    chain = _Chain(program, ways)
+    number, count = 0, len(program.contours)
+    for i, move in enumerate(program.moves):
+        if isinstance(move, Contour):
+            chain.contour(i, move, number)
+            number += 1
+            if progress is not None:
+                progress(number, count)
+        elif isinstance(move, Rapid):
+            chain.rapid(i, move)
+        elif isinstance(move, Dwell):
+            chain.dwell(i, move)
+        else:
+            chain.event(move)
+    return chain.trajectory()
+
+
+@dataclass(slots=True)
+class _Chain:
+    """Moves planned so far, each beginning where the one before ended."""
+
+    program: Program
+    ways: Ways
+    q: FloatArray | None = None
+    t: float = 0.0
+    laws: list[Law] = field(default_factory=list)
+    spans: list[Span] = field(default_factory=list)
+    events: list[TimedEvent] = field(default_factory=list)
+    waiting: list[Event] = field(default_factory=list)
+    dwells: list[tuple[int, Dwell]] = field(default_factory=list)
+    method: str = "optimal"
+
+    def contour(self, i: int, move: Contour, number: int) -> None:
+        called = f"contour {move.name or number + 1}"
+        try:
+            joint_path = self._traced(move.path)
+            self._bridge(joint_path(0.0))
+            planned = self.ways.contour(joint_path)
+        except ArmContourError as error:
+            error.args = (f"{called}: {error}",)
+            raise
+        self.method = planned.method
+        begun, offset = self.t, float(self.program.breaks[number])
+        ends = (0.0, move.path.length) if move.work is None else move.work
+        work = tuple(begun + time_at(planned, self.ways.arm, move.path.length, s) for s in ends)
+        self._append(
+            planned,
+            Span(
+                move=i,
+                kind="contour",
+                name=move.name,
+                t=(begun, begun + planned.duration),
+                s=(offset, offset + move.path.length),
+                work=(work[0], work[1]),
+                trajectory=planned,
+            ),
+        )
+        for x in move.events:
+            self._timed(x, move, planned, begun, offset, called)
+
+    def rapid(self, i: int, move: Rapid) -> None:
+        """A rapid along a path; one without bridges the gap to the next contour, which does it."""
+        if move.path is None:
+            return
+        path = self._held(i, move.path)
+        joint_path = self._traced(path)
+        self._bridge(joint_path(0.0))
+        planned = self.ways.rapid(joint_path)
+        self._append_rapid(i, planned)
+
+    def dwell(self, i: int, move: Dwell) -> None:
+        if self.q is None:
+            # Where it is to stand is known when the first contour is.
+            self.dwells.append((i, move))
+            return
+        self._stand(i, move)
+
+    def event(self, move: Event) -> None:
+        self.waiting.append(move)
+        if self.q is not None:
+            self._switch()
+
+    def trajectory(self) -> Trajectory:
+        """All that was planned."""
+        early = next((x for x in self.events if x.t < 0), None)
+        if early is not None:
+            raise InvalidInput(
+                f"The event {early.name} is to come {-early.t:.6g} s before the motion begins: "
+                "begin with a longer lead-in or a dwell, or give it less lead.",
+                t=early.t,
+                allowed=0.0,
+            )
+        return Trajectory(
+            laws=tuple(self.laws),
+            method=self.method,
+            spans=tuple(self.spans),
+            events=tuple(sorted(self.events, key=lambda x: x.t)),
+        )
+
+    def _traced(self, path: Path) -> JointPath:
+        """A path from the configuration that the joints are in, if that completes it."""
+        if self.q is None or isinstance(self.ways.arm, PlanarTwoLink):
+            start = self.ways.start if self.q is None else None
+            return trace_fastest(
+                path, self.ways.arm, self.ways.limits, branch=self.ways.branch, start=start
+            )
+        try:
+            return trace(path, self.ways.arm, limits=self.ways.limits, start=self.q)
+        except Unreachable:
+            return trace_fastest(path, self.ways.arm, self.ways.limits)
+
+    def _bridge(self, q: FloatArray) -> None:
+        """A straight line of the joints to where the next move begins."""
+        if self.q is None:
+            self.q = q
+            for i, x in self.dwells:
+                self._stand(i, x)
+            self._switch()
+            return
+        if np.abs(q - self.q).max() <= SAME_POSITION:
+            return
+        line = JointPath.spline([self.q, q])
+        self._append_rapid(None, self.ways.rapid(line))
+
+    def _append_rapid(self, i: int | None, planned: Trajectory) -> None:
+        s = self._so_far()
+        ends = (self.t, self.t + planned.duration)
+        self._append(planned, Span(move=i, kind="rapid", t=ends, s=(s, s), trajectory=planned))
+
+    def _append(self, planned: Trajectory, span: Span) -> None:
+        self.laws += planned.laws
+        self.spans.append(span)
+        self.t = span.t[1]
+        self.q = planned(planned.duration, side="left")
+
+    def _stand(self, i: int, move: Dwell) -> None:
+        assert self.q is not None
+        none, s = np.zeros((1, len(self.q))), self._so_far()
+        ends = np.array([0.0, move.duration])
+        self.laws.append(LapLaw(breaks=ends, q=np.tile(self.q, (2, 1)), dq=none, ddq=none))
+        self.spans.append(Span(move=i, kind="dwell", t=(self.t, self.t + move.duration), s=(s, s)))
+        self.t += move.duration
+
+    def _so_far(self) -> float:
+        return max((x.s[1] for x in self.spans), default=0.0)
+
+    def _switch(self) -> None:
+        """What was to be switched where the joints stand now."""
+        assert self.q is not None
+        point = tuple(self.ways.arm.forward(self.q).tolist())
+        for x in self.waiting:
+            self.events.append(
+                TimedEvent(
+                    name=x.name,
+                    value=x.value,
+                    t=self.t - x.lead_time,
+                    due=self.t,
+                    s=self._so_far(),
+                    point=point,
+                )
+            )
+        self.waiting.clear()
+
+    def _timed(
+        self, x: Event, move: Contour, planned: Trajectory, begun: float, offset: float, called: str
+    ) -> None:
+        early = x.s - x.lead_distance
+        if not 0 <= early <= move.path.length:
+            raise InvalidInput(
+                f"{called}: the event {x.name} at {x.s:g} m leads by {x.lead_distance:g} m, which "
+                f"is off the contour of {move.path.length:g} m: give it a lead-in that long.",
+                s=x.s,
+                needed=x.lead_distance,
+                allowed=x.s,
+            )
+        due = begun + time_at(planned, self.ways.arm, move.path.length, x.s)
+        t = begun + time_at(planned, self.ways.arm, move.path.length, early) - x.lead_time
+        self.events.append(
+            TimedEvent(
+                name=x.name,
+                value=x.value,
+                t=t,
+                due=due,
+                s=offset + x.s,
+                point=tuple(move.path(x.s).tolist()),
+            )
+        )
+
+    def _held(self, i: int, path: Path) -> Path:
+        """A rapid's path with the tool turning from the last contour's way to the next one's."""
+        if path.orientation is not None or path.dimension == 2:
+            return path
+        before = [x.path for x in self.program.moves[:i] if isinstance(x, Contour)][-1:]
+        after = [x.path for x in self.program.moves[i:] if isinstance(x, Contour)][:1]
+        ends = [(x, x.length) for x in before] + [(x, 0.0) for x in after]
+        held = [x.orientation(s) for x, s in ends if x.orientation is not None]
+        if not held:
+            return path
+        free = all(x.orientation.axis_only for x, _ in ends if x.orientation is not None)
+        turn = log((held[-1] @ held[0].T)[None])[0]
+        share = path.breaks[path.waypoints] / path.length
+        return path.oriented(exp(share[:, None] * turn) @ held[0], axis_only=free)
+
+
+def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+    """A free motion: the limits of the joints hold, and none of the tool."""
+    free = limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
+    intervals = RAPID_INTERVALS if joint_path.tool_path is None else None
+    return plan_optimal(joint_path, arm, free, intervals=intervals)
