@@ -25,8 +25,9 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-soak: $(VENV)/test  ## Plan and judge 100,000 random problems
+soak: $(VENV)/test  ## Plan and judge 100,000 random problems, and read 100,000 broken files
 	$(BIN)/python -m soak
+	$(BIN)/python -m soak.readers
 
 bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 	$(BIN)/python -m benchmarks

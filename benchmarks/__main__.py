@@ -10,6 +10,7 @@ from benchmarks import (
     kinematics,
     optimal,
     polyline,
+    program,
     projection,
     spread,
     square,
@@ -25,11 +26,12 @@ def main() -> None:
     solved, guessed = kinematics.measure()
     squares, around, settings = square.measure()
     executed, rates = spread.measure()
+    programs, long = program.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
     smaller = [*start_up.measure(), *projection.measure(), *certify.measure()]
-    for measured in [*smaller, *plans, *polylines, *solved, *squares, *executed]:
+    for measured in [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs]:
         table.add_row(
             measured.what,
             f"{measured.ours * 1e3:.3g}",
@@ -57,7 +59,7 @@ def main() -> None:
         shares = f"{plan.speed:.4f}", f"{plan.law:.3f}", f"{plan.executed:.3f}"
         drawn.add_row(plan.who, f"{plan.duration:.4f}", *lengths, *shares)
     console.print(drawn)
-    for note in [*notes, *more, *guessed, *settings, *rates]:
+    for note in [*notes, *more, *guessed, *settings, *rates, *long]:
         console.print(note)
 
 

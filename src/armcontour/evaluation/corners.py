@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.geometry.path import TANGENT_TOLERANCE
 
@@ -29,42 +29,57 @@ class CornerDeviation:
     overshoot: float
 
 
-def corner_deviations(tool: FloatArray, objective: Path) -> tuple[CornerDeviation, ...]:
+def corner_deviations(
+    tool: FloatArray, objective: Path, s: FloatArray | None = None
+) -> tuple[CornerDeviation, ...]:
     """The deviations at every corner of a path.
 
     Args:
         tool: Places of the tool, (n, dimension) [m].
         objective: The path with its corners.
+        s: Their nearest places on it [m], if they are known, (n,).
     """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
         return ()
-    s = objective.project(tool).s
-    order = np.argsort(s)
-    s, sorted_tool = s[order], tool[order]
+    at = objective.project(tool).s if s is None else s
+    order = np.argsort(at, kind="stable")
+    at, tool = at[order], tool[order]
     # A corner's own region: from the middle of the segment before to the middle of the one after.
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
-    first, last = np.searchsorted(s, low), np.searchsorted(s, high, side="right")
-    arriving = objective.on_segment(corners - 1, objective.lengths[corners - 1], 1)
+    first, last = np.searchsorted(at, low), np.searchsorted(at, high, side="right")
+    # Where no result falls into it, those before and behind it are the nearest.
+    empty = first == last
+    first = np.where(empty, np.maximum(first - 1, 0), first)
+    last = np.where(empty, np.minimum(last + 1, len(at)), last)
+    near, of = _members(first, last)
+    points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
+    off = tool[near] - points[of]
+    across = _across(objective, corners)
+    rounding = np.minimum.reduceat(np.linalg.norm(off, axis=1), starts)
+    overshoot = np.maximum.reduceat(np.sum(off * across[of], axis=1), starts)
     return tuple(
-        _deviation(sorted_tool[i:k] if i < k else tool, objective, joint, before)
-        for i, k, joint, before in zip(
-            first.tolist(), last.tolist(), corners.tolist(), arriving, strict=True
+        CornerDeviation(joint=joint, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
+        for joint, point, cr, co in zip(
+            corners.tolist(), points.tolist(), rounding.tolist(), overshoot.tolist(), strict=True
         )
     )
 
 
-def _deviation(near: FloatArray, path: Path, joint: int, before: FloatArray) -> CornerDeviation:
-    corner = path.starts[joint]
-    after = path.tangents[joint]
-    # Beyond: the part of the arriving direction that is at right angles to the leaving one.
-    across = before - (before @ after) * after
-    size = float(np.linalg.norm(across))
-    across = across / size if size > TANGENT_TOLERANCE else before
-    return CornerDeviation(
-        joint=joint,
-        point=tuple(corner.tolist()),
-        rounding=float(np.linalg.norm(near - corner, axis=1).min()),
-        overshoot=max(0.0, float(((near - corner) @ across).max())),
-    )
+def _members(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
+    """The members of ranges one behind the other, and of which range each is."""
+    count = last - first
+    of = np.repeat(np.arange(len(first)), count)
+    number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    return first[of] + number, of
+
+
+def _across(path: Path, corners: IntArray) -> FloatArray:
+    """Beyond a corner: the arriving direction at right angles to the leaving one, (n, dim)."""
+    before = path.on_segment(corners - 1, path.lengths[corners - 1], 1)
+    after = path.tangents[corners]
+    across = before - np.sum(before * after, axis=1, keepdims=True) * after
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    turned = size > TANGENT_TOLERANCE
+    return np.where(turned, across / np.where(turned, size, 1.0), before)

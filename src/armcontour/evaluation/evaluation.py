@@ -28,9 +28,10 @@ from armcontour.program import Program
 REST_SPEED = 1e-3
 # A joint from this share of a limit on makes full use of it.
 NEAR = 0.99
-# Places per knot interval at which the plan is looked at, and how many in all at least.
+# Places per knot interval at which the plan is looked at, how many in all at least, and at most.
 FINER = 20
 FEWEST_PLACES = 4000
+MOST_PLACES = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,8 +55,8 @@ class Evaluation:
         path_velocity: Mean tool speed over the planned time of the motion [m/s].
         utilisation: Share of that time in which some joint was within 1 % of a limit of its
             acceleration, velocity or torque.
-        limit_ratios: Of the planned motion, the largest share of every limit, over times 20 times
-            as close as its knots.
+        limit_ratios: Of the planned motion, the largest share of every limit, over times up to 20
+            times as close as its knots; `check` looks closer.
         demand: Largest acceleration that each joint was asked for [rad/s²], (dof,).
         demand_ratio: The largest share of the limit in its direction that each joint was asked
             for; 0 for a joint without one, (dof,).
@@ -204,7 +205,8 @@ def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
     ]
     ratios: dict[str, float] = {}
     for law, bounds in judged or [(trajectory, limits)]:
-        points = max(FINER, FEWEST_PLACES // len(law.breaks))
+        intervals = len(law.breaks)
+        points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
         for use in check(law, executed.arm, bounds, points=points).uses:
             if use.name not in Limits.__dataclass_fields__:
                 continue  # steps at breaks are no limits

@@ -64,6 +64,11 @@ class Piece:
         """The nearest places of the path."""
         return self.path.project(self.tool)
 
+    @cached_property
+    def off_objective(self) -> Projection | None:
+        """The nearest places of the objective path, if it is known."""
+        return None if self.objective is None else self.objective.project(self.tool)
+
     @property
     def contour_error(self) -> ErrorProfile:
         """Distance from the tool to the path."""
@@ -81,14 +86,12 @@ class Piece:
     @property
     def objective_error(self) -> ErrorProfile | None:
         """Distance from the tool to the objective path, if it is known."""
-        if self.objective is None:
-            return None
-        found = self.objective.project(self.tool)
-        return self._over_time(found.distance, found.s)
+        found = self.off_objective
+        return None if found is None else self._over_time(found.distance, found.s)
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
-        """Angle between the tool's orientation, or its axis, and the path's at the nearest place."""
+        """Angle between the tool, or its axis, and how the path has it held where it is nearest."""
         arm = self.executed.arm
         if self.path.orientation is None or not isinstance(arm, SerialArm):
             return None
@@ -98,9 +101,10 @@ class Piece:
     @property
     def corners(self) -> tuple[CornerDeviation, ...]:
         """How the corners of the objective path were taken, if it is known."""
-        if self.objective is None:
+        if self.objective is None or self.off_objective is None:
             return ()
-        return corner_deviations(self.tool[self.t <= self.until], self.objective)
+        judged = self.t <= self.until
+        return corner_deviations(self.tool[judged], self.objective, self.off_objective.s[judged])
 
     def _over_time(
         self, values: FloatArray, s: FloatArray, side: FloatArray | None = None

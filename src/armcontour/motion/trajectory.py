@@ -13,6 +13,9 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion.laws import Law
 
+# Times that are looked at together.
+AT_ONCE = 50_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stretch:
@@ -173,9 +176,10 @@ class Trajectory:
             )
         flat = np.clip(at.ravel(), 0, self.duration)
         which = self._law(flat, side)
-        # Times of one law stand together once they are sorted by it.
+        # Times of one law stand together once they are sorted by it; few at once keep memory low.
         order_of = np.argsort(which, kind="stable")
         edges = np.flatnonzero(np.diff(which[order_of])) + 1
+        edges = np.union1d(edges, np.arange(AT_ONCE, len(flat), AT_ONCE))
         result: FloatArray | None = None
         for of in np.split(order_of, edges) if len(flat) else ():
             k = int(which[of[0]])

@@ -1,0 +1,112 @@
+"""Small files of every kind that is read, for the readers' soak to change."""
+
+from __future__ import annotations
+
+import io
+from functools import cache
+
+import numpy as np
+
+GCODE = (
+    """%
+(a plate) N10 G21 G90 G17 G64 P0.05
+N20 G0 X10 Y10
+N30 M3 S12000
+N40 G1 X60 F1200 ; first side
+N50 G3 X70 Y20 I0 J10
+N60 G1 Y50
+N70 G2 X60 Y60 R10
+X10
+Y10
+N80 M5
+G4 P0.5
+G0 X30 Y30
+G1 X35 F600
+G2 I-5 J0
+M2
+%
+""",
+    """g20 g91 g61
+g0 x1. y.5
+g1 x.25 y-.125 f10
+/g1 x1
+g91.1 g18 g2 x.5 z0 i.25 k0
+g19 g3 y.5 z0 j.25 k0
+g90.1 g90 g17 g2 x2 y1 i2.5 j1
+g64
+m8
+g1 x3 y2
+m9 m30
+""",
+    "G21\nG0 X0 Y0 Z5\nG1 Z-1 F300\nG2 X10 Y0 Z-2 I5 J0\nG1 X20 Y5 Z-2\nG0 Z5\nM2\n",
+)
+SVG = (
+    """<?xml version="1.0"?>
+<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
+ width="100mm" height="80mm" viewBox="0 0 200 160">
+<defs><path id="leaf" d="M0,0 C10,20 30,20 40,0 S70,-20 80,0"/></defs>
+<g id="cut" transform="translate(10 10) rotate(15)">
+<rect x="5" y="5" width="60" height="30" rx="4"/>
+<circle cx="120" cy="60" r="20"/>
+<ellipse cx="60" cy="100" rx="30" ry="12" transform="skewX(10)"/>
+<use xlink:href="#leaf" x="20" y="60"/>
+</g>
+<polyline points="0,0 10,5 20,0 30,5"/>
+<polygon points="100,100 120,100 110,120"/>
+<path d="M10 10 h20 v20 q5 5 10 0 t10 0 a5 8 30 1 0 10 10 z m5 5 l3 3"/>
+</svg>
+""",
+    '<svg xmlns="http://www.w3.org/2000/svg"><line x1="0" y1="0" x2="9.5" y2="1e1"/></svg>',
+)
+CSV = (
+    "x [mm],y [mm],speed [mm/s],tolerance [mm],event\n"
+    "0,0,,,\n10,0,50,0.1,tool=on\n10,10,50,0.1,\n0,10,25,,tool=off\n",
+    "x;y;z;qx;qy;qz;qw;contour\n0.1;0;0;0;0;0;1;a\n0.2;0;0;0;0;0.7071;0.7071;a\n"
+    "0.3;0;0.1;0;0;0;1;b\n0.4;0;0;0;0;1;0;b\n",
+)
+
+
+@cache
+def samples(kind: str) -> tuple[bytes, ...]:
+    """The files of a kind: "gcode", "svg", "csv", "parquet" or "dxf"."""
+    if kind == "dxf":
+        return _dxf()
+    if kind == "parquet":
+        return (_parquet(),)
+    return tuple(x.encode() for x in {"gcode": GCODE, "svg": SVG, "csv": CSV}[kind])
+
+
+def _dxf() -> tuple[bytes, ...]:
+    import ezdxf
+
+    found = []
+    for version in ("R12", "R2010"):
+        document = ezdxf.new(version)
+        space = document.modelspace()
+        part = document.blocks.new("PART")
+        part.add_line((0, 0), (5, 0))
+        part.add_arc((5, 2), 2, -90, 90)
+        space.add_blockref("PART", (20, 20), dxfattribs={"xscale": 2, "rotation": 30})
+        space.add_line((0, 0), (10, 0), dxfattribs={"layer": "CUT"})
+        space.add_circle((30, 5), 4)
+        space.add_polyline2d([(0, 0), (5, 5), (10, 0)])
+        if version != "R12":
+            document.header["$INSUNITS"] = 4
+            space.add_lwpolyline([(0, 0, 0.5), (10, 0, 0), (10, 10, -1)], format="xyb", close=True)
+            space.add_ellipse((5, 5), (4, 1), 0.5)
+            space.add_spline([(0, 0), (3, 4), (6, 0), (9, 2)])
+        text = io.StringIO()
+        document.write(text)
+        found.append(text.getvalue().encode())
+    return tuple(found)
+
+
+def _parquet() -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    t = np.linspace(0, 1, 20)
+    columns = {"x [mm]": 100 * t, "y [mm]": 10 * np.sin(9 * t), "speed [mm/s]": 50 + 0 * t}
+    stream = io.BytesIO()
+    pq.write_table(pa.table(columns), stream)
+    return stream.getvalue()
