@@ -49,7 +49,7 @@ def read_path(
     Args:
         file: The file; its extension says what it is.
         units: Unit of its lengths, such as "mm", or how many metres it is; by default what the
-            file says. A number that the file itself gives a unit keeps that.
+            file says. A column of a table that has a unit of its own keeps that.
         scale: Factor of all lengths.
         frame: Where the drawing lies; a frame that lifts or tilts it makes it one in space.
         layers: Only contours on these.

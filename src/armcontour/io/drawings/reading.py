@@ -9,7 +9,7 @@ from armcontour import _checks
 from armcontour.errors import InvalidInput
 
 # Largest file that is read [bytes]: what is made of it must fit in memory many times over.
-LARGEST = 200_000_000
+LARGEST = 64_000_000
 UNKNOWN = ("refuse", "skip")
 
 

@@ -1,0 +1,129 @@
+"""SVG's shapes as subpaths in the coordinates of their element."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.io.drawings._svg_path_data import subpaths_of
+from armcontour.io.drawings._svg_strokes import Round, Straight, Stroke, Subpath, ellipse
+from armcontour.io.drawings._svg_tree import Element
+from armcontour.io.drawings._svg_units import length_of, number_of, numbers_of
+
+Spend = Callable[[int], None]
+# A quarter of a turn.
+QUARTER = math.pi / 2
+
+
+def shape_of(element: Element, spend: Spend) -> list[Subpath]:
+    """The subpaths of one of `SHAPES`; none if it has no size.
+
+    Args:
+        element: The shape.
+        spend: Called with the number of segments before they are made; may refuse them.
+
+    Raises:
+        InvalidInput: Attributes that make no such shape.
+    """
+    return SHAPES[element.tag](element, spend)
+
+
+def _line(element: Element, spend: Spend) -> list[Subpath]:
+    spend(1)
+    x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
+    if (x1, y1) == (x2, y2):
+        return []
+    return [Subpath([Straight(np.array([[x1, y1], [x2, y2]]))], False)]
+
+
+def _polyline(element: Element, spend: Spend) -> list[Subpath]:
+    points = _listed(element, spend)
+    closed = element.tag == "polygon"
+    return [Subpath([Straight(points)], closed)] if len(points) > 1 else []
+
+
+def _listed(element: Element, spend: Spend) -> FloatArray:
+    values = numbers_of(element, "points", element.get("points"))
+    if len(values) % 2:
+        element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
+    spend(len(values) // 2)
+    return np.array(values).reshape(-1, 2)
+
+
+def _rect(element: Element, spend: Spend) -> list[Subpath]:
+    spend(8)
+    x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
+    radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
+    rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
+    rx, ry = rx or 0.0, ry or 0.0
+    for key, value in (("width", width), ("height", height), ("rx", rx), ("ry", ry)):
+        if value < 0:
+            element.refuse(f"{key} must not be negative, but is {value:g}")
+    if not (width and height):
+        return []
+    rx, ry = min(rx, width / 2), min(ry, height / 2)
+    if not (rx and ry):
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        return [Subpath([Straight(corners)], True)]
+    return [Subpath(_rounded(x, y, x + width, y + height, rx, ry), True)]
+
+
+def _rounded(
+    left: float, top: float, right: float, bottom: float, rx: float, ry: float
+) -> list[Stroke]:
+    """The strokes of a rectangle with round corners, as SVG goes around it."""
+    sides = [
+        ((left + rx, top), (right - rx, top)),
+        ((right, top + ry), (right, bottom - ry)),
+        ((right - rx, bottom), (left + rx, bottom)),
+        ((left, bottom - ry), (left, top + ry)),
+    ]
+    centers = [
+        (right - rx, top + ry),
+        (right - rx, bottom - ry),
+        (left + rx, bottom - ry),
+        (left + rx, top + ry),
+    ]
+    strokes: list[Stroke] = []
+    for k in range(4):
+        ends = np.array([sides[k][1], sides[(k + 1) % 4][0]])
+        if sides[k][0] != sides[k][1]:
+            strokes.append(Straight(np.array(sides[k])))
+        axes = np.diag([rx, ry])
+        strokes.append(Round(np.array(centers[k]), axes, (k - 1) * QUARTER, QUARTER, ends))
+    return strokes
+
+
+def _circle(element: Element, spend: Spend) -> list[Subpath]:
+    spend(1)
+    radius = number_of(element, "r")
+    return _around(element, (radius, radius), ("r", "r"))
+
+
+def _ellipse(element: Element, spend: Spend) -> list[Subpath]:
+    spend(1)
+    radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
+    rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
+    return _around(element, (rx or 0.0, ry or 0.0), ("rx", "ry"))
+
+
+def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Subpath]:
+    for key, value in zip(keys, radii, strict=True):
+        if value < 0:
+            element.refuse(f"{key} must not be negative, but is {value:g}")
+    center = number_of(element, "cx"), number_of(element, "cy")
+    return [Subpath([ellipse(center, radii)], True)] if all(radii) else []
+
+
+SHAPES: dict[str, Callable[[Element, Spend], list[Subpath]]] = {
+    "path": subpaths_of,
+    "line": _line,
+    "polyline": _polyline,
+    "polygon": _polyline,
+    "rect": _rect,
+    "circle": _circle,
+    "ellipse": _ellipse,
+}

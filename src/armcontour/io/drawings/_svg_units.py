@@ -1,0 +1,251 @@
+"""Numbers, lengths, transforms and viewports of SVG."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray, locked
+from armcontour.io.drawings._svg_tree import Element
+
+# CSS pixels, which are SVG's user units unless a viewBox says otherwise, per unit.
+INCH = 0.0254
+PIXEL = INCH / 96
+PIXELS = {
+    "": 1.0,
+    "px": 1.0,
+    "in": 96.0,
+    "cm": 96 / 2.54,
+    "mm": 96 / 25.4,
+    "q": 96 / 101.6,
+    "pt": 96 / 72,
+    "pc": 16.0,
+}
+NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
+NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
+EACH_NUMBER = re.compile(NUMBER)
+_LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
+_TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
+# A list of more transforms than this is no drawing's.
+MOST_TRANSFORMS = 1000
+_ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
+# A list of more numbers than this is no drawing that anyone wants followed.
+MOST_NUMBERS = 4_000_000
+# How many numbers each transform takes.
+COUNTS = {
+    "matrix": (6,),
+    "translate": (1, 2),
+    "scale": (1, 2),
+    "rotate": (1, 3),
+    "skewX": (1,),
+    "skewY": (1,),
+}
+SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Affine:
+    """`turn @ point + shift`, (2, 2) and (2,)."""
+
+    turn: FloatArray
+    shift: FloatArray
+
+    def __matmul__(self, inner: Affine) -> Affine:
+        """The inner one first, then this one."""
+        # What is too large for a number is found by `finite`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return Affine(self.turn @ inner.turn, self.turn @ inner.shift + self.shift)
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Points (..., 2) where it takes them."""
+        return np.asarray(points @ self.turn.T + self.shift)
+
+    @property
+    def finite(self) -> bool:
+        """Whether none of its numbers has overflown."""
+        return bool(np.isfinite(self.turn).all() and np.isfinite(self.shift).all())
+
+    @property
+    def flat(self) -> bool:
+        """Whether it leaves no area of anything."""
+        size = float(np.abs(self.turn).max())
+        if size == 0:
+            return True
+        unit = self.turn / size
+        return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
+
+
+STAY = Affine(locked(np.eye(2)), locked(np.zeros(2)))
+
+
+def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
+    """The transform that SVG writes as `matrix(a b c d e f)`."""
+    return Affine(np.array([[a, c], [b, d]]), np.array([e, f]))
+
+
+def numbers_of(element: Element, key: str, text: str) -> list[float]:
+    """A list of numbers, separated by blanks or commas.
+
+    Raises:
+        InvalidInput: Something else.
+    """
+    if not NUMBERS.fullmatch(text):
+        bad = NUMBERS.match(text)
+        at = bad.end() if bad else 0
+        element.refuse(f"{key} has {text[at : at + 20]!r} where a number should be")
+    return checked(element, key, [float(x[0]) for x in limited(EACH_NUMBER.finditer(text))])
+
+
+def limited(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
+    """No more matches than one above `MOST_NUMBERS`."""
+    return itertools.islice(found, MOST_NUMBERS + 1)
+
+
+def checked(element: Element, key: str, values: list[float]) -> list[float]:
+    """The numbers of a list.
+
+    Raises:
+        InvalidInput: One that is too large, or too many.
+    """
+    if len(values) > MOST_NUMBERS:
+        element.refuse(f"{key} has more than {MOST_NUMBERS} numbers: split it")
+    if not all(map(math.isfinite, values)):
+        element.refuse(f"{key} has a number that is too large")
+    return values
+
+
+def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
+    """A length in user units; `default` where it is not given or auto.
+
+    Raises:
+        InvalidInput: No length, or one in percent or in letters' heights.
+    """
+    text = element.get(key)
+    if text in ("", "auto"):
+        return default
+    match = _LENGTH.fullmatch(text)
+    factor = PIXELS.get(match[2].lower()) if match else None
+    if match is None or factor is None:
+        element.refuse(
+            f"{key}={text[:40]!r} is not a length that is read: write a number, or one in px, mm, "
+            "cm, in, pt or pc"
+        )
+    value = float(match[1]) * factor
+    if not math.isfinite(value):
+        element.refuse(f"{key}={text[:40]!r} is too large")
+    return value
+
+
+def number_of(element: Element, key: str) -> float:
+    """A length in user units, 0 where it is not given."""
+    return length_of(element, key) or 0.0
+
+
+def transform_of(element: Element) -> Affine:
+    """What the attribute transform does.
+
+    Raises:
+        InvalidInput: No list of transforms.
+    """
+    text = element.get("transform")
+    if text in ("", "none"):
+        return STAY
+    whole, at, count = STAY, 0, 0
+    while at < len(text):
+        match = _TRANSFORM.match(text, at)
+        if match is None or match[1] not in COUNTS or count >= MOST_TRANSFORMS:
+            if not text[at:].strip(" \t\r\n,"):
+                break
+            element.refuse(
+                f"transform has {text[at : at + 30].strip()!r}, which is not one of "
+                f"{', '.join(COUNTS)}"
+            )
+        values = numbers_of(element, f"transform {match[1]}", match[2])
+        if len(values) not in COUNTS[match[1]]:
+            wanted = " or ".join(map(str, COUNTS[match[1]]))
+            element.refuse(f"{match[1]} takes {wanted} numbers, but has {len(values)}")
+        whole = whole @ _one(match[1], values)
+        at, count = match.end(), count + 1
+    if not whole.finite:
+        element.refuse("transform has numbers that are too large")
+    return whole
+
+
+def _one(kind: str, values: list[float]) -> Affine:
+    x = values[0]
+    if kind == "matrix":
+        return affine(*values)
+    if kind == "translate":
+        return affine(1, 0, 0, 1, x, values[1] if len(values) > 1 else 0)
+    if kind == "scale":
+        return affine(x, 0, 0, values[1] if len(values) > 1 else x, 0, 0)
+    if kind == "skewX":
+        return affine(1, 0, math.tan(math.radians(x)), 1, 0, 0)
+    if kind == "skewY":
+        return affine(1, math.tan(math.radians(x)), 0, 1, 0, 0)
+    c, s = _cos_sin(x)
+    turned = affine(c, s, -s, c, 0, 0)
+    if len(values) == 1:
+        return turned
+    there, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
+    return there @ turned @ back
+
+
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    """Exact for right angles, so that what is upright stays so."""
+    quarters, rest = divmod(degrees, 90.0)
+    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    for _ in range(int(quarters % 4)):
+        c, s = -s, c
+    return c, s
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangle with sides along the axes."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+def view_box(element: Element) -> Box | None:
+    """The viewBox of an element, None if it has none.
+
+    Raises:
+        InvalidInput: Not four numbers, or no area.
+    """
+    text = element.get("viewBox")
+    if not text or text == "none":
+        return None
+    values = numbers_of(element, "viewBox", text)
+    if len(values) != 4 or values[2] <= 0 or values[3] <= 0:
+        element.refuse(
+            f"viewBox={text[:60]!r} must be x, y, width and height, the last two above zero"
+        )
+    return Box(*values)
+
+
+def fitted(element: Element, inner: Box, outer: Box) -> Affine:
+    """What brings the viewBox of an element into its viewport, as preserveAspectRatio says.
+
+    Raises:
+        InvalidInput: A preserveAspectRatio that is none.
+    """
+    text = element.get("preserveAspectRatio") or "xMidYMid"
+    match = _ALIGN.fullmatch(text)
+    if match is None:
+        element.refuse(f"preserveAspectRatio={text[:40]!r} is not known")
+    x, y = outer.width / inner.width, outer.height / inner.height
+    shares = SHARES[match[2] or "Min"], SHARES[match[3] or "Min"]
+    if match[1] is None:
+        x = y = max(x, y) if match[4] == "slice" else min(x, y)
+    left = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x
+    top = outer.y + shares[1] * (outer.height - y * inner.height) - y * inner.y
+    return affine(x, 0, 0, y, left, top)

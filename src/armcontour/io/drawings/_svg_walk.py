@@ -1,0 +1,265 @@
+"""What an SVG file draws: its shapes in order, each where groups and references put it."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from armcontour.io.drawings._svg_shapes import SHAPES
+from armcontour.io.drawings._svg_tree import Element
+from armcontour.io.drawings._svg_units import (
+    Affine,
+    Box,
+    affine,
+    fitted,
+    length_of,
+    number_of,
+    transform_of,
+    view_box,
+)
+
+# These draw nothing themselves.
+SILENT = (
+    "",
+    "defs",
+    "desc",
+    "filter",
+    "linearGradient",
+    "metadata",
+    "radialGradient",
+    "solidcolor",
+    "title",
+    "view",
+)
+# These draw what is in them, or what they refer to.
+HOLDING = ("g", "a", "svg", "symbol", "use", "switch")
+# Properties that cut or add to what is drawn.
+CHANGING = ("clip-path", "mask", "marker", "marker-start", "marker-mid", "marker-end")
+# What a style sheet must not say, because style sheets are not followed; these values are harmless.
+_SHEET = re.compile(
+    r"(?<![\w-])(display|visibility|transform|clip-path|mask|marker[\w-]*)\s*:\s*(\w+)"
+)
+HARMLESS = ("none", "inline", "block", "visible", "inherit")
+HIDDEN = "Left out because hidden"
+NO_SIZE = "Left out because of no size"
+# More elements than this drawn by reference are a file that is made to have no end.
+MOST_REPEATED = 100_000
+# References within references than which no drawing has more.
+DEEPEST_USE = 50
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A shape, from its coordinates to those of the page, and where it stands in the drawing."""
+
+    element: Element
+    to: Affine
+    layer: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Place:
+    """What an element inherits from those around it; `used_by` is what refers to it directly."""
+
+    to: Affine
+    view: Box | None
+    layer: str = ""
+    inkscape: bool = False
+    hidden: bool = False
+    uses: tuple[Element, ...] = ()
+    used_by: Element | None = None
+    name: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class Walk:
+    """A walk through a drawing.
+
+    Args:
+        root: The outermost element.
+        skip: Whether what is not known is left out; else it is refused.
+        left_out: What was left out, by the reason, in order.
+    """
+
+    root: Element
+    skip: bool
+    left_out: dict[str, list[str]] = field(default_factory=dict)
+    _ids: dict[str, Element] = field(default_factory=dict)
+    _repeated: int = 0
+
+    def shapes(self, to: Affine, view: Box | None) -> Iterator[Shape]:
+        """The shapes in the order in which they are drawn.
+
+        Args:
+            to: From the drawing's user units to the page.
+            view: The viewport in user units.
+
+        Raises:
+            InvalidInput: What is not known or not of SVG's form, or references without an end.
+        """
+        self._ids = _by_id(self.root)
+        counts = dict.fromkeys(SHAPES, 0)
+        place = _Place(to, view)
+        todo = [(x, place) for x in reversed(self.root.children)]
+        while todo:
+            element, around = todo.pop()
+            self._repeated += bool(around.uses)
+            if self._repeated > MOST_REPEATED:
+                element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
+            if element.tag in SHAPES:
+                counts[element.tag] += 1
+            inner = self._entered(element, around)
+            if inner is None:
+                continue
+            if element.tag in SHAPES:
+                if inner.hidden:
+                    self.leave_out(HIDDEN, element)
+                    continue
+                name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
+                yield Shape(element, inner.to, inner.layer, name)
+            else:
+                todo.extend(reversed(self._inside(element, inner)))
+
+    def leave_out(self, reason: str, element: Element) -> None:
+        """Remember that an element was left out."""
+        self.left_out.setdefault(reason, []).append(element.name)
+
+    def _entered(self, element: Element, around: _Place) -> _Place | None:
+        """What holds within an element; None if nothing of it is drawn.
+
+        Raises:
+            InvalidInput: An element or a property that is not known, unless these are left out.
+        """
+        tag = element.tag
+        if tag in SILENT or (tag == "symbol" and around.used_by is None):
+            return None
+        if tag == "style":
+            for key, value in _SHEET.findall("".join(element.text)):
+                if value not in HARMLESS or (key, value) == ("display", "none"):
+                    self._unknown(element, f"style sheets are not followed, and it says {key}")
+                    break
+            return None
+        if tag not in (*SHAPES, *HOLDING):
+            self._unknown(element, f"{tag[:40]} is not read")
+            return None
+        if element.style("display") == "none":
+            self.leave_out(HIDDEN, element)
+            return None
+        self._check_style(element)
+        to = around.to @ transform_of(element)
+        if not to.finite:
+            element.refuse("its transforms together have numbers that are too large")
+        if to.flat:
+            self.leave_out(NO_SIZE, element)
+            return None
+        visibility = element.style("visibility")
+        hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
+        place = _layer(element, around)
+        place = dataclasses.replace(place, to=to, hidden=hidden, used_by=None)
+        if tag in ("svg", "symbol"):
+            return self._viewport(element, place, around.used_by)
+        return place
+
+    def _check_style(self, element: Element) -> None:
+        for key in CHANGING:
+            value = element.style(key)
+            if value not in ("", "none", "inherit", "initial", "unset"):
+                self._unknown(element, f"its {key} is not followed")
+        if element.styled("transform") or element.style("transform-origin"):
+            self._unknown(element, "transforms by style, or about an origin, are not followed")
+
+    def _unknown(self, element: Element, what: str) -> None:
+        if not self.skip:
+            element.refuse(f"{what}: change it in the drawing, or leave it out with unknown: skip")
+        self.leave_out(what, element)
+
+    def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
+        """What is drawn of what is in an element, or of what it refers to."""
+        if element.tag == "use":
+            return [self._used(element, place)]
+        inside = element.children
+        if element.tag == "switch":
+            conditions = {"requiredExtensions", "systemLanguage"}
+            inside = [x for x in inside if not conditions & set(x.attributes)][:1]
+        return [(x, place) for x in inside]
+
+    def _used(self, element: Element, place: _Place) -> tuple[Element, _Place]:
+        """What a use refers to.
+
+        Raises:
+            InvalidInput: Nothing in this file, or what refers back to it.
+        """
+        given = element.get("href") or element.get("xlink:href")
+        target = self._ids.get(given[1:]) if given.startswith("#") else None
+        if target is None:
+            element.refuse(f"it refers to {given[:60]!r}, which is no element of this file")
+        if target in place.uses or len(place.uses) >= DEEPEST_USE:
+            element.refuse(f"it refers to {given[:60]!r}, which refers back to it")
+        shift = affine(1, 0, 0, 1, number_of(element, "x"), number_of(element, "y"))
+        inner = dataclasses.replace(
+            place,
+            to=place.to @ shift,
+            uses=(*place.uses, target),
+            used_by=element,
+            name=element.get("id") or place.name,
+        )
+        return target, inner
+
+    def _viewport(self, element: Element, place: _Place, user: Element | None) -> _Place | None:
+        """What holds within a nested svg or a symbol; None if it has no size.
+
+        Raises:
+            InvalidInput: A viewBox without a known size to fit it into.
+        """
+        outer = place.view
+        width = _extent(element, user, "width", outer.width if outer else None)
+        height = _extent(element, user, "height", outer.height if outer else None)
+        x, y = number_of(element, "x"), number_of(element, "y")
+        box = view_box(element)
+        if width is None or height is None:
+            if box is not None:
+                element.refuse("it has a viewBox and needs a width and a height to fit it into")
+            shift = affine(1, 0, 0, 1, x, y)
+            return dataclasses.replace(place, to=place.to @ shift, view=None)
+        if width <= 0 or height <= 0:
+            self.leave_out(NO_SIZE, element)
+            return None
+        if box is None:
+            box = Box(0.0, 0.0, width, height)
+        inner = place.to @ fitted(element, box, Box(x, y, width, height))
+        if not inner.finite or inner.flat:
+            element.refuse("its viewBox does not fit its width and height")
+        return dataclasses.replace(place, to=inner, view=box)
+
+
+def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
+    """Width or height of a viewport: of the use, else of the element, else all of the outer one."""
+    for x in (user, element):
+        if x is not None and x.get(key) not in ("", "auto"):
+            return whole if x.get(key) == "100%" else length_of(x, key)
+    return whole
+
+
+def _layer(element: Element, around: _Place) -> _Place:
+    """The layer within a group: Inkscape's, or else the nearest group with a name."""
+    if element.tag != "g":
+        return around
+    own = element.get("inkscape:label") or element.get("id")
+    if element.get("inkscape:groupmode") == "layer":
+        return dataclasses.replace(around, layer=own, inkscape=True)
+    return around if around.inkscape or not own else dataclasses.replace(around, layer=own)
+
+
+def _by_id(root: Element) -> dict[str, Element]:
+    """Elements by their ids; of two with the same one, the first."""
+    found: dict[str, Element] = {}
+    todo = [root]
+    while todo:
+        element = todo.pop()
+        found.setdefault(element.attributes.get("id", ""), element)
+        todo.extend(reversed(element.children))
+    found.pop("", None)
+    return found

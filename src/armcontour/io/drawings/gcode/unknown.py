@@ -1,0 +1,103 @@
+"""What the reader does not know: refused, or skipped and counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from armcontour.io.drawings.gcode import codes
+from armcontour.io.drawings.gcode.words import Block, Fault
+
+# Words that mean something with codes that are not carried out only.
+OTHER_LETTERS = "ABCDEHLTUVW"
+SKIP = 'say "unknown: skip" to have it left out'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Skipped:
+    """What of a line was left out.
+
+    Args:
+        owns_words: Whether I, J, K, P, Q or R may have gone with it.
+        owns_s: Whether S did: a temperature, or a speed of another kind.
+        owns_axes: Whether X, Y and Z went with it.
+    """
+
+    owns_words: bool
+    owns_s: bool
+    owns_axes: bool
+
+
+NOTHING = Skipped(owns_words=False, owns_s=False, owns_axes=False)
+
+
+class Unknown:
+    """What was skipped, by its kind, with count and first line.
+
+    Args:
+        policy: "refuse" or "skip".
+    """
+
+    def __init__(self, policy: str) -> None:
+        self.policy = policy
+        self.counts: dict[str, list[int]] = {}
+
+    def screen(self, block: Block, line: int) -> Skipped:
+        """What of a line is not carried out.
+
+        Raises:
+            Fault: Something that is to be refused, or is never skipped.
+        """
+        letters = [x for x in block.words if x in OTHER_LETTERS]
+        g = [x for x in block.g if x not in codes.UNDERSTOOD_G]
+        m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
+        if not (letters or g or m):
+            return NOTHING
+        axes = not block.words.keys().isdisjoint("XYZ")
+        owns = False
+        for code in g:
+            self._refuse_motion(code, axes)
+            owns = owns or code in codes.OWN_THE_LINE
+            self.skip(codes.g_name(code), line)
+        for code in m:
+            if code in codes.NEVER_SKIPPED_M:
+                raise Fault(f"M{code}, a call of a subprogram, which this reader does not follow")
+            self.skip(f"M{code}", line)
+        for letter in letters:
+            self.skip(f"the word {letter}", line)
+        own_m = not codes.TAKE_NO_WORDS_M.issuperset(m)
+        return Skipped(
+            owns_words=own_m or not codes.TAKE_NO_WORDS_G.issuperset(g),
+            owns_s=own_m or codes.SURFACE_SPEED in g,
+            owns_axes=owns,
+        )
+
+    def _refuse_motion(self, code: int, axes: bool) -> None:
+        name = codes.g_name(code)
+        if code in codes.NEVER_SKIPPED_G:
+            raise Fault(
+                f"{name}, which this reader does not carry out and does not skip either, because "
+                "the moves behind it would be elsewhere: write G0, G1, G2 and G3"
+            )
+        known = code in codes.NO_USE_FOR_AXES or code in codes.OWN_THE_LINE
+        if axes and not known:
+            raise Fault(
+                f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and G3"
+            )
+
+    def skip(self, kind: str, line: int) -> None:
+        """Leaves something out.
+
+        Raises:
+            Fault: It is to be refused.
+        """
+        if self.policy == "refuse":
+            raise Fault(f"{kind}, which this reader does not carry out: remove it, or {SKIP}")
+        self.counts.setdefault(kind, [0, line])[0] += 1
+
+    def notes(self) -> list[str]:
+        """One sentence for every kind."""
+        return [
+            f"{kind[0].upper()}{kind[1:]} was skipped {count} time{'s' if count > 1 else ''}, "
+            f"first in line {line}."
+            for kind, (count, line) in self.counts.items()
+        ]

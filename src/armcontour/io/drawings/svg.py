@@ -1,0 +1,170 @@
+"""SVG drawings: outlines as contours, in metres and with y up."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from armcontour.errors import InvalidInput
+from armcontour.io.drawings._svg_shapes import shape_of
+from armcontour.io.drawings._svg_strokes import Subpath, mapped
+from armcontour.io.drawings._svg_tree import Element, tree_of
+from armcontour.io.drawings._svg_units import (
+    PIXEL,
+    Affine,
+    Box,
+    affine,
+    fitted,
+    length_of,
+    view_box,
+)
+from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
+from armcontour.io.drawings.chaining import Piece, chained
+from armcontour.io.drawings.reading import Reading
+from armcontour.program import Contour, Program
+
+# More segments than this, curves counted once, are no drawing that anyone wants followed.
+MOST_SEGMENTS = 500_000
+# Beyond this [m] floating point no longer resolves what makes two points different.
+FARTHEST = 1e6
+# Elements that one note names.
+NAMED = 6
+# Keeps what is not to be chained apart from the name of its layer; no XML can hold it.
+APART = "\0"
+
+
+def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
+    """The outlines in an SVG drawing.
+
+    Its shapes, wherever groups, transforms and references put them, become contours in the order
+    in which they are drawn; each subpath is one. Separate elements whose ends touch are chained.
+    Strokes, fills and what a page cuts off do not matter; what is hidden is left out.
+
+    Coordinates are in metres from the lower left corner of the page, x to the right and y up. A
+    user unit is what width, height and viewBox make of it, and else a CSS pixel, 1/96 inch;
+    `reading.unit` is its length, whatever the file says.
+
+    Lines stay lines, and arcs of circles that are circles still after all transforms stay arcs;
+    other curves become tangent arcs within `reading.chord_tolerance`.
+
+    Args:
+        data: What the file holds.
+        source: Name of the file.
+        reading: How it is to be read.
+
+    Raises:
+        InvalidInput: No SVG, or what is not read; names the element and its line.
+    """
+    root = tree_of(data, source)
+    page, view, notes = _page(root, reading)
+    walk = Walk(root=root, skip=reading.unknown == "skip")
+    pieces: list[Piece] = []
+    spent = _Budget()
+    for shape in walk.shapes(page, view):
+        spent.element = shape.element
+        subpaths = shape_of(shape.element, spent)
+        found = [x for x in (_piece(shape, x, reading) for x in subpaths) if x is not None]
+        if not found:
+            walk.leave_out(NO_SIZE, shape.element)
+        pieces += found if len(found) == 1 else _apart(found, len(pieces))
+    contours, said = chained(pieces, reading.join_tolerance)
+    for reason, names in walk.left_out.items():
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        notes.append(f"{reason}: {', '.join(names[:NAMED])}{more}.")
+    if not contours:
+        why = f" ({' '.join([*notes, *said])})" if notes or said else ""
+        raise InvalidInput(f"{source} has no contour to follow{why}.")
+    return Program(moves=tuple(map(_on_its_layer, contours)), source=source, notes=(*notes, *said))
+
+
+class _Budget:
+    """Counts segments before they are made, so that no file can ask for too many."""
+
+    def __init__(self) -> None:
+        self.element: Element | None = None
+        self._left = MOST_SEGMENTS
+
+    def __call__(self, segments: int) -> None:
+        self._left -= segments
+        if self._left < 0 and self.element is not None:
+            self.element.refuse(
+                f"the drawing has more than {MOST_SEGMENTS} segments by here: split it"
+            )
+
+
+def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str]]:
+    """From user units to metres on the page with y up; the viewport in user units; notes.
+
+    Raises:
+        InvalidInput: A width, height or viewBox that is none, or a transform of the whole page.
+    """
+    if root.get("transform"):
+        root.refuse("a transform of the outermost svg is not read: put a group with it inside")
+    box = view_box(root)
+    width, height = (
+        None if root.get(key).endswith("%") else length_of(root, key, default=None)
+        for key in ("width", "height")
+    )
+    for key, value in (("width", width), ("height", height)):
+        if value is not None and value <= 0:
+            root.refuse(f"{key} must be above zero, but is {root.get(key)}")
+    unit = PIXEL if reading.unit is None else reading.unit
+    if box is not None:
+        # What one of both leaves open, the shape of the viewBox says.
+        if reading.unit is not None or (width is None and height is None):
+            width, height = box.width, box.height
+        wide = width if width is not None else (height or 0.0) * box.width / box.height
+        high = height if height is not None else wide * box.height / box.width
+        inner = fitted(root, box, Box(0.0, 0.0, wide, high))
+        return _up(high, unit) @ inner, box, []
+    if height is None:
+        note = (
+            f"{root.source} says no height of its page: y is 0 at its upper edge and negative "
+            "below."
+        )
+        return _up(0.0, unit), None, [note]
+    view = Box(0.0, 0.0, width, height) if width is not None else None
+    return _up(height, unit), view, []
+
+
+def _up(height: float, unit: float) -> Affine:
+    """From the page's y down to metres with y up from its lower edge."""
+    return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
+
+
+def _piece(shape: Shape, subpath: Subpath, reading: Reading) -> Piece | None:
+    """One subpath in metres; None if it has no length.
+
+    Raises:
+        InvalidInput: It is too far away or too large.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            _check_size(shape, subpath)
+            path = mapped(subpath, shape.to, reading.chord_tolerance, reading.join_tolerance)
+    except InvalidInput as error:
+        if shape.element.name in str(error):
+            raise
+        shape.element.refuse(str(error).rstrip("."))
+    return None if path is None else Piece(path=path, name=shape.name, layer=shape.layer)
+
+
+def _check_size(shape: Shape, subpath: Subpath) -> None:
+    reach = max(float(np.abs(shape.to(x.reach)).max()) for x in subpath.strokes)
+    if not reach <= FARTHEST:
+        shape.element.refuse(
+            f"it reaches {reach:.3g} m far, more than {FARTHEST:g} m: is the unit right?"
+        )
+
+
+def _apart(pieces: Sequence[Piece], offset: int) -> list[Piece]:
+    """Subpaths of one element, which are contours of their own even where they touch."""
+    return [
+        dataclasses.replace(x, layer=f"{x.layer}{APART}{offset + k}") for k, x in enumerate(pieces)
+    ]
+
+
+def _on_its_layer(contour: Contour) -> Contour:
+    return dataclasses.replace(contour, layer=contour.layer.partition(APART)[0])

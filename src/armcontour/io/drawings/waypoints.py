@@ -1,0 +1,314 @@
+"""Waypoints from CSV and Parquet tables: points, how the tool is held there, speeds, events."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
+from armcontour.geometry import Path
+from armcontour.geometry.path import REPEATED_POINT
+from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.waypoint_table import (
+    ANGLES,
+    AXIS,
+    POINT,
+    QUATERNION,
+    TEXTS,
+    Column,
+    Table,
+    table_of,
+)
+from armcontour.io.units import parse
+from armcontour.program import Contour, Event, Program
+
+KINDS = ("csv", "parquet")
+# SI units of the columns that have one.
+UNITS = {
+    **dict.fromkeys((*POINT, "tolerance"), "m"),
+    **dict.fromkeys(ANGLES, "rad"),
+    "speed": "m/s",
+}
+# Beyond this [m] floating point no longer resolves what makes two points different.
+FARTHEST = 1e6
+SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
+
+
+def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> Program:
+    """The contours in a table of waypoints, which are joined by straight lines.
+
+    The columns are `x`, `y` and, in space, `z`; and if wanted an orientation of the tool (`qx`,
+    `qy`, `qz`, `qw`, or `roll`, `pitch`, `yaw` about fixed axes, or the tool axis `ax`, `ay`, `az`
+    with turning about it free), `speed`, `tolerance`, `contour`, `layer` and `event`. A unit stands
+    in brackets or as a suffix: `x [mm]`, `x_mm`; without one, lengths are in the unit of the
+    reading or m, speeds in that per second, angles in rad. Speed and tolerance of a row are those
+    of the line that ends there. A new name in `contour` or `layer` begins a new contour.
+
+    Args:
+        data: What the file holds: CSV with commas, semicolons or tabs, or Parquet.
+        source: Name of the file.
+        kind: "csv" or "parquet".
+        reading: How it is to be read.
+
+    Raises:
+        InvalidInput: Anything else; names the line or row and the column.
+    """
+    _checks.choice("kind of a table of waypoints", kind, KINDS)
+    table = table_of(data, source=source, kind=kind, reading=reading)
+    values = _quantities(table, reading)
+    orientation = _orientation(table, values)
+    texts = {key: _filled(table, key) for key in ("contour", "layer")}
+    events = _texts(table, "event")
+    bounds = [0, *_changes(texts), len(table.places)]
+    contours, notes = [], list(table.notes)
+    for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        rows = slice(first, last)
+        path = _path(table, values, rows)
+        path = _held(table, path, orientation, rows)
+        name = texts["contour"][first] or f"contour {k + 1}"
+        switched = _events(table, events, rows, path)
+        contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
+        notes += _unused(table, values, first)
+    return Program(moves=tuple(contours), source=source, notes=tuple(notes))
+
+
+def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
+    """All numbers in SI units, NaN where a cell is empty.
+
+    Raises:
+        InvalidInput: A unit or a number that is none, or out of its range.
+    """
+    said = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
+    if len(set(said.values())) > 1:
+        has, lacks = (next(k for k, v in said.items() if v is wanted) for wanted in (True, False))
+        raise InvalidInput(
+            f"{table.source}: the column {table.columns[has].title!r} has a unit and "
+            f"{table.columns[lacks].title!r} has none: give both one."
+        )
+    values = {}
+    for key, column in table.columns.items():
+        if key in TEXTS:
+            continue
+        numbers = _numbers(table, key) * _factor(table, column, UNITS.get(key), reading)
+        for bad, must in (
+            (np.isnan(numbers) & (key in POINT), "must not be empty"),
+            (np.abs(numbers) > FARTHEST, f"must be within {FARTHEST:g} {UNITS.get(key, '')}"),
+            ((numbers <= 0) & (key == "speed"), "must be above zero"),
+            ((numbers < 0) & (key == "tolerance"), "must not be negative"),
+        ):
+            if bad.any():
+                i = int(np.argmax(bad))
+                given = column.cells[i]
+                but = "" if np.isnan(numbers[i]) else f", but is {given}"
+                raise InvalidInput(f"{table.where(i, key)}: {must.strip()}{but}.", index=i)
+        values[key] = numbers
+    return values
+
+
+def _numbers(table: Table, key: str) -> FloatArray:
+    cells = table.columns[key].cells
+    if isinstance(cells, np.ndarray):
+        values = cells
+    else:
+        try:
+            values = np.array([float(x) if x else math.nan for x in cells])
+        except ValueError:
+            values = np.array([_float(x) for x in cells])
+    written = np.isinf(values)
+    if not isinstance(cells, np.ndarray):
+        written |= np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
+        written |= np.array(["_" in x for x in cells], dtype=bool)
+    if written.any():
+        i = int(np.argmax(written))
+        text = str(cells[i])[:40]
+        hint = ": write a decimal point" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
+        raise InvalidInput(f"{table.where(i, key)}: {text!r} is not a finite number{hint}.")
+    return values
+
+
+def _float(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _factor(table: Table, column: Column, unit: str | None, reading: Reading) -> float:
+    """What makes SI units of the numbers of a column."""
+    if column.unit is None:
+        return (reading.unit or 1.0) if unit in ("m", "m/s") else 1.0
+    plain = column.unit.strip().replace("²", "^2").replace("°", "deg")
+    try:
+        factor = parse(f"1 {plain}", unit) if unit is not None else 0.0
+    except ValueError:
+        factor = 0.0
+    # To the library of units an angle is a bare number.
+    if factor <= 0 or (unit == "rad" and not re.search("rad|deg|turn|rev", plain)):
+        wanted = f"one of {unit}" if unit else "wanted: the column has none"
+        raise InvalidInput(
+            f"{table.source}: the unit {column.unit!r} of the column {column.title!r} is not "
+            f"{wanted}."
+        )
+    return factor
+
+
+def _orientation(
+    table: Table, values: Mapping[str, FloatArray]
+) -> tuple[tuple[str, ...], FloatArray] | None:
+    """The columns that say how the tool is held, and their numbers, (rows, 3 or 4)."""
+    given = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
+    if not given:
+        return None
+    if len(given) > 1:
+        raise InvalidInput(
+            f"{table.source} says twice how the tool is held, by {given[0][0]} and by "
+            f"{given[1][0]}: leave one out."
+        )
+    keys = given[0]
+    if "z" not in values:
+        raise InvalidInput(f"{table.source}: a tool is oriented in space: add the column z.")
+    numbers = np.stack([values[key] for key in keys], axis=1)
+    # A quaternion of another length is an error of the file, a tool axis of another is not.
+    size = np.linalg.norm(numbers, axis=1)
+    if keys == QUATERNION:
+        bad, must = np.abs(size - 1) > QUATERNION_TOLERANCE, "must have the length 1, but has"
+    else:
+        bad, must = (size == 0) & (keys == AXIS), "must have a length above 0, but has"
+    partial = np.isnan(numbers).any(axis=1) & ~np.isnan(numbers).all(axis=1)
+    for wrong, text in ((partial, "some are empty and some are not"), (bad, must)):
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            length = f" {size[i]:.6g}" if text is must else ""
+            raise InvalidInput(f"{table.where(i, *keys)}: {text}{length}.", index=i)
+    return keys, numbers
+
+
+def _texts(table: Table, key: str) -> Sequence[str]:
+    """A column of text; numbers as text, whole ones without a point."""
+    if key not in table.columns:
+        return [""] * len(table.places)
+    cells = table.columns[key].cells
+    if isinstance(cells, np.ndarray):
+        return ["" if math.isnan(x) else f"{x:.15g}" for x in cells.tolist()]
+    return cells
+
+
+def _filled(table: Table, key: str) -> list[str]:
+    """A column of text whose empty cells repeat the one above."""
+    texts, last = [], ""
+    for text in _texts(table, key):
+        last = text or last
+        texts.append(last)
+    return texts
+
+
+def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
+    """Rows at which a new contour begins."""
+    rows = list(zip(*texts.values(), strict=True))
+    return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
+
+
+def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
+    """Lines through the points of some rows.
+
+    Raises:
+        InvalidInput: Fewer than two different points.
+    """
+    points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
+    first = int(table.places[rows][0])
+    if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
+        raise InvalidInput(
+            f"{table.source}: the contour that begins in {table.word} {first} has no two different "
+            "points: give it more, or leave it out."
+        )
+    path = Path.polyline(points)
+    ends = np.delete(np.arange(len(points)), path.merged)[1:]
+    speeds, tolerances = (
+        values[key][rows][ends] if key in values else np.full(len(path), np.nan)
+        for key in ("speed", "tolerance")
+    )
+    return dataclasses.replace(path, speeds=speeds, tolerances=tolerances)
+
+
+def _held(
+    table: Table,
+    path: Path,
+    orientation: tuple[tuple[str, ...], FloatArray] | None,
+    rows: slice,
+) -> Path:
+    """A path with the tool held as the rows say.
+
+    Raises:
+        InvalidInput: Some rows say nothing, two orientations at one point, or half a turn.
+    """
+    if orientation is None:
+        return path
+    keys, numbers = orientation[0], orientation[1][rows]
+    empty = np.isnan(numbers[:, 0])
+    if empty.all():
+        return path
+    if empty.any():
+        i = rows.start + int(np.argmax(empty))
+        raise InvalidInput(
+            f"{table.where(i, *keys)}: empty, but other rows of the contour say how the tool is "
+            "held: fill all or none.",
+            index=i,
+        )
+    from scipy.spatial.transform import Rotation
+
+    try:
+        if keys == AXIS:
+            return path.pointing(numbers)
+        return path.oriented(from_rpy(numbers) if keys == ANGLES else Rotation.from_quat(numbers))
+    except InvalidInput as error:
+        i = rows.start + (error.index or 0)
+        raise InvalidInput(f"{table.where(i, *keys)}: {error}", index=i) from None
+
+
+def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tuple[Event, ...]:
+    """What is switched at the rows of a contour, such as `laser=on; gas=2.5`."""
+    if "event" not in table.columns:
+        return ()
+    # A point that repeats the one before is that one.
+    repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
+    repeated[list(path.merged)] = 1
+    places = np.arange(len(repeated)) - np.cumsum(repeated)
+    events = []
+    for i in range(rows.start, rows.stop):
+        for part in texts[i].split(";") if texts[i] else ():
+            name, equals, value = (x.strip() for x in part.partition("="))
+            if not name or (equals and not value):
+                raise InvalidInput(
+                    f"{table.where(i, 'event')}: {texts[i][:40]!r} is no event: write name=value, "
+                    "such as laser=on, with semicolons between several.",
+                    index=i,
+                )
+            s = float(path.breaks[places[i - rows.start]])
+            events.append(Event(name=name, value=_value(value) if equals else True, s=s))
+    return tuple(events)
+
+
+def _value(text: str) -> bool | float | str:
+    if text.lower() in SWITCHED:
+        return SWITCHED[text.lower()]
+    number = _float(text)
+    return number if math.isfinite(number) else text
+
+
+def _unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:
+    """Notes on what the first row of a contour says of a line that does not end there."""
+    return [
+        f"{table.where(first, key)}: no line ends at the first waypoint of a contour, so its "
+        f"{key} is not used."
+        for key in ("speed", "tolerance")
+        if key in values
+        and not math.isnan(values[key][first])
+        and values[key][first] != values[key][first + 1]
+    ]

@@ -1,0 +1,317 @@
+"""Tables of waypoints."""
+
+import io
+import time
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from armcontour.errors import InvalidInput
+from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.waypoints import read_waypoints
+
+SQUARE = "x [mm],y [mm]\n0,0\n100,0\n100,50\n"
+
+
+def read(text, **reading):
+    data = text if isinstance(text, bytes) else text.encode()
+    return read_waypoints(data, source="points.csv", kind="csv", reading=Reading(**reading))
+
+
+def parquet(**columns):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file = io.BytesIO()
+    pq.write_table(pa.table(columns), file)
+    return file.getvalue()
+
+
+def read_parquet(data, **reading):
+    return read_waypoints(data, source="points.parquet", kind="parquet", reading=Reading(**reading))
+
+
+def refused(text, **reading):
+    with pytest.raises(InvalidInput) as caught:
+        read(text, **reading)
+    return str(caught.value)
+
+
+def test_points_are_joined_by_lines_in_metres():
+    path = read(SQUARE).path
+    np.testing.assert_allclose(path.vertices, [[0, 0], [0.1, 0], [0.1, 0.05]], atol=1e-15)
+    assert path.dimension == 2 and not path.curvatures.any()
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(
+    "names", [("x [mm]", "y [mm]"), ("X(mm)", "Y (mm)"), ("x_mm", "y_mm"), ("x [cm]", "y [cm]")]
+)
+def test_dialects_and_units(separator, names):
+    factor = 0.01 if "cm" in names[0] else 0.001
+    text = "# made by hand\r\n" + separator.join(names) + "\r\n\r\n"
+    text += "".join(f"{a}{separator} {b}\r\n" for a, b in ((0, 0), (1.5, 2e1)))
+    vertices = read(b"\xef\xbb\xbf" + text.encode()).path.vertices
+    np.testing.assert_allclose(vertices[1], [1.5 * factor, 20 * factor], rtol=1e-15)
+
+
+def test_lengths_without_a_unit_are_in_that_of_the_reading_and_speeds_in_it_per_second():
+    text = "x,y,speed,tolerance\n0,0,,\n10,0,5,0.1\n"
+    plain, inches = read(text).path, read(text, unit=0.0254).path
+    assert (plain.length, plain.speeds[0], plain.tolerances[0]) == (10, 5, 0.1)
+    assert inches.length == pytest.approx(0.254)
+    assert inches.speeds[0] == pytest.approx(0.127)
+    assert inches.tolerances[0] == pytest.approx(0.00254)
+
+
+def test_speed_and_tolerance_are_of_the_line_that_ends_at_the_row():
+    text = "x,y,speed [mm/s],tolerance_mm\n0,0,,\n1,0,100,1\n1,1,,0.5\n2,1,50,\n"
+    path = read(text).path
+    np.testing.assert_allclose(path.speeds, [0.1, np.nan, 0.05])
+    np.testing.assert_allclose(path.tolerances, [1e-3, 5e-4, np.nan])
+
+
+def test_a_first_speed_that_no_line_has_is_noted():
+    program = read("x,y,speed\n0,0,3\n1,0,2\n2,0,2\n")
+    assert program.notes == (
+        "points.csv, line 2, column 'speed': no line ends at the first waypoint of a contour, so "
+        "its speed is not used.",
+    )
+    assert read("x,y,speed\n0,0,2\n1,0,2\n").notes == ()
+
+
+def test_a_new_name_in_contour_or_layer_begins_a_contour_and_empty_cells_go_on():
+    text = "x,y,contour,layer\n0,0,a,one\n1,0,,\n0,1,b,\n1,1,b,one\n0,2,b,two\n1,2,b,two\n"
+    contours = read(text).contours
+    assert [(x.name, x.layer) for x in contours] == [("a", "one"), ("b", "one"), ("b", "two")]
+    assert [x.path.length for x in contours] == [1, 1, 1]
+
+
+def test_events_come_at_their_rows():
+    text = 'x,y,event\n0,0,laser=on\n2,0,"gas=2.5; mode=fine;beep"\n2,0,repeat=off\n3,0,laser=OFF\n'
+    events = read(text).contours[0].events
+    assert [(x.name, x.value, x.s) for x in events] == [
+        ("laser", True, 0),
+        ("gas", 2.5, 2),
+        ("mode", "fine", 2),
+        ("beep", True, 2),
+        ("repeat", False, 2),
+        ("laser", False, 3),
+    ]
+
+
+def test_quaternions_angles_and_axes_hold_the_tool():
+    angles = np.array([[10, 20, 30], [-40, 50, 60]])
+    turned = Rotation.from_euler("xyz", angles, degrees=True)
+    rows = [f"{i},0,0,{a},{b},{c}" for i, (a, b, c) in enumerate(angles)]
+    path = read("\n".join(["x,y,z,roll [deg],pitch [deg],yaw [deg]", *rows])).path
+    np.testing.assert_allclose(path.orientation([0, 1]), turned.as_matrix(), atol=1e-12)
+    rows = [f"{i},0,0," + ",".join(map(repr, q.tolist())) for i, q in enumerate(turned.as_quat())]
+    path = read("\n".join(["x,y,z,qx,qy,qz,qw", *rows])).path
+    np.testing.assert_allclose(path.orientation([0, 1]), turned.as_matrix(), atol=1e-12)
+    path = read("x,y,z,ax,ay,az\n0,0,0,0,0,-2\n1,0,0,0,3,-3\n").path
+    assert path.orientation.axis_only
+    axes = path.orientation([0, 1])[:, :, 2]
+    np.testing.assert_allclose(axes, [[0, 0, -1], [0, 0.5**0.5, -(0.5**0.5)]], atol=1e-12)
+
+
+def test_four_quaternions_that_look_like_a_matrix_are_quaternions():
+    rows = [f"{i},0,0," + ",".join("1" if k == i else "0" for k in range(4)) for i in range(4)]
+    message = refused("\n".join(["x,y,z,qx,qy,qz,qw", *rows]))
+    assert "line 2, column 'qx qy qz qw': The tool orientations at waypoints 1 and 2" in message
+    assert "differ by half a turn" in message
+
+
+def test_a_contour_may_say_nothing_of_the_tool():
+    text = "x,y,z,ax,ay,az,contour\n0,0,0,0,0,-1,a\n1,0,0,0,0,-1,a\n0,1,0,,,,b\n1,1,0,,,,b\n"
+    first, second = read(text).contours
+    assert first.path.orientation is not None and second.path.orientation is None
+
+
+def test_repeated_points_are_merged_with_their_orientation():
+    text = "x,y,z,ax,ay,az,speed\n0,0,0,0,0,-1,\n1,0,0,0,1,-1,1\n1,0,0,0,1,-1,2\n2,0,0,0,0,-1,3\n"
+    path = read(text).path
+    assert len(path) == 2 and path.merged == (2,)
+    np.testing.assert_allclose(path.speeds, [1, 3])
+    np.testing.assert_allclose(path.orientation(2.0)[:, 2], [0, 0, -1], atol=1e-12)
+    message = refused(text.replace("1,0,0,0,1,-1,2", "1,0,0,1,1,-1,2"))
+    assert message.startswith("points.csv, line 4, column 'ax ay az': ")
+    assert "same point" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "points.csv is empty"),
+        ("x,y\n", "no waypoints"),
+        ("0,0\n1,1\n", "line 1: the first line must name the columns"),
+        ("x\n0\n1\n", "column y is missing"),
+        ("x,y,qx\n0,0,0\n1,0,0\n", "column qy is missing"),
+        ("x,y,temp\n0,0,0\n1,0,0\n", "unknown column 'temp'"),
+        ("x,X,y\n0,0,0\n1,0,0\n", "'x' and 'X' hold the same"),
+        ("x,x,y\n0,0,0\n1,0,0\n", "line 1: there are two columns 'x'"),
+        ("x [mm],y\n0,0\n1,1\n", "'x [mm]' has a unit and 'y' has none"),
+        ("x [kg],y [kg]\n0,0\n1,1\n", "unit 'kg' of the column 'x [kg]' is not one of m"),
+        ("x,y,z,qx [mm],qy,qz,qw\n0,0,0,0,0,0,1\n1,0,0,0,0,0,1\n", "unit 'mm' of the column 'qx"),
+        ("x,y,speed [mm]\n0,0,1\n1,0,1\n", "is not one of m/s"),
+        ("x,y\n0,0\n1\n", "line 3: 1 values, but 2 columns"),
+        ("x,y\n0,0\n# note\n\n1,a\n", "line 5, column 'y': 'a' is not a finite number"),
+        ("x;y\n0;0\n1,5;1\n", "line 3, column 'x': '1,5' is not a finite number: write a decimal"),
+        ("x,y\n0,0\n1,nan\n", "line 3, column 'y': 'nan' is not a finite number"),
+        ("x,y\n0,0\n1_0,1\n", "line 3, column 'x': '1_0' is not a finite number"),
+        ("x,y\n0,0\n1,1e999\n", "line 3, column 'y': '1e999' is not a finite number"),
+        ("x,y\n0,0\n1,1e9\n", "line 3, column 'y': must be within 1e+06 m"),
+        ("x,y\n0,0\n,1\n", "line 3, column 'x': must not be empty"),
+        ("x,y\n0,0\n0,0\n", "line 2 has no two different points"),
+        ("x,y,contour\n0,0,a\n1,0,a\n2,0,b\n", "line 4 has no two different points"),
+        ("x,y,speed\n0,0,1\n1,0,0\n", "line 3, column 'speed': must be above zero, but is 0"),
+        ("x,y,tolerance\n0,0,\n1,0,-1\n", "line 3, column 'tolerance': must not be negative"),
+        ("x,y,event\n0,0,=on\n1,0,\n", "line 2, column 'event': '=on' is no event"),
+        ("x,y,event\n0,0,a=\n1,0,\n", "line 2, column 'event': 'a=' is no event"),
+        ("x,y,ax,ay,az\n0,0,0,0,1\n1,0,0,0,1\n", "add the column z"),
+        (
+            "x,y,z,ax,ay,az\n0,0,0,0,0,0\n1,0,0,0,0,1\n",
+            "line 2, column 'ax ay az': must have a len",
+        ),
+        ("x,y,z,ax,ay,az\n0,0,0,0,,1\n1,0,0,0,0,1\n", "line 2, column 'ax ay az': some are empty"),
+        ("x,y,z,ax,ay,az\n0,0,0,0,0,1\n1,0,0,,,\n", "line 3, column 'ax ay az': empty"),
+        ("x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,2\n1,0,0,0,0,0,1\n", "must have the length 1, but has 2"),
+        ("x,y,z,ax,ay,az\n0,0,0,0,0,1\n1,0,0,0,0,-1\n", "line 2, column 'ax ay az': The tool or"),
+        (
+            "x,y,z,ax,ay,az,roll,pitch,yaw\n0,0,0,0,0,1,0,0,0\n1,0,0,0,0,-1,0,0,0\n",
+            "says twice how the tool is held",
+        ),
+        ('x,y\n0,0\n1,"2\n', "line 3: "),
+        (b"x,y\n0,\xff\n", "not UTF-8"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line_and_column(text, said):
+    message = refused(text)
+    assert said in message
+    assert message.startswith("points.csv")
+
+
+def test_unknown_columns_may_be_left_out():
+    program = read("x,y,temp\n0,0,warm\n1,0,\n", unknown="skip")
+    assert program.notes == ("The column 'temp' of points.csv is not known: left out.",)
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(InvalidInput, match="one of csv, parquet"):
+        read_waypoints(b"", source="a", kind="xls", reading=Reading())
+
+
+class TestParquet:
+    def test_numbers_text_and_empty_cells(self):
+        data = parquet(
+            **{
+                "x [mm]": [0, 100, 200],
+                "y [mm]": [0.0, 0.0, 50.0],
+                "speed [mm/s]": [None, 150.0, float("nan")],
+                "contour": [1, 1, 1],
+                "event": ["laser=on", None, ""],
+            }
+        )
+        program = read_parquet(data)
+        assert program.contours[0].name == "1"
+        assert [x.name for x in program.contours[0].events] == ["laser"]
+        np.testing.assert_allclose(program.path.speeds, [0.15, np.nan])
+        np.testing.assert_allclose(program.path.vertices[-1], [0.2, 0.05])
+
+    def test_decimals_and_dictionaries(self):
+        import pyarrow as pa
+
+        text = pa.array(["a", "a"]).dictionary_encode()
+        y = pa.array([Decimal("0"), Decimal("1.25")])
+        contour = read_parquet(parquet(x=[0, 0], y=y, layer=text)).contours[0]
+        assert (contour.layer, contour.path.length) == ("a", 1.25)
+
+    @pytest.mark.parametrize(
+        ("columns", "said"),
+        [
+            ({"x": [0.0, None], "y": [0, 1]}, "row 2, column 'x': must not be empty"),
+            ({"x": [0.0, float("inf")], "y": [0, 1]}, "row 2, column 'x': 'inf' is not a finite"),
+            ({"x": [0, 1], "y": ["0", "a"]}, "row 2, column 'y': 'a' is not a finite number"),
+            ({"x": [0, 1], "y": [[0], [1]]}, "column 'y' holds list"),
+            ({"x": [], "y": []}, "no waypoints"),
+        ],
+    )
+    def test_what_is_wrong_is_said_with_its_row_and_column(self, columns, said):
+        with pytest.raises(InvalidInput) as caught:
+            read_parquet(parquet(**columns))
+        assert said in str(caught.value)
+
+    def test_what_is_no_parquet_is_refused(self):
+        good = parquet(x=[0, 1], y=[0, 1])
+        for data in (b"", b"PAR1", b"PAR1" * 10, good[: len(good) // 2], good[5:]):
+            with pytest.raises(InvalidInput, match=r"points\.parquet cannot be read as Parquet"):
+                read_parquet(data)
+
+    def test_broken_bytes_give_a_program_or_a_refusal(self):
+        good = parquet(x=[0.0, 1.0, 2.0], y=[0.0, 1.0, 2.0], event=["a=1", "b", ""])
+        rng = np.random.default_rng(5)
+        for _ in range(150):
+            data = bytearray(good)
+            for i in rng.integers(0, len(data), rng.integers(1, 4)):
+                data[i] = rng.integers(0, 256)
+            try:
+                read_parquet(bytes(data))
+            except InvalidInput as error:
+                assert "points.parquet" in str(error)
+
+
+coordinates = st.floats(-5, 5, allow_nan=False).map(lambda x: round(x, 6))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    points=st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=2, max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+    kind=st.sampled_from(["csv", "parquet"]),
+)
+def test_what_was_written_is_read(points, seed, kind):
+    points = np.array([points[0], *(b for a, b in zip(points, points[1:], strict=False) if a != b)])
+    if len(points) < 2 or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-7).any():
+        return
+    rng = np.random.default_rng(seed)
+    turned = Rotation.from_rotvec(rng.uniform(-0.8, 0.8, (len(points), 3)))
+    speeds = rng.uniform(0.01, 2, len(points))
+    columns = {
+        **{k: points[:, i].tolist() for i, k in enumerate(("x", "y", "z"))},
+        **{k: turned.as_quat()[:, i].tolist() for i, k in enumerate(("qx", "qy", "qz", "qw"))},
+        "speed [mm/s]": (1000 * speeds).tolist(),
+    }
+    if kind == "csv":
+        rows = zip(*columns.values(), strict=True)
+        text = "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)])
+        path = read(text).path
+    else:
+        path = read_parquet(parquet(**columns)).path
+    np.testing.assert_allclose(path.vertices, points, atol=1e-12)
+    np.testing.assert_allclose(path.speeds, speeds[1:], rtol=1e-12)
+    held = path.orientation(path.breaks[:-1])
+    np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text(alphabet='xyzqspeed,;\t\n\r"#[]m/0123456789.-+eE=on \x00\u2028', max_size=80))
+def test_any_text_gives_a_program_or_a_refusal(text):
+    for head in ("", "x,y\n0,0\n1,0\n", "x;y;speed [mm/s];event\n0;0;1;a\n"):
+        try:
+            read(head + text)
+        except InvalidInput as error:
+            assert "points.csv" in str(error)
+
+
+def test_a_hundred_thousand_rows_take_a_moment():
+    angle = np.linspace(0, 60, 150_000)
+    rows = "\n".join(f"{x:.6f},{y:.6f}" for x, y in zip(np.cos(angle), np.sin(angle), strict=True))
+    begun = time.perf_counter()
+    path = read("x,y\n" + rows).path
+    assert len(path) == 149_999
+    # It takes 0.4 s; a loop that grows with the square would take minutes.
+    assert time.perf_counter() - begun < 10
