@@ -11,7 +11,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, exp
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import REPEATED_POINT, Path
 
@@ -85,13 +85,19 @@ def _part_of_orientation(orientation: Orientation, begin: float, length: float) 
     i = np.flatnonzero(inside)
     cut = np.concatenate([[0.0], breaks[i[1:]], [length]])
     f, g = orientation.f[i].copy(), orientation.g[i].copy()
+    starts, first = orientation.starts[i].copy(), orientation.first[i].copy()
     before = max(-float(breaks[i[0]]), 0.0)
-    f[0], g[0] = _shifted(f[0], before), _shifted(g[0], before)
+    if before > 0:
+        # A piece begins with its own rotation; what g has turned so far carries the axis of f.
+        starts[0] = orientation.on_piece(i[:1], np.array([before]))[0]
+        f[0], g[0] = _shifted(f[0], before), _shifted(g[0], before)
+        first[0] = exp(g[0, 0] * orientation.second[i[:1]])[0] @ first[0]
+        f[0, 0] = g[0, 0] = 0.0
     return dataclasses.replace(
         orientation,
         breaks=cut,
-        starts=orientation.starts[i],
-        first=orientation.first[i],
+        starts=starts,
+        first=first,
         second=orientation.second[i],
         f=f,
         g=g,
@@ -147,6 +153,58 @@ def _joined_orientation(parts: Sequence[Orientation], lengths: Sequence[float]) 
         },
         axis_only=all(x.axis_only for x in parts),
         follows=all(x.follows for x in parts),
+    )
+
+
+def reversed_path(path: Path) -> Path:
+    """The same path run from its end to its start, with the tool held as it was at every place."""
+    every = np.arange(len(path))[::-1]
+    lengths = path.lengths[::-1]
+    orientation = path.orientation
+    if orientation is not None:
+        orientation = _reversed_orientation(orientation)
+    return Path(
+        starts=path.on_segment(every, lengths),
+        tangents=-path.on_segment(every, lengths, 1),
+        inwards=_inwards(path)[::-1],
+        curvatures=path.curvatures[::-1],
+        lengths=lengths,
+        speeds=path.speeds[::-1],
+        tolerances=path.tolerances[::-1],
+        tags=path.tags[::-1],
+        waypoints=len(path) - path.waypoints[::-1],
+        orientation=orientation,
+    )
+
+
+def _inwards(path: Path) -> FloatArray:
+    """Vectors towards the centres at the ends of the segments."""
+    turn = (path.curvatures * path.lengths)[:, None]
+    return (
+        np.asarray(np.cos(turn) * path.inwards - np.sin(turn) * path.tangents)
+        * (path.curvatures > 0)[:, None]
+    )
+
+
+def _reversed_orientation(orientation: Orientation) -> Orientation:
+    """Each piece from its end; as f and g start at zero there, it starts with its own rotation."""
+    lengths = np.diff(orientation.breaks)
+    every = np.arange(len(orientation))
+    at_end = [
+        np.array([_shifted(c, u) for c, u in zip(x, lengths, strict=True)])
+        for x in (orientation.f, orientation.g)
+    ]
+    back = exp(at_end[1][:, :1] * orientation.second)
+    # f(end) - f(end - u), about the axis turned round.
+    f, g = (-x * [0, -1, 1, -1] for x in at_end)
+    return dataclasses.replace(
+        orientation,
+        breaks=np.concatenate([[0.0], np.cumsum(lengths[::-1])]),
+        starts=orientation.on_piece(every, lengths)[::-1],
+        first=-np.einsum("nij,nj->ni", back, orientation.first)[::-1],
+        second=-orientation.second[::-1],
+        f=f[::-1],
+        g=g[::-1],
     )
 
 

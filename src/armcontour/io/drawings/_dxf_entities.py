@@ -1,0 +1,264 @@
+"""Shapes of DXF entities, in the coordinates of the drawing or block that holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.io.drawings._dxf_shapes import Affine, Chain, Shape, Spline, Unreadable
+
+# An arc of less than this [rad] is a full one, whose angles were rounded.
+NO_SWEEP = 1e-8
+HIGHEST_DEGREE = 25
+MOST_POINTS = 100_000
+# Bit of a vertex of a polyline that is not drawn: a point of the frame of a spline.
+FRAME_POINT = 16
+CLOSED_SPLINE = 1
+
+
+def line(entity: Any) -> Shape | None:
+    """LINE, whose points are those of the world."""
+    ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
+    return Chain.straight(ends)
+
+
+def circle(entity: Any) -> Shape | None:
+    """CIRCLE, in the plane of its extrusion."""
+    return _arc(entity, 0.0, 2 * np.pi)
+
+
+def arc(entity: Any) -> Shape | None:
+    """ARC, counter-clockwise in the plane of its extrusion."""
+    begin, end = _numbers("angles", [entity.dxf.start_angle, entity.dxf.end_angle])
+    return _arc(entity, np.radians(begin), _sweep(np.radians((end - begin) % 360.0)))
+
+
+def _arc(entity: Any, begin: float, sweep: float) -> Shape | None:
+    axes = plane_axes(entity.dxf.extrusion)
+    centre = axes @ _numbers("centre", tuple(entity.dxf.center))
+    radius = float(_numbers("radius", entity.dxf.radius))
+    if radius < 0:
+        raise Unreadable(f"has a radius of {radius:g}, which must be above zero")
+    c, s = np.cos(begin), np.sin(begin)
+    cosine, sine = radius * (axes @ [c, s, 0.0]), radius * (axes @ [-s, c, 0.0])
+    return Chain.arc(centre, cosine, sine, sweep)
+
+
+def ellipse(entity: Any) -> Shape | None:
+    """ELLIPSE, whose vectors are those of the world."""
+    major = _numbers("major axis", tuple(entity.dxf.major_axis))
+    normal = plane_axes(entity.dxf.extrusion)[:, 2]
+    ratio = float(_numbers("ratio", entity.dxf.ratio))
+    minor = ratio * np.cross(normal, major)
+    begin, end = _numbers("parameters", [entity.dxf.start_param, entity.dxf.end_param])
+    sweep = _sweep((end - begin) % (2 * np.pi))
+    if sweep == 2 * np.pi and begin % (2 * np.pi) < NO_SWEEP:
+        begin = 0.0
+    c, s = np.cos(begin), np.sin(begin)
+    centre = _numbers("centre", tuple(entity.dxf.center))
+    return Chain.arc(centre, c * major + s * minor, c * minor - s * major, sweep)
+
+
+def lwpolyline(entity: Any) -> Shape | None:
+    """LWPOLYLINE, in the plane of its extrusion."""
+    rows = _numbers("vertices", [tuple(x) for x in entity.get_points("xyb")]).reshape(-1, 3)
+    elevation = float(_numbers("elevation", entity.dxf.elevation))
+    points = np.column_stack([rows[:, :2], np.full(len(rows), elevation)])
+    return _closed_or_not(points, rows[:, 2], bool(entity.closed), plane_axes(entity.dxf.extrusion))
+
+
+def polyline(entity: Any) -> Shape | None:
+    """POLYLINE, in the plane of its extrusion or in space."""
+    vertices = [x for x in entity.vertices if not x.dxf.flags & FRAME_POINT]
+    points = _numbers("vertices", [tuple(x.dxf.location) for x in vertices]).reshape(-1, 3)
+    if entity.is_3d_polyline:
+        return _closed_or_not(points, np.zeros(len(points)), bool(entity.is_closed), np.eye(3))
+    points[:, 2] = float(_numbers("elevation", entity.dxf.elevation[2]))
+    bulges = _numbers("bulges", [x.dxf.bulge for x in vertices])
+    axes = plane_axes(entity.dxf.extrusion)
+    return _closed_or_not(points, bulges, bool(entity.is_closed), axes)
+
+
+def _closed_or_not(
+    points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
+) -> Shape | None:
+    """A polyline in its plane; the bulge of a vertex is that of the segment behind it."""
+    points = points @ axes.T
+    if closed and len(points):
+        return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
+    return _polyline(points, bulges[:-1], axes)
+
+
+def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape | None:
+    if len(points) < 2:
+        return None
+    return Chain.bulged(points, bulges, axes) if bulges.any() else Chain.straight(points)
+
+
+def spline(entity: Any) -> Shape | None:
+    """SPLINE: its control points, or else the cubic spline through its fit points."""
+    if entity.control_point_count() == 0:
+        return _fitted(entity)
+    points = _numbers("control points", [tuple(x) for x in entity.control_points])
+    n, degree = len(points), int(entity.dxf.degree)
+    if not 1 <= degree <= HIGHEST_DEGREE:
+        raise Unreadable(f"has degree {degree}, which must be from 1 to {HIGHEST_DEGREE}")
+    _few_enough(n)
+    knots = _numbers("knots", list(entity.knots))
+    if n <= degree or len(knots) != n + degree + 1:
+        raise Unreadable(
+            f"of degree {degree} has {n} control points and {len(knots)} knots: it needs more "
+            f"than {degree} points, and {degree + 1} knots more than points"
+        )
+    if (np.diff(knots) < 0).any() or knots[n] <= knots[degree]:
+        raise Unreadable("has knots that do not increase")
+    inner = knots[(knots > knots[degree]) & (knots < knots[n])]
+    if len(inner) and np.unique(inner, return_counts=True)[1].max() > degree:
+        raise Unreadable(f"falls apart at a knot that is there more than {degree} times")
+    weights = _numbers("weights", list(entity.weights) or np.ones(n))
+    if len(weights) != n or not (weights > 0).all() or weights.max() > 1e9 * weights.min():
+        raise Unreadable(f"must have {n} weights above zero, of like size")
+    # From 0 to 1, so that small and large parameters are none.
+    return Spline(
+        points=points,
+        weights=weights,
+        knots=(knots - knots[degree]) / (knots[n] - knots[degree]),
+        degree=degree,
+    )
+
+
+def _fitted(entity: Any) -> Shape | None:
+    """The cubic spline over chord length through points, as drawing programs make it."""
+    from scipy.interpolate import make_interp_spline
+
+    points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
+    _few_enough(len(points))
+    closed = bool(entity.dxf.flags & CLOSED_SPLINE)
+    if closed and len(points):
+        points = np.concatenate([points, points[:1]])
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    scale = np.abs(points).max(initial=0.0)
+    points = points[np.concatenate([[True], step > 1e-12 * scale])] if len(points) else points
+    if len(points) < 2:
+        return None
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    ends: Any = "natural"
+    if closed and len(points) > 3:
+        ends = "periodic"
+    elif not closed and entity.dxf.hasattr("start_tangent") and entity.dxf.hasattr("end_tangent"):
+        t = _numbers("tangents", [tuple(entity.dxf.start_tangent), tuple(entity.dxf.end_tangent)])
+        size = np.linalg.norm(t, axis=1)
+        if (size == 0).any():
+            raise Unreadable("has an end tangent of zero")
+        ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
+    found = make_interp_spline(at / at[-1], points, k=3, bc_type=_scaled(ends, at[-1]))
+    n = len(found.c)
+    return Spline(points=found.c, weights=np.ones(n), knots=found.t, degree=3)
+
+
+def _scaled(ends: Any, by: float) -> Any:
+    """End derivatives by a parameter from 0 to 1."""
+    return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
+
+
+def _few_enough(n: int) -> None:
+    if n > MOST_POINTS:
+        raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
+
+
+# What the format asks for and ezdxf would make up.
+NEEDED = {
+    "LINE": ("start", "end"),
+    "ARC": ("center", "radius", "start_angle", "end_angle"),
+    "CIRCLE": ("center", "radius"),
+    "ELLIPSE": ("center", "major_axis", "ratio"),
+    "INSERT": ("name", "insert"),
+}
+# What draws a contour; everything else is unknown to the reader.
+SHAPES: dict[str, Callable[[Any], Shape | None]] = {
+    "LINE": line,
+    "ARC": arc,
+    "CIRCLE": circle,
+    "ELLIPSE": ellipse,
+    "LWPOLYLINE": lwpolyline,
+    "POLYLINE": polyline,
+    "SPLINE": spline,
+}
+
+
+def refuse_missing(entity: Any) -> None:
+    """Refuse an entity that is not complete.
+
+    Raises:
+        Unreadable: It is not.
+    """
+    for name in NEEDED.get(entity.dxftype(), ()):
+        if not entity.dxf.hasattr(name):
+            raise Unreadable(f"has no {name.replace('_', ' ')}")
+
+
+def grid(entity: Any) -> tuple[int, int]:
+    """Rows and columns of the copies that an INSERT places; copies in the same place are one."""
+    dxf = entity.dxf
+    rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
+    return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
+
+
+def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
+    """How an INSERT places a block with a base point: the map, and offsets of its copies, (n, 3).
+
+    Raises:
+        Unreadable: Numbers that are none.
+    """
+    dxf = entity.dxf
+    axes = plane_axes(dxf.extrusion)
+    turn = np.radians(float(_numbers("rotation", dxf.rotation)))
+    c, s = np.cos(turn), np.sin(turn)
+    spin = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    linear = spin * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
+    at = axes @ _numbers("place", tuple(dxf.insert))
+    rows, columns = grid(entity)
+    apart = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
+    k = np.arange(rows * columns)
+    places = np.column_stack([k % columns * apart[0], k // columns * apart[1], np.zeros(len(k))])
+    return Affine(linear=linear, offset=at - linear @ base), places @ spin.T
+
+
+def plane_axes(extrusion: Any) -> FloatArray:
+    """Axes of an entity's plane as columns: DXF's arbitrary axis algorithm.
+
+    Raises:
+        Unreadable: No direction.
+    """
+    normal = _numbers("extrusion", tuple(extrusion))
+    size = np.linalg.norm(normal)
+    if normal.shape != (3,) or not 0 < size < np.inf:
+        raise Unreadable("has an extrusion without direction")
+    z = normal / size
+    # So near the world's z axis that it would give no x axis, as the format says.
+    near = abs(z[0]) < 1 / 64 and abs(z[1]) < 1 / 64
+    x = np.cross([0.0, 1.0, 0.0] if near else [0.0, 0.0, 1.0], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _sweep(angle: float) -> float:
+    return 2 * np.pi if angle < NO_SWEEP else float(angle)
+
+
+def _numbers(name: str, values: Any) -> FloatArray:
+    """Numbers as an array, all finite.
+
+    Raises:
+        Unreadable: They are none.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise Unreadable(f"has no numbers for its {name}") from None
+    if not np.isfinite(array).all():
+        raise Unreadable(f"has numbers that are not finite for its {name}")
+    return array

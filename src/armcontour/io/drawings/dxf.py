@@ -1,0 +1,105 @@
+"""DXF drawings: what is drawn in their model space, as a program of contours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour.errors import InvalidInput
+from armcontour.geometry.path import REPEATED_POINT
+from armcontour.io.drawings._dxf_document import opened, quietly
+from armcontour.io.drawings._dxf_walk import Found, Walk
+from armcontour.io.drawings.chaining import Piece, chained
+from armcontour.io.drawings.reading import Reading
+from armcontour.program import Program
+
+# Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
+UNITS = {
+    1: 0.0254,
+    2: 0.3048,
+    3: 1609.344,
+    4: 1e-3,
+    5: 1e-2,
+    6: 1.0,
+    7: 1e3,
+    8: 25.4e-9,
+    9: 25.4e-6,
+    10: 0.9144,
+    11: 1e-10,
+    12: 1e-9,
+    13: 1e-6,
+    14: 0.1,
+    15: 10.0,
+    16: 100.0,
+    21: 1200 / 3937,
+    22: 100 / 3937,
+    23: 3600 / 3937,
+    24: 6336000 / 3937,
+}
+
+
+def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
+    """The program that a DXF drawing is.
+
+    Lines stay lines and arcs arcs; ellipses and splines become arcs within the chord tolerance. A
+    drawing at z = 0 makes a program in the plane, another one a program in space. Contours are
+    named by the handles of their first entities, inside blocks with that of the insert before it.
+
+    Args:
+        data: What the file holds, ASCII or binary.
+        source: Its name.
+        reading: How it is to be read.
+
+    Raises:
+        InvalidInput: No such file, no unit, an entity that is not known and not to be skipped, or
+            nothing to follow.
+    """
+    with quietly(), np.errstate(all="ignore"):
+        document, notes = opened(data, source)
+        walk = Walk(document=document, source=source, skip=reading.unknown == "skip")
+        found = list(walk.shapes(_unit(document, source, reading)))
+        pieces = _pieces(found, walk, source, reading)
+    if not pieces:
+        left_out = f" ({' '.join(walk.notes).rstrip('.')})" if walk.notes else ""
+        raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
+    contours, said = chained(pieces, reading.join_tolerance)
+    if not contours:
+        raise InvalidInput(
+            f"{source} has no contour that is longer than the join tolerance of "
+            f"{reading.join_tolerance:g} m."
+        )
+    return Program(moves=tuple(contours), source=source, notes=(*notes, *walk.notes, *said))
+
+
+def _unit(document: Any, source: str, reading: Reading) -> float:
+    """Length of the drawing's unit [m]."""
+    if reading.unit is not None:
+        return reading.unit
+    code = document.header.get("$INSUNITS", 0)
+    if code in UNITS:
+        return UNITS[code]
+    why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
+    raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm`.")
+
+
+def _pieces(found: list[Found], walk: Walk, source: str, reading: Reading) -> list[Piece]:
+    """Paths of shapes, all in the plane or all in space."""
+    dimension = 3
+    if all(np.abs(x.shape.corners[:, 2]).max() <= REPEATED_POINT for x in found):
+        dimension = 2
+    pieces = []
+    for x in found:
+        try:
+            path = x.shape.path(dimension, reading.chord_tolerance)
+        except InvalidInput as error:
+            said = str(error)
+            raise InvalidInput(
+                f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
+                f"{said[:1].lower()}{said[1:]}"
+            ) from None
+        if path is None:
+            walk.empty.append(x.name)
+        else:
+            pieces.append(Piece(path=path, name=x.name, layer=x.layer))
+    return pieces

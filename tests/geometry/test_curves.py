@@ -1,0 +1,266 @@
+"""Curves as tangent arcs, against the curves themselves at thousands of places."""
+
+from __future__ import annotations
+
+import time
+from math import comb
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+from scipy.spatial import cKDTree
+
+import armcontour as ac
+from armcontour.geometry.curves import arcs_of
+
+QUARTER = np.pi / 2
+
+
+def ellipse(a, b):
+    def curve(t, order):
+        c, s = np.cos(t), np.sin(t)
+        return np.column_stack([a * c, b * s] if order == 0 else [-a * s, b * c])
+
+    return curve
+
+
+def bezier(*points):
+    p = np.array(points, dtype=float)
+
+    def curve(t, order):
+        q = p if order == 0 else (len(p) - 1) * np.diff(p, axis=0)
+        n = len(q) - 1
+        return sum(np.outer(comb(n, k) * t**k * (1 - t) ** (n - k), q[k]) for k in range(n + 1))
+
+    return curve
+
+
+def judged(curve, breaks, tolerance, *, corners=0, places=6001):
+    """The path, once it is near the curve both ways, on it at its breaks, and tangent."""
+    path = arcs_of(curve, breaks, tolerance)
+    at = np.linspace(breaks[0], breaks[-1], places)
+    dense = curve(at, 0)
+    assert path.project(dense).distance.max() <= tolerance
+    assert path.project(curve(np.array(breaks, dtype=float), 0)).distance.max() < 2e-9
+    step = np.linalg.norm(np.diff(dense, axis=0), axis=1).max()
+    along = path(np.linspace(0, path.length, 2001))
+    # The nearest sample is at most half a step from the nearest point.
+    assert cKDTree(dense).query(along)[0].max() <= np.hypot(tolerance, step / 2) + 1e-12
+    ends = path.vertices[[0, -1]]
+    np.testing.assert_allclose(ends, dense[[0, -1]], atol=1e-9)
+    assert (path.turns > 1e-9).sum() == corners
+    assert path.turns[path.turns <= 1e-9].max(initial=0.0) < 2e-12
+    return path
+
+
+CURVES = {
+    "quarter ellipse": (ellipse(0.05, 0.025), [0, QUARTER], 0),
+    "ellipse": (ellipse(0.05, 0.025), [0, 4 * QUARTER], 0),
+    "ellipse from anywhere": (ellipse(0.05, 0.025), [0.3, 0.3 + 4 * QUARTER], 0),
+    "flat ellipse": (ellipse(0.05, 0.0005), np.arange(5) * QUARTER, 0),
+    "wave": (bezier((0, 0), (0.5, 1), (0.5, -1), (1, 0)), [0, 1], 0),
+    "first point repeated": (bezier((0, 0), (0, 0), (1, 1), (2, 0)), [0, 1], 0),
+    "last point repeated": (bezier((0, 0), (1, 1), (2, 0), (2, 0)), [0, 1], 0),
+    "first point thrice": (bezier((0, 0), (0, 0), (0, 0), (2, 1), (3, 0)), [0, 1], 0),
+    "cusp": (bezier((0, 0), (1, 1), (0, 1), (1, 0)), [0, 1], 1),
+    "cusp aside": (bezier((0, 0), (2, 2), (-1.5, 0.5), (1, 0)), [0, 1], 0),
+    "tight loop": (bezier((0, 0), (1.1, 1), (-0.1, 1), (1, 0)), [0, 1], 0),
+    "loop that closes with a corner": (bezier((0, 0), (1, 1), (-1, 1), (0, 0)), [0, 1], 0),
+    "space": (bezier((0, 0, 0), (1, 1, 1), (-1, 1, 2), (0, 0, 3)), [0, 1], 0),
+    "breaks in between": (bezier((0, 0), (1, 2), (2, -1), (3, 1)), [0, 0.1, 0.11, 0.7, 1], 0),
+}
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("name", CURVES)
+def test_arcs_stay_near_the_curve_both_ways_and_are_tangent(name, tolerance):
+    curve, breaks, corners = CURVES[name]
+    path = judged(curve, breaks, tolerance, corners=corners)
+    # Pairs of arcs are of third order, so a million times the accuracy takes a hundred times more.
+    size = np.linalg.norm(curve(np.linspace(breaks[0], breaks[-1], 99), 0), axis=1).max()
+    assert len(path) <= 8 * len(breaks) + 8 * (size / tolerance) ** (1 / 3)
+
+
+def test_a_quarter_of_an_ellipse_of_50_mm_takes_few_arcs():
+    assert len(arcs_of(ellipse(0.05, 0.025), [0, QUARTER], 1e-5)) <= 14
+    assert len(arcs_of(ellipse(0.05, 0.025), np.arange(5) * QUARTER, 1e-5)) <= 56
+
+
+@given(
+    points=st.lists(
+        st.tuples(*[st.floats(-1, 1, width=32)] * 2), min_size=3, max_size=5, unique=True
+    ),
+    tolerance=st.sampled_from([1e-3, 1e-5]),
+)
+def test_any_bezier_curve(points, tolerance):
+    curve = bezier(*points)
+    try:
+        path = arcs_of(curve, [0, 1], tolerance)
+    except ac.InvalidInput as error:
+        assert "no length" in str(error) and np.ptp(np.array(points), axis=0).max() < 1e-8
+        return
+    dense = curve(np.linspace(0, 1, 1501), 0)
+    assert path.project(dense).distance.max() <= tolerance
+    assert len(path) < 300
+
+
+@pytest.mark.parametrize(
+    ("points", "count"),
+    [
+        ([(0, 0), (1, 1)], 1),
+        ([(0.1, 0.2), (0.2, 0.3), (0.4, 0.5), (0.5, 0.6)], 1),
+        ([(0, 0), (0, 0), (2, 1), (2, 1)], 1),
+        # It turns back twice on the spot.
+        ([(0, 0), (2, 0), (-1, 0), (1, 0)], 3),
+    ],
+)
+def test_a_straight_curve_is_a_line(points, count):
+    path = judged(bezier(*points), [0, 1], 1e-5, corners=count - 1)
+    assert len(path) == count and not path.curvatures.any()
+
+
+@pytest.mark.parametrize(
+    ("breaks", "count"),
+    [
+        ([0, 4 * QUARTER], 1),
+        (np.arange(5) * QUARTER, 1),
+        ([0.3, 2.9], 1),
+        ([0, 12 * QUARTER], 4),
+        ([0, 7.0], 2),
+    ],
+)
+def test_a_circle_is_one_arc_and_several_turns_are_several(breaks, count):
+    path = judged(ellipse(0.05, 0.05), breaks, 1e-5)
+    assert len(path) == count
+    np.testing.assert_allclose(path.curvatures, 20, rtol=1e-12)
+    assert path.length == pytest.approx(0.05 * (breaks[-1] - breaks[0]), rel=1e-12)
+    assert (path.curvatures * path.lengths <= 2 * np.pi * (1 + 1e-12)).all()
+
+
+def test_a_rational_spline_that_is_a_circle_is_one_arc():
+    w = np.sqrt(0.5)
+    points = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)], dtype=float)
+    weights = np.array([1, w, 1, w, 1])[:, None]
+    whole = BSpline([0, 0, 0, 1, 1, 2, 2, 2], np.hstack([points * weights, weights]), 2)
+
+    def curve(t, order):
+        h, dh = whole(t), whole(t, 1)
+        p = h[:, :2] / h[:, 2:]
+        return p if order == 0 else (dh[:, :2] - p * dh[:, 2:]) / h[:, 2:]
+
+    path = judged(curve, [0, 1, 2], 1e-6)
+    assert len(path) == 1
+    assert path.length == pytest.approx(np.pi, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rational_splines_whose_weights_differ_by_thousands(seed):
+    # Nearly all of such a curve may lie within a thousandth of its parameters.
+    rng = np.random.default_rng(seed)
+    weights = np.exp(rng.uniform(-6, 6, 8))[:, None]
+    points = rng.normal(size=(8, 2))
+    inner = np.sort(rng.random(4))
+    whole = BSpline([0, 0, 0, 0, *inner, 1, 1, 1, 1], np.hstack([points * weights, weights]), 3)
+
+    def curve(t, order):
+        h, dh = whole(t), whole(t, 1)
+        p = h[:, :2] / h[:, 2:]
+        return p if order == 0 else (dh[:, :2] - p * dh[:, 2:]) / h[:, 2:]
+
+    path = arcs_of(curve, [0, *inner, 1], 1e-5)
+    dense = curve(np.linspace(0, 1, 30001), 0)
+    assert path.project(dense).distance.max() <= 1e-5
+    assert path.turns.max() < 1e-9 and len(path) < 400
+
+
+def test_a_line_that_goes_on_as_an_arc_is_two_segments():
+    def curve(t, order):
+        u = t - 1
+        before = [t, 0 * t] if order == 0 else [1 + 0 * t, 0 * t]
+        after = [1 + np.sin(u), 1 - np.cos(u)] if order == 0 else [np.cos(u), np.sin(u)]
+        return np.where((t < 1)[:, None], np.column_stack(before), np.column_stack(after))
+
+    path = judged(curve, [0, 1, 2], 1e-5)
+    np.testing.assert_allclose(path.curvatures, [0, 1], atol=1e-12)
+
+
+def test_a_corner_at_a_break_stays_and_the_derivative_may_jump_there():
+    def curve(t, order):
+        u = t - 0.5
+        return np.column_stack([t, np.abs(u)] if order == 0 else [1 + 0 * t, np.sign(u)])
+
+    path = judged(curve, [0, 0.5, 1], 1e-5, corners=1)
+    assert len(path) == 2
+    np.testing.assert_allclose(path.turns, np.pi / 2)
+
+
+def test_a_closed_curve_that_is_smooth_where_it_starts_is_closed_to_the_last_digit():
+    path = arcs_of(ellipse(0.05, 0.025), [0.4, 0.4 + 2 * np.pi], 1e-5)
+    np.testing.assert_allclose(path(0.0), path(path.length), atol=1e-15)
+    np.testing.assert_allclose(path(0.0, 1), path(path.length, 1), atol=1e-14)
+
+
+def test_where_a_parametrization_stands_still_the_limit_of_the_tangent_counts():
+    # At both ends two control points are one: the tangent there points to the next but one.
+    path = arcs_of(bezier((0, 0), (0, 0), (1, 2), (3, 1), (3, 1)), [0, 1], 1e-6)
+    np.testing.assert_allclose(path(0.0, 1), np.array([1, 2]) / np.sqrt(5), atol=1e-9)
+    np.testing.assert_allclose(path(path.length, 1), np.array([2, -1]) / np.sqrt(5), atol=1e-9)
+
+
+def test_both_branches_of_a_cusp_have_its_tangent():
+    path = arcs_of(CURVES["cusp"][0], [0, 1], 1e-5)
+    i = int(np.argmax(path.turns))
+    np.testing.assert_allclose(path.turns[i], np.pi, atol=1e-6)
+    np.testing.assert_allclose(path.vertices[i + 1], (0.5, 0.75), atol=1e-9)
+
+
+def test_a_curve_too_small_for_the_tolerance_keeps_its_ends():
+    path = arcs_of(bezier((1, 1), (1 + 1e-8, 1), (1 + 1e-8, 1 + 1e-8)), [0, 1], 1e-5)
+    np.testing.assert_allclose(path.vertices[[0, -1]], [(1, 1), (1 + 1e-8, 1 + 1e-8)], atol=1e-15)
+
+
+def test_many_breaks_at_one_place_are_no_gap():
+    def curve(t, order):
+        # It waits at (1, 0) from 1 to 2, but for steps of less than a nanometre.
+        wait = np.clip(t - 1, 0, 1)
+        x = t - wait * (1 - 1e-9)
+        rate = np.where((t > 1) & (t < 2), 1e-9, 1.0)
+        return np.column_stack([x, 0 * t] if order == 0 else [rate, 0 * t])
+
+    path = arcs_of(curve, np.concatenate([[0], np.linspace(1, 2, 50), [3]]), 1e-5)
+    assert path.length == pytest.approx(2, abs=1e-8) and len(path) <= 4
+
+
+@pytest.mark.parametrize(
+    ("curve", "breaks", "tolerance", "words"),
+    [
+        (bezier((0, 0), (0, 0), (0, 0)), [0, 1], 1e-5, ("no length", "(0.0, 0.0)")),
+        (ellipse(1, 1), [0], 1e-5, ("breaks", "increasing")),
+        (ellipse(1, 1), [0, 1, 1], 1e-5, ("breaks", "increasing")),
+        (ellipse(1, 1), [0, np.nan], 1e-5, ("finite",)),
+        (ellipse(1, 1), [0, 1], 0.0, ("tolerance", "above zero")),
+        (ellipse(1, 1), [0, 1], 1e-10, ("tolerance", "at least 1e-09 m")),
+        (ellipse(np.inf, 1), [0.1, 1], 1e-5, ("finite",)),
+    ],
+)
+def test_what_is_no_curve_is_refused(curve, breaks, tolerance, words, refuses):
+    refuses(lambda: arcs_of(curve, breaks, tolerance), ac.InvalidInput, *words)
+
+
+def test_a_tolerance_far_too_small_for_the_curve_is_refused(monkeypatch, refuses):
+    monkeypatch.setattr("armcontour.geometry.curves.MOST_INTERVALS", 100)
+    words = ("more than 200 arcs", "1e-08 m", "larger tolerance")
+    refuses(lambda: arcs_of(ellipse(1, 0.5), [0, 6], 1e-8), ac.InvalidInput, *words)
+
+
+def test_twenty_thousand_intervals_take_no_time_to_speak_of():
+    t = np.arange(20001.0)
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(t, np.column_stack([np.cos(t / 500), np.sin(t / 380)]))
+    begin = time.process_time()
+    path = arcs_of(lambda x, order: spline(x, order), t, 1e-5)
+    assert time.process_time() - begin < 3.0  # it takes 0.3 s
+    assert len(path) <= 40002 and path.turns.max() < 1e-9
