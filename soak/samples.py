@@ -77,8 +77,12 @@ def samples(kind: str) -> tuple[bytes, ...]:
 
 
 def _dxf() -> tuple[bytes, ...]:
+    import logging
+
     import ezdxf
 
+    # It warns of units that old versions do not have.
+    logging.getLogger("ezdxf").setLevel(logging.ERROR)
     found = []
     for version in ("R12", "R2010"):
         document = ezdxf.new(version)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armcontour.io import ResultFolder
-    from armcontour.study import Job, RunResult
+    from armcontour.io.exports.table import Table
+    from armcontour.program import Event
+    from armcontour.study import Job, RunPlan
 
 # Taught data is what the robot gets; the reference is the plan, without compensation.
 TAUGHT, REFERENCE = "taught", "reference"
@@ -33,6 +37,37 @@ class Exports:
         return bool(self.formats or self.templates)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """One file of an export.
+
+    Args:
+        kind: Its format.
+        ending: Of its name.
+        template: Of the format "template".
+    """
+
+    kind: str
+    ending: str
+    template: str | None = None
+
+    @property
+    def asked(self) -> str:
+        """How the command line asks for it."""
+        if self.template is None:
+            return f"--export {self.kind}"
+        return f"--template {self.template}"
+
+    def options(self, x: Exports) -> dict[str, Any]:
+        """Arguments of `write_table`."""
+        takes = self.kind in ("urscript", "template")
+        return {
+            "format": self.kind,
+            "template": self.template,
+            "outputs": x.outputs if takes else None,
+        }
+
+
 def exports_of(formats: list[str], templates: list[str], outputs: list[str]) -> Exports:
     """What a command line asks for.
 
@@ -46,6 +81,8 @@ def exports_of(formats: list[str], templates: list[str], outputs: list[str]) -> 
         chosen_format(FilePath(), name, "given" if name == "template" else None)
         if name == "template":
             raise InvalidInput("--export template needs its template: give it with --template.")
+    if outputs and not ("urscript" in formats or templates):
+        raise InvalidInput("--output goes with --export urscript or with --template.")
     found: dict[str, int | str] = {}
     for text in outputs:
         name, equals, number = text.partition("=")
@@ -53,31 +90,129 @@ def exports_of(formats: list[str], templates: list[str], outputs: list[str]) -> 
             raise InvalidInput(
                 f"--output must be an event and its output, such as tool=0: {text!r}."
             )
+        if name in found:
+            raise InvalidInput(f"--output gives the event {name!r} two outputs: give it one.")
         found[name] = int(number) if number.isdecimal() else number
+    _refuse_same_files(_targets(formats, templates))
     return Exports(formats=tuple(formats), templates=tuple(templates), outputs=found or None)
 
 
-def write_exports(folder: ResultFolder, job: Job, name: str, result: RunResult, x: Exports) -> None:
-    """Export taught data and reference of one run into the folder of results."""
-    from armcontour.io.exports import formats, tabulated, write_table
+def _refuse_same_files(targets: list[Target]) -> None:
+    """Refuse two exports of which one would replace the other."""
+    from armcontour.errors import InvalidInput
 
-    endings = formats()
-    targets: list[tuple[str, str, str | None]] = [(kind, endings[kind], None) for kind in x.formats]
-    targets += [("template", _ending(text), text) for text in x.templates]
+    taken: dict[str, str] = {}
+    for x in targets:
+        if taken.get(x.ending) == x.asked:
+            raise InvalidInput(f"{x.asked} is there twice: give it once.")
+        if x.ending in taken:
+            raise InvalidInput(
+                f"{taken[x.ending]} and {x.asked} would both be written to {TAUGHT}{x.ending}: "
+                "leave one of them out, or give a template another ending, such as cell.txt.j2."
+            )
+        taken[x.ending] = x.asked
+
+
+def rehearse(job: Job, x: Exports) -> None:
+    """Write a table of two points in every format that is asked for, and throw it away.
+
+    Raises:
+        InvalidInput: What cannot be exported whatever the run will come to, or an output of an
+            event that the job has not.
+    """
+    from armcontour.errors import InvalidInput
+    from armcontour.io.exports import write_table
+
+    events = _events_of(job)
+    _refuse_unknown_outputs(x.outputs or {}, events)
+    for period in dict.fromkeys(run.period for run in job.runs):
+        table = _two_points(job, period, events)
+        with tempfile.TemporaryDirectory() as folder:
+            for target in _targets(x.formats, x.templates):
+                place = FilePath(folder) / f"rehearsal{target.ending}"
+                try:
+                    write_table(table, place, **target.options(x))
+                except OSError as error:
+                    raise InvalidInput(f"Cannot try {target.asked}: {error.strerror}.") from None
+
+
+def _events_of(job: Job) -> list[Event]:
+    """What a job switches, each name and value once."""
+    from armcontour.program import Contour, Event, Program
+
+    found = list(job.process.events)
+    if job.process.switch is not None:
+        found += [Event(name=job.process.switch.name, value=x) for x in (True, False)]
+    for move in job.path.moves if isinstance(job.path, Program) else ():
+        if isinstance(move, Event):
+            found.append(move)
+        elif isinstance(move, Contour):
+            found += move.events
+    return list({(x.name, type(x.value), x.value): x for x in found}.values())
+
+
+def _refuse_unknown_outputs(outputs: Mapping[str, int | str], events: Sequence[Event]) -> None:
+    from armcontour.errors import InvalidInput
+
+    known = sorted({x.name for x in events})
+    for name in outputs:
+        if name not in known:
+            has = f"its events are {', '.join(known)}" if known else "it switches nothing"
+            raise InvalidInput(f"--output names the event {name!r}, which the job has not: {has}.")
+
+
+def _two_points(job: Job, period: float, events: Sequence[Event]) -> Table:
+    """The shortest table that a run of the job could come to."""
+    import numpy as np
+
+    from armcontour.io.exports.table import Table
+    from armcontour.motion import TimedEvent
+
+    still = np.zeros((2, job.arm.dof))
+    tool = job.arm.forward(still)
+    point = tuple(tool[0].tolist())
+    return Table(
+        name=_titled(job, REFERENCE),
+        joint_names=job.arm.joint_names,
+        period=period,
+        t=np.array([0.0, period]),
+        q=still,
+        dq=still,
+        ddq=still,
+        events=tuple(
+            TimedEvent(name=x.name, value=x.value, t=0.0, due=0.0, s=0.0, point=point)
+            for x in events
+        ),
+        tool=tool,
+    )
+
+
+def _titled(job: Job, label: str) -> str:
+    """What a table is called inside."""
+    return f"{job.name} {label}"
+
+
+def write_exports(folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports) -> None:
+    """Export taught data and reference of one run into the folder of results."""
+    from armcontour.io.exports import tabulated, write_table
+
     for label, data, period in (
         (TAUGHT, result.taught, None),
         (REFERENCE, result.trajectory, result.run.period),
     ):
-        table = tabulated(data, name=f"{job.name} {label}", arm=job.arm, period=period)
-        for kind, ending, template in targets:
-            write = partial(
-                write_table,
-                table,
-                format=kind,
-                template=template,
-                outputs=x.outputs if kind in ("urscript", "template") else None,
-            )
-            folder.place(f"{name}/export/{label}{ending}", write)
+        table = tabulated(data, name=_titled(job, label), arm=job.arm, period=period)
+        for target in _targets(x.formats, x.templates):
+            write = partial(write_table, table, **target.options(x))
+            folder.place(f"{name}/export/{label}{target.ending}", write)
+
+
+def _targets(names: Sequence[str], templates: Sequence[str]) -> list[Target]:
+    """What is to be written, in the order that it was asked for."""
+    from armcontour.io.exports import formats
+
+    endings = formats()
+    found = [Target(kind=kind, ending=endings[kind]) for kind in names]
+    return found + [Target(kind="template", ending=_ending(x), template=x) for x in templates]
 
 
 def _ending(template: str) -> str:

@@ -103,6 +103,12 @@ def run(
         list[str] | None,
         typer.Option("--output", help="Digital output of an event in exports: tool=0."),
     ] = None,
+    simulate: Annotated[
+        bool,
+        typer.Option(
+            "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
+        ),
+    ] = True,
     force: Force = False,
     open_report: Open = False,
 ) -> None:
@@ -130,6 +136,7 @@ def run(
         force=force,
         open_report=open_report,
         exports=exports_of(export or [], template or [], output or []),
+        simulate=simulate,
     )
 
 

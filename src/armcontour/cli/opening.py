@@ -107,15 +107,13 @@ def _path_keys(x: Overrides, path: Any) -> dict[str, Any]:
         own = path.get("layers") if isinstance(path, dict) else None
         known = own if isinstance(own, dict) else {}
         keys["layers"] = {name: known.get(name, {}) for name in x.layers}
-    frame = {
-        name: [_quantity(part) for part in value.split(",")]
-        for name, value in (("position", x.at), ("rpy", x.turn))
-        if value is not None
-    }
+    frame: dict[str, list[float | str]] = {}
+    if x.at is not None:
+        position = _quantities("--at", x.at, (2, 3), "300 mm, 0 mm, 100 mm")
+        frame["position"] = [*position, 0.0][:3]
+    if x.turn is not None:
+        frame["rpy"] = _quantities("--turn", x.turn, (3,), "0, 0, 90 deg")
     if frame:
-        position = frame.get("position")
-        if position is not None and len(position) == 2:
-            position.append(0.0)
         own = path.get("frame") if isinstance(path, dict) else None
         keys["frame"] = _merged(own, frame)
     return {key: value for key, value in keys.items() if value is not None}
@@ -126,6 +124,21 @@ def _merged(old: Any, new: dict[str, Any]) -> Any:
     if old is None:
         return new or None
     return {**old, **new} if isinstance(old, dict) else old
+
+
+def _quantities(option: str, text: str, counts: tuple[int, ...], example: str) -> list[float | str]:
+    """Quantities with commas between.
+
+    Raises:
+        InvalidInput: More or fewer than there should be.
+    """
+    from armcontour.errors import InvalidInput
+
+    parts = text.split(",")
+    if len(parts) not in counts:
+        wanted = " or ".join(str(n) for n in counts)
+        raise InvalidInput(f"{option} takes {wanted} values, such as '{example}', not {text!r}.")
+    return [_quantity(part) for part in parts]
 
 
 def _quantity(text: str) -> float | str:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from armcontour.study import Job
+from typing import Any
 
 # What steps cost beside each other, as measured on a program of 150,000 lines.
 COSTS = {
@@ -57,7 +54,7 @@ class JobProgress:
         self._bar, self._task = bar, task
         self._before, self._step, self._total = 0.0, COSTS["reading"], COSTS["reading"]
 
-    def planned(self, job: Job, steps: list[tuple[str, ...]]) -> None:
+    def planned(self, steps: list[tuple[str, ...]]) -> None:
         """Tell the steps of all runs, once they are known."""
         self._total = COSTS["reading"] + COSTS["writing"]
         self._total += sum(COSTS[x] for run in steps for x in run)

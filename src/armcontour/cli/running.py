@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.exporting import Exports, write_exports
+from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.progress import job_progress
 
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
-    from armcontour.study import Job, RunResult, Study
+    from armcontour.io import ResultFolder
+    from armcontour.study import Job, RunPlan, RunResult, Study
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -33,6 +34,7 @@ def run_job(
     force: bool = False,
     open_report: bool = False,
     exports: Exports | None = None,
+    simulate: bool = True,
 ) -> None:
     """Read a job, run it, and write its results.
 
@@ -42,41 +44,90 @@ def run_job(
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
         exports: What is to be exported of every run.
+        simulate: Whether the servo is simulated, and a report written.
 
     Raises:
         ArmContourError: As the steps raise it; nothing is written then.
     """
     # Only then the heavy part, so that the folder and the job are refused at once.
-    from armcontour.io import ResultFolder, planned_csv, summary, taught_csv, torque_csv
+    from armcontour.io import ResultFolder, summary, taught_summary
 
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(progress.share)
-        from armcontour.report import render_report
-        from armcontour.study import run, steps_of
+        if exports:
+            # What cannot be exported is refused before the run.
+            rehearse(job, exports)
+        from armcontour.study import run, steps_of, teach
 
-        progress.planned(job, [steps_of(x) for x in job.runs])
-        study = run(
-            job,
-            progress=lambda name, what: progress.begin(f"{name}: {what}", what),
-            done=progress.share,
-        )
-        progress.begin("writing the results", "writing")
-        for name, result in study.runs.items():
-            folder.write(f"{name}/taught.csv", taught_csv(result.taught, job.arm.joint_names))
-            plan, period = result.trajectory, result.run.period
-            folder.write(f"{name}/planned.csv", planned_csv(plan, period, job.arm.joint_names))
-            if job.arm.has_bodies:
-                folder.write(f"{name}/torque.csv", torque_csv(plan, job.arm, period))
-            if exports:
-                write_exports(folder, job, name, result, exports)
-        folder.write("report.html", render_report(study))
-        folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
+        def begin(name: str, what: str) -> None:
+            progress.begin(f"{name}: {what}", what)
+
+        progress.planned([steps_of(x, simulated=simulate) for x in job.runs])
+        if simulate:
+            from armcontour.report import render_report
+
+            study = run(job, progress=begin, done=progress.share)
+            progress.begin("writing the results", "writing")
+            _write_motions(folder, job, study.runs)
+            _write_exports(folder, job, study.runs, exports)
+            folder.write("report.html", render_report(study))
+            folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
+        else:
+            plans = teach(job, progress=begin, done=progress.share)
+            progress.begin("writing the results", "writing")
+            # Who asks for formats wants nothing else.
+            if not exports:
+                _write_motions(folder, job, plans)
+            _write_exports(folder, job, plans, exports)
+            files = [*folder.files, "summary.json"]
+            folder.write("summary.json", taught_summary(job, plans, files))
+    if not simulate:
+        _print_plans(plans, out)
+        return
     report = (out / "report.html").resolve()
     _print_results(study, report)
     if open_report:
         import webbrowser
 
         webbrowser.open(report.as_uri())
+
+
+def _write_motions(
+    folder: ResultFolder,
+    job: Job,
+    plans: Mapping[str, RunPlan],
+) -> None:
+    """What every run tells the robot, as CSV."""
+    from armcontour.io import planned_csv, taught_csv, torque_csv
+
+    names = job.arm.joint_names
+    for name, result in plans.items():
+        folder.write(f"{name}/taught.csv", taught_csv(result.taught, names))
+        plan, period = result.trajectory, result.run.period
+        folder.write(f"{name}/planned.csv", planned_csv(plan, period, names))
+        if job.arm.has_bodies:
+            folder.write(f"{name}/torque.csv", torque_csv(plan, job.arm, period))
+
+
+def _write_exports(
+    folder: ResultFolder, job: Job, plans: Mapping[str, RunPlan], exports: Exports | None
+) -> None:
+    """The same as it is asked for."""
+    for name, result in plans.items():
+        if exports:
+            write_exports(folder, job, name, result, exports)
+
+
+def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
+    """What was taught, of runs that are not simulated."""
+    for name, x in plans.items():
+        print(
+            f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
+            f"{x.run.period:g} s; not simulated."
+        )
+        for warning in x.warnings:
+            print(f"Warning: {warning}")
+    print(f"Taught data: {out.resolve()}")
 
 
 def _print_results(study: Study, report: FilePath) -> None:

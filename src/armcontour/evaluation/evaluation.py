@@ -31,7 +31,7 @@ NEAR = 0.99
 # Places per knot interval at which the plan is looked at, how many in all at least, and at most.
 FINER = 20
 FEWEST_PLACES = 4000
-MOST_PLACES = 1_000_000
+MOST_PLACES = 400_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,10 +203,11 @@ def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
         for x in trajectory.spans
         if x.trajectory is not None
     ]
+    judged = judged or [(trajectory, limits)]
+    intervals = sum(len(law.breaks) for law, _ in judged)
+    points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
     ratios: dict[str, float] = {}
-    for law, bounds in judged or [(trajectory, limits)]:
-        intervals = len(law.breaks)
-        points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
+    for law, bounds in judged:
         for use in check(law, executed.arm, bounds, points=points).uses:
             if use.name not in Limits.__dataclass_fields__:
                 continue  # steps at breaks are no limits

@@ -39,7 +39,7 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
         "arm": {"name": job.arm.name, "source": job.arm.source, "joints": job.arm.joint_names},
         "units": UNITS | CERTIFICATE_UNITS,
         "certificate": _certificate(certificate),
-        "runs": {run.name: run_summary(certificate.result)},
+        "runs": {run.name: run_summary(certificate.job, certificate.result)},
         "files": list(files),
     }
     return _text(data)

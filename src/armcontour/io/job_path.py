@@ -11,7 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.geometry.cutting import in_space
+from armcontour.geometry.cutting import in_space, keeps_plane
 from armcontour.io.drawings.door import read_path
 from armcontour.io.job_arm import frame_of, rotation_of
 from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
@@ -89,10 +89,16 @@ def _drawn(
         if program.dimension == 3:
             raise InvalidInput(
                 f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
-                "leave z out with path.flat: true, or take an arm in space."
+                "leave z out with path.flat: true (on the command line --flat), or take an arm in "
+                "space."
             )
         if model.orientation is not None:
             raise InvalidInput("path.orientation: a tool is oriented by an arm in space only.")
+        if not keeps_plane(frame):
+            raise InvalidInput(
+                "path.frame lifts or tilts the drawing out of the plane in which the arm moves its "
+                "tool: give it z = 0, and turn it about z alone, by the last angle of rpy."
+            )
         return program.placed(frame)
     program = program.mapped(in_space)
     if model.orientation is not None:

@@ -1,22 +1,20 @@
-"""Results as text: the summary of a study, and taught data."""
+"""The summary of a study, as JSON."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour._version import __version__
-from armcontour.arms import Arm
 from armcontour.evaluation import ErrorProfile, Evaluation
-from armcontour.geometry import Path, RoundedPath
-from armcontour.io.exports.text import csv_text
-from armcontour.motion import Execution, TaughtData, Trajectory
-from armcontour.study import ExperimentResult, RunResult, Study
+from armcontour.geometry import Corners, Path, RoundedPath
+from armcontour.motion import Execution
+from armcontour.program import Program
+from armcontour.study import ExperimentResult, Job, RunPlan, RunResult, Study
 from armcontour.study.quantities import (
     Torques,
     angular_speed,
@@ -24,7 +22,10 @@ from armcontour.study.quantities import (
     assumed,
     planned_torques,
 )
+from armcontour.timing import Explanation
 
+# Lists of a long path are cut here: a summary is for people and small programs.
+MOST_LISTED = 10_000
 UNITS = {
     "length": "m",
     "duration": "s",
@@ -42,9 +43,11 @@ UNITS = {
     "assigned_length": "share of length",
     "assigned_time": "share of time",
     "period": "s",
+    "reserve": "share of the limit",
     "t": "s",
     "due": "s",
     "work": "s",
+    "from_s": "m",
     "s": "m",
     "start": "rad",
     "turn": "rad",
@@ -62,12 +65,32 @@ UNITS = {
 def summary(study: Study, files: Sequence[str] = ()) -> str:
     """Every metric of every run as JSON, in SI units, with the version.
 
+    Of lists longer than 10,000 the rest is counted under `left_out`.
+
     Args:
         study: The study.
         files: The files of the result, relative to its folder.
     """
     job = study.job
-    data = {
+    runs = {name: run_summary(job, result) for name, result in study.runs.items()}
+    data = _of_job(job, runs, files)
+    if job.published is not None:
+        data["published"] = {
+            "source": job.published.source,
+            "runs": job.published.runs,
+            "time_stamps": list(job.published.time_stamps),
+        }
+    return _json(data)
+
+
+def taught_summary(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:
+    """What is planned and taught, without what a simulation would say of it; as `summary`."""
+    runs = {name: plan_summary(job, plan) for name, plan in plans.items()}
+    return _json({**_of_job(job, runs, files), "simulated": False})
+
+
+def _of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str, Any]:
+    return {
         "armcontour": __version__,
         "job": job.name,
         "title": job.title,
@@ -79,70 +102,28 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
             "assumed": assumed(job.arm) or None,
         },
         "units": UNITS,
-        "runs": {name: run_summary(result) for name, result in study.runs.items()},
+        "runs": runs,
         "files": list(files),
     }
-    if job.published is not None:
-        data["published"] = {
-            "source": job.published.source,
-            "runs": job.published.runs,
-            "time_stamps": list(job.published.time_stamps),
-        }
+
+
+def _json(data: Any) -> str:
     return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
 
 
-def taught_csv(taught: TaughtData, joint_names: Sequence[str]) -> str:
-    """Taught data as CSV: a header with units, then t and q of every joint."""
-    return _csv([f"{name} [rad]" for name in joint_names], [taught.t, taught.q])
-
-
-def planned_csv(trajectory: Trajectory, period: float, joint_names: Sequence[str] = ()) -> str:
-    """The realizable trajectory as CSV: t, then q, dq and ddq of every joint.
-
-    Args:
-        trajectory: The trajectory.
-        period: Time between rows; the last row is the end [s].
-        joint_names: Names of the joints; numbers by default, and where a name is but a number.
-    """
-    x = trajectory.sample(period)
-    called = [name.removeprefix("joint ") for name in joint_names]
-    names = [
-        f"{quantity} {name} [{unit}]"
-        for quantity, unit in (("q", "rad"), ("dq", "rad/s"), ("ddq", "rad/s^2"))
-        for name in called or range(1, trajectory.dof + 1)
-    ]
-    return _csv(names, [x.t, x.q, x.dq, x.ddq])
-
-
-def torque_csv(trajectory: Trajectory, arm: Arm, period: float) -> str:
-    """Torques of the realizable trajectory as CSV: t, then the torque of every joint's drive.
-
-    Args:
-        trajectory: The trajectory.
-        arm: The arm, with bodies.
-        period: Time between rows; the last row is the end [s].
-    """
-    x = trajectory.sample(period)
-    return _csv([f"{name} [N m]" for name in arm.joint_names], [x.t, arm.torque(x.q, x.dq, x.ddq)])
-
-
-def _csv(names: Sequence[str], columns: Sequence[FloatArray]) -> str:
-    return csv_text(["t [s]", *names], columns)
-
-
-def run_summary(result: RunResult) -> dict[str, Any]:
-    """Every metric of one run."""
-    path, arm = result.path, result.execution.arm
+def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
+    """What one run plans and teaches."""
+    path, trajectory = plan.path, plan.trajectory
     found: dict[str, Any] = {
-        "timing": result.run.timing,
-        "compensation": result.run.compensation,
-        "period": result.run.period,
-        "ignore_jerk": result.run.ignore_jerk,
-        "start": dict(zip(arm.joint_names, result.trajectory(0.0), strict=True)),
+        "timing": plan.run.timing,
+        "compensation": plan.run.compensation,
+        "period": plan.run.period,
+        "reserve": plan.run.reserve,
+        "ignore_jerk": plan.run.ignore_jerk,
+        "start": dict(zip(job.arm.joint_names, trajectory(0.0), strict=True)),
         "length": path.length,
-        **_judged(result.evaluation),
-        **_turned(result.execution, result.evaluation),
-        "switching_points": result.trajectory.switching_points,
+        "duration": trajectory.duration,
+        "switching_points": trajectory.switching_points,
         "stretches": [
             {
                 "name": x.name,
@@ -152,12 +133,49 @@ def run_summary(result: RunResult) -> dict[str, Any]:
                 "demand": x.demand,
                 "speed": x.speed,
             }
-            for x in result.trajectory.stretches
+            for x in trajectory.stretches
         ],
         "merged_points": path.merged if isinstance(path, Path) else (),
-        "warnings": result.warnings,
-        **_moves(result),
+        "warnings": plan.warnings,
+        **_moves(job, plan),
     }
+    if isinstance(path, RoundedPath):
+        found["corners"] = _corners(path.corners)
+        _count_left_out(found, corners=len(path.corners))
+    return found
+
+
+def _corners(c: Corners) -> list[dict[str, Any]]:
+    return [
+        {
+            "joint": c.joint[i],
+            "point": c.point[i],
+            "turn": c.turn[i],
+            "radius": c.radius[i],
+            "error": c.error[i],
+            "angular_error": c.angular_error[i],
+            "tangent": c.tangent[i],
+            "shrunk": bool(c.shrunk[i]),
+            "full_stop": bool(c.stopped[i]),
+            "speed": c.speed[i],
+        }
+        for i in range(min(len(c), MOST_LISTED))
+    ]
+
+
+def _count_left_out(found: dict[str, Any], **lengths: int) -> None:
+    """Tell of lists that are longer than what is listed."""
+    more = {name: x - MOST_LISTED for name, x in lengths.items() if x > MOST_LISTED}
+    if more:
+        found["left_out"] = {**found.get("left_out", {}), **more}
+
+
+def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
+    """Every metric of one run."""
+    found = plan_summary(job, result)
+    found |= _judged(result.evaluation) | _turned(result.execution, result.evaluation)
+    for move, error in zip(_contours(found), result.evaluation.contours, strict=True):
+        move["contour_error"] = _error(error)
     torques = planned_torques(result)
     if torques is not None:
         found.update(_torques(torques, result))
@@ -165,71 +183,74 @@ def run_summary(result: RunResult) -> dict[str, Any]:
         found["experiment"] = _experiment(result, result.experiment)
     if result.failure is not None:
         found["experiment"] = {"failed": str(result.failure)}
+    _count_left_out(found, cornering=len(result.evaluation.corners))
     if result.explanation is not None:
-        why = result.explanation
-        found["explanation"] = {
-            "assigned_length": why.assigned_length,
-            "assigned_time": why.assigned_time,
-            "bindings": [
-                {"limit": x.limit, "joint": x.joint, "t": x.t, "s": x.s, "share": x.share}
-                for x in why.bindings
-            ],
-            "shortfalls": [
-                {
-                    "kind": x.kind,
-                    "s": x.s,
-                    "speed": x.speed,
-                    "assigned": x.assigned,
-                    "reason": x.reason,
-                }
-                for x in why.shortfalls
-            ],
-        }
-    if isinstance(path, RoundedPath):
-        c = path.corners
-        found["corners"] = [
-            {
-                "joint": c.joint[i],
-                "point": c.point[i],
-                "turn": c.turn[i],
-                "radius": c.radius[i],
-                "error": c.error[i],
-                "angular_error": c.angular_error[i],
-                "tangent": c.tangent[i],
-                "shrunk": bool(c.shrunk[i]),
-                "full_stop": bool(c.stopped[i]),
-                "speed": c.speed[i],
-            }
-            for i in range(len(c))
-        ]
+        found["explanation"] = _explained(result.explanation)
     return found
 
 
-def _moves(result: RunResult) -> dict[str, Any]:
+def _contours(found: dict[str, Any]) -> list[dict[str, Any]]:
+    return [x for x in found.get("moves", ()) if x["kind"] == "contour"]
+
+
+def _explained(why: Explanation) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "assigned_length": why.assigned_length,
+        "assigned_time": why.assigned_time,
+        "bindings": [
+            {"limit": x.limit, "joint": x.joint, "t": x.t, "s": x.s, "share": x.share}
+            for x in why.bindings[:MOST_LISTED]
+        ],
+        "shortfalls": [
+            {
+                "kind": x.kind,
+                "s": x.s,
+                "speed": x.speed,
+                "assigned": x.assigned,
+                "reason": x.reason,
+            }
+            for x in why.shortfalls[:MOST_LISTED]
+        ],
+    }
+    _count_left_out(found, bindings=len(why.bindings), shortfalls=len(why.shortfalls))
+    return found
+
+
+def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
     """What a program adds: its moves with their times, and its events."""
-    if isinstance(result.path, Path):
+    if isinstance(plan.path, Path) or isinstance(plan.objective, Path):
         return {}
-    contours = iter(zip(result.path.contours, result.evaluation.contours, strict=True))
+    contours, resuming = iter(plan.path.contours), iter(_places_to_resume(job, plan.objective))
     moves = []
-    for x in result.trajectory.spans:
+    for x in plan.trajectory.spans:
         move: dict[str, Any] = {"kind": x.kind, "t": x.t, "s": x.s}
         if x.kind == "contour":
-            contour, error = next(contours)
+            contour = next(contours)
             move |= {
                 "name": contour.name,
                 "layer": contour.layer,
                 "closed": contour.closed,
                 "work": x.work,
-                "contour_error": _error(error),
+                "from_s": next(resuming),
             }
         moves.append(move)
     return {
         "moves": moves,
         "events": [
             {"name": x.name, "value": x.value, "t": x.t, "due": x.due, "s": x.s, "point": x.point}
-            for x in result.trajectory.events
+            for x in plan.trajectory.events
         ],
     }
+
+
+def _places_to_resume(job: Job, objective: Program) -> list[tuple[float, float]]:
+    """Where every contour begins and ends as `from_s` counts [m]."""
+    lengths = []
+    for x in objective.contours:
+        begin, end = x.work or (0.0, x.path.length)
+        lengths.append(end - begin)
+    ends = job.process.from_s + np.concatenate([[0.0], np.cumsum(lengths)])
+    return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
 def _judged(e: Evaluation) -> dict[str, Any]:
@@ -256,7 +277,7 @@ def _judged(e: Evaluation) -> dict[str, Any]:
                 "rounding": c.rounding,
                 "overshoot": c.overshoot,
             }
-            for c in e.corners
+            for c in e.corners[:MOST_LISTED]
         ],
     }
 

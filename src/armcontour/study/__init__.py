@@ -6,12 +6,14 @@ from armcontour.study.job import Experiment, Job, Published, Rounding, Run
 from armcontour.study.study import (
     STEPS,
     ExperimentResult,
+    RunPlan,
     RunResult,
     Study,
     path_of,
     run,
     same_plan,
     steps_of,
+    teach,
     traced_alike,
 )
 from armcontour.study.sweeping import Sweep, SweepPoint, sweep
@@ -27,6 +29,7 @@ __all__ = [
     "Published",
     "Rounding",
     "Run",
+    "RunPlan",
     "RunResult",
     "Study",
     "Sweep",
@@ -38,5 +41,6 @@ __all__ = [
     "same_plan",
     "steps_of",
     "sweep",
+    "teach",
     "traced_alike",
 ]

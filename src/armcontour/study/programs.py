@@ -10,15 +10,24 @@ import numpy as np
 
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable
 from armcontour.motion import PathLaw, Trajectory
-from armcontour.program import Contour, Leads, Process, Program, prepared, round_corners
+from armcontour.program import (
+    Contour,
+    Leads,
+    Process,
+    Program,
+    contour_called,
+    prepared,
+    round_corners,
+)
 from armcontour.study.job import Job, Run
 from armcontour.timing import plan
 
 # Automatic leads: the first that is tried [m], and how many times it is made twice as long.
 FIRST_LEAD = 2e-3
 MOST_DOUBLINGS = 12
-# A lead that is found is longer than it would have to be by this share.
+# A lead that is found is longer than it would have to be by up to this share, or this [m].
 SPARE = 0.05
+FINEST_LEAD = 1e-4
 # A speed this near to another one is the same; so little do margins take.
 SAME_SPEED = 1e-3
 Rounding = dict[str, Any]
@@ -56,43 +65,46 @@ def rounded(program: Program, rounding: Rounding | None) -> Program:
 def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Leads]:
     """The shortest leads with which the tool is as fast where it goes on and off as it can be.
 
-    They double until the speed does no longer grow, and are then cut to what it took.
+    That is the assigned velocity, or what longer leads do not exceed or cannot try, because they
+    leave the arm's reach.
     """
     assert isinstance(job.path, Program)
     process = job.process
     plain = dataclasses.replace(process, lead_in=None, lead_out=None, approach=0.0, retract=0.0)
     found = []
-    for i, x in enumerate(prepared(job.path, plain).contours):
+    for x in prepared(job.path, plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
-        def at(before: float, behind: float, contour: Contour = contour) -> Trial:
-            return _tried(job, this, rounding, contour, Leads(before=before, behind=behind))
+        def reached(
+            before: float, behind: float, contour: Contour = contour
+        ) -> tuple[float, float]:
+            return _reached(job, this, rounding, contour, Leads(before=before, behind=behind))
 
+        lengths = []
         try:
-            before = _length(lambda length: at(length, 0.0).on) if process.lead_in else 0.0
-            behind = _length(lambda length: at(0.0, length).off) if process.lead_out else 0.0
+            for lead, s, side, speed in (
+                (process.lead_in, 0.0, "right", lambda length: reached(length, 0.0)[0]),
+                (process.lead_out, x.path.length, "left", lambda length: reached(0.0, length)[1]),
+            ):
+                asked = lead is not None and lead.length is None
+                lengths.append(_length(speed, _assigned(x, s, side, this)) if asked else 0.0)
         except ArmContourError as error:
-            error.args = (f"leads of contour {contour.name or i + 1}: {error}",)
+            error.args = (f"leads: {error}",)
             raise
-        found.append(Leads(before=before, behind=behind))
+        found.append(Leads(before=lengths[0], behind=lengths[1]))
     return found
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """What leads came to: the speed at an end of the work, and the lead that it took.
-
-    Args:
-        on: Speed where the tool goes on [m/s], and length of the lead in which it was reached [m].
-        off: Likewise where it goes off.
-    """
-
-    on: tuple[float, float]
-    off: tuple[float, float]
+def _assigned(contour: Contour, s: float, side: str, this: Run) -> float:
+    """The assigned velocity at a place of a contour [m/s]; infinite without one."""
+    most = np.inf if this.limits.speed is None else this.limits.speed
+    return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
 
 
-def _tried(job: Job, this: Run, rounding: Rounding | None, contour: Contour, leads: Leads) -> Trial:
-    """A contour by itself, planned with leads of some lengths."""
+def _reached(
+    job: Job, this: Run, rounding: Rounding | None, contour: Contour, leads: Leads
+) -> tuple[float, float]:
+    """Speeds where the tool goes on and off [m/s], of a contour planned by itself."""
     ends = Process(
         begin="drawn",
         lead_in=job.process.lead_in if leads.before else None,
@@ -100,41 +112,57 @@ def _tried(job: Job, this: Run, rounding: Rounding | None, contour: Contour, lea
         up=job.process.up,
     )
     alone = rounded(prepared(Program(moves=(contour,)), ends, [leads]), rounding)
-    trajectory = planned(job, this, alone)
+    law = planned(job, this, alone).laws[0]
     (only,) = alone.contours
-    law = trajectory.laws[0]
     assert isinstance(law, PathLaw) and only.work is not None
-    begin, end = only.work
-    speed_on, speed_off = np.interp([begin, end], law.s, law.speeds)
-    reached_on = law.s[int(np.argmax(law.speeds >= speed_on * (1 - SAME_SPEED)))]
-    held = np.flatnonzero(law.speeds >= speed_off * (1 - SAME_SPEED))
-    return Trial(
-        on=(float(speed_on), float(min(reached_on, begin))),
-        off=(float(speed_off), float(max(only.path.length - law.s[held[-1]], 0.0))),
-    )
+    on, off = np.interp(only.work, law.s, law.speeds)
+    return float(on), float(off)
 
 
-def _length(reached: Callable[[float], tuple[float, float]]) -> float:
-    """The shortest lead that gives the speed which longer ones give too.
+def _length(speed: Callable[[float], float], assigned: float) -> float:
+    """The shortest lead that gives the assigned velocity, or else what longer ones give too.
 
     Args:
-        reached: Speed with a lead of some length, and how much of it that took.
+        speed: With a lead of some length.
+        assigned: The assigned velocity.
     """
-    length = FIRST_LEAD
-    speed, needed = reached(length)
+    # Half of what counts as slow: what is found is not told to be so.
+    enough = assigned * (1 - SAME_SPEED / 2)
+    short, length, now = 0.0, FIRST_LEAD, speed(FIRST_LEAD)
+    found: float | None = None
     for _ in range(MOST_DOUBLINGS):
-        longer, took = reached(2 * length)
-        if longer <= speed * (1 + SAME_SPEED) and needed < length * (1 - SPARE):
-            return needed * (1 + SPARE)
-        if longer <= speed * (1 + SAME_SPEED):
-            return took * (1 + SPARE) if took > 0 else length
-        length, speed, needed = 2 * length, longer, took
-    raise NotRealizable(
-        f"with {length:.3g} m the tool still gets faster, {speed:.3g} m/s now: give the lead a "
-        "length, or the contour a lower speed.",
-        limit="speed",
-        needed=length,
-    )
+        if now >= enough:
+            found = length
+            break
+        try:
+            longer = speed(2 * length)
+        except ArmContourError:
+            # So far the arm does not reach: it may part of the way.
+            short, length = length, 2 * length
+            break
+        if longer <= now * (1 + SAME_SPEED):
+            enough, found = now * (1 - SAME_SPEED / 2), length
+            break
+        short, length, now = length, 2 * length, longer
+    else:
+        raise NotRealizable(
+            f"with {length:.3g} m the tool still gets faster, {now:.3g} m/s now: give the lead a "
+            "length, or the contour a lower speed.",
+            limit="speed",
+            needed=length,
+        )
+    while length - short > max(SPARE * length, FINEST_LEAD):
+        middle = (short + length) / 2
+        try:
+            suffices = speed(middle) >= enough
+        except ArmContourError:
+            length = middle
+            continue
+        if suffices:
+            length = found = middle
+        else:
+            short = middle
+    return short if found is None else found
 
 
 def planned(job: Job, this: Run, program: Program, progress: Any = None) -> Trajectory:
@@ -161,10 +189,9 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
         trajectory: Its plan.
         this: The run.
     """
-    most = np.inf if this.limits.speed is None else this.limits.speed
     spans = [x for x in trajectory.spans if x.kind == "contour"]
     found = []
-    for x, span in zip(program.contours, spans, strict=True):
+    for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
         law = None if span.trajectory is None else span.trajectory.laws[0]
         if x.work is None or not isinstance(law, PathLaw):
             continue
@@ -173,11 +200,11 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
             ("on", begin, begin, "right"),
             ("off", end, x.path.length - end, "left"),
         ):
-            assigned = float(np.fmin(x.path.speeds[x.path.locate(s, side=side)], most))
+            assigned = _assigned(x, s, side, this)
             speed = float(np.interp(s, law.s, law.speeds))
             if lead > 0 and np.isfinite(assigned) and speed < assigned * (1 - SAME_SPEED):
                 found.append(
-                    f"contour {x.name}: the tool goes {word} at {speed:.3g} of {assigned:.3g} m/s, "
-                    f"with a lead of {lead:.3g} m."
+                    f"{contour_called(x, i)}: the tool goes {word} at {speed:.3g} of "
+                    f"{assigned:.3g} m/s, with a lead of {lead:.3g} m."
                 )
     return found

@@ -30,6 +30,7 @@ from armcontour.timing import (
 )
 
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
+TEACHING = STEPS[:4]
 EXPERIMENT = "experiment"
 # Largest time between two results of an experiment [s], unless its drives are slower.
 RESOLUTION = 1e-3
@@ -54,8 +55,8 @@ class ExperimentResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RunResult:
-    """What one run of a job came to, arrow by arrow.
+class RunPlan:
+    """What one run of a job tells the robot to do, arrow by arrow.
 
     Args:
         run: The run.
@@ -63,13 +64,7 @@ class RunResult:
         path: What the tool was to follow: the same with its corners rounded, if they were.
         joint_path: The same in joint space; None for a program, whose moves have their own.
         trajectory: The realizable trajectory.
-        explanation: Which limit binds where, for a plan of the method "optimal".
         taught: The taught data.
-        execution: What the joints did.
-        evaluation: What that was worth.
-        experiment: The same on the arm's rigid bodies, if the run has an experiment that did not
-            fail.
-        failure: Why its experiment failed, if it did.
     """
 
     run: Run
@@ -77,12 +72,7 @@ class RunResult:
     path: Path | Program
     joint_path: JointPath | None
     trajectory: Trajectory
-    explanation: Explanation | None
     taught: TaughtData
-    execution: Execution
-    evaluation: Evaluation
-    experiment: ExperimentResult | None = None
-    failure: ExecutionError | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -97,6 +87,26 @@ class RunResult:
         if isinstance(self.path, Program):
             found += [*self.path.notes, *slow_ends(self.path, self.trajectory, self.run)]
         return tuple(f"Run {self.run.name}: {x}" for x in found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunResult(RunPlan):
+    """What one run of a job came to: its plan, and what the servo made of it.
+
+    Args:
+        explanation: Which limit binds where, for a plan of the method "optimal".
+        execution: What the joints did.
+        evaluation: What that was worth.
+        experiment: The same on the arm's rigid bodies, if the run has an experiment that did not
+            fail.
+        failure: Why its experiment failed, if it did.
+    """
+
+    explanation: Explanation | None
+    execution: Execution
+    evaluation: Evaluation
+    experiment: ExperimentResult | None = None
+    failure: ExecutionError | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -134,8 +144,37 @@ def run(
     return Study(job=job, runs=MappingProxyType(results))
 
 
-def steps_of(this: Run) -> tuple[str, ...]:
+def teach(
+    job: Job,
+    *,
+    progress: Progress | None = None,
+    done: Callable[[float], None] | None = None,
+) -> Mapping[str, RunPlan]:
+    """Plan and compensate every run of a job, without simulating what the servo makes of it.
+
+    Args:
+        job: The job.
+        progress: As in `run`.
+        done: As in `run`.
+
+    Returns:
+        The plans by the names of their runs.
+
+    Raises:
+        ArmContourError: The first run that fails says why.
+    """
+    plans: dict[str, RunPlan] = {}
+    telling = progress or (lambda run, step: None)
+    for x in job.runs:
+        with _named(f"Run {x.name}"):
+            plans[x.name] = _taught(job, x, telling, done, plans.values())
+    return MappingProxyType(plans)
+
+
+def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     """The steps that a run takes, in order."""
+    if not simulated:
+        return TEACHING
     return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
 
 
@@ -168,6 +207,43 @@ def _run(
     done: Callable[[float], None] | None,
     earlier: Iterable[RunResult],
 ) -> RunResult:
+    plan = _taught(job, this, progress, done, earlier)
+    progress(this.name, "execution")
+    executed = execute(plan.taught, ServoPlant(job.arm, job.plant_servo, this.limits))
+    progress(this.name, "evaluation")
+    evaluation = evaluate(
+        executed, plan.path, objective=plan.objective, limits=this.limits, until=this.until
+    )
+    experiment, failure = None, None
+    if this.experiment is not None:
+        progress(this.name, EXPERIMENT)
+        try:
+            with _named("experiment"):
+                experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
+        except ExecutionError as error:
+            failure = error
+    explanation = None
+    if plan.trajectory.method == "optimal":
+        kept = with_reserve(this.limits, this.reserve)
+        explanation = explain(plan.trajectory, job.arm, kept)
+    return RunResult(
+        **{x.name: getattr(plan, x.name) for x in fields(RunPlan)},
+        explanation=explanation,
+        execution=executed,
+        evaluation=evaluation,
+        experiment=experiment,
+        failure=failure,
+    )
+
+
+def _taught(
+    job: Job,
+    this: Run,
+    progress: Progress,
+    done: Callable[[float], None] | None,
+    earlier: Iterable[RunPlan],
+) -> RunPlan:
+    """A run from its objective to its taught data."""
     # Before tracing, which can take seconds.
     refuse_jerk(this.limits, this.ignore_jerk)
     objective: Path | Program
@@ -186,39 +262,18 @@ def _run(
         period=this.period,
         **this.compensation_options,
     )
-    progress(this.name, "execution")
-    executed = execute(taught, ServoPlant(job.arm, job.plant_servo, this.limits))
-    progress(this.name, "evaluation")
-    evaluation = evaluate(executed, path, objective=objective, limits=this.limits, until=this.until)
-    experiment, failure = None, None
-    if this.experiment is not None:
-        progress(this.name, EXPERIMENT)
-        try:
-            with _named("experiment"):
-                experiment = on_bodies(job, this, taught, path, objective)
-        except ExecutionError as error:
-            failure = error
-    return RunResult(
+    return RunPlan(
         run=this,
         objective=objective,
         path=path,
         joint_path=joint_path,
         trajectory=trajectory,
-        explanation=(
-            explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
-            if trajectory.method == "optimal"
-            else None
-        ),
         taught=taught,
-        execution=executed,
-        evaluation=evaluation,
-        experiment=experiment,
-        failure=failure,
     )
 
 
 def _planned_path(
-    job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]
+    job: Job, this: Run, progress: Progress, earlier: Iterable[RunPlan]
 ) -> tuple[Path, JointPath, Trajectory]:
     """The rounded path of a run, its joint path and its plan."""
     progress(this.name, "rounding")
