@@ -1,6 +1,6 @@
 """Programs: several contours in order, and what comes between them."""
 
-from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
+from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
 from armcontour.program.preparing import prepared
 from armcontour.program.process import Lead, Leads, Process, Switch
 from armcontour.program.rounding import round_corners
@@ -16,6 +16,7 @@ __all__ = [
     "Program",
     "Rapid",
     "Switch",
+    "contour_called",
     "prepared",
     "round_corners",
 ]

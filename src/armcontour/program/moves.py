@@ -58,7 +58,7 @@ class Contour:
             default all of it.
 
     Raises:
-        InvalidInput: An event behind the end of the path.
+        InvalidInput: No path, an event behind its end, or work that is not within it.
     """
 
     path: Path
@@ -68,6 +68,15 @@ class Contour:
     work: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.path, Path):
+            raise InvalidInput(f"A contour needs a Path, not {type(self.path).__name__}.")
+        if self.work is not None:
+            begin, end = (_checks.number("work of a contour", x, "m") for x in self.work)
+            if not -REPEATED_POINT <= begin < end <= self.path.length + REPEATED_POINT:
+                raise InvalidInput(
+                    f"The work on the contour {self.name} is to go from {begin:g} to {end:g} m, "
+                    f"which is not along its {self.path.length:g} m."
+                )
         for x in self.events:
             if x.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
@@ -84,6 +93,13 @@ class Contour:
         """Whether it ends where it starts."""
         ends = self.path([0.0, self.path.length])
         return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
+
+
+def contour_called(contour: Contour, number: int) -> str:
+    """What sentences call a contour: by its name, or by its number, which is counted from 0."""
+    if not contour.name:
+        return f"contour {number + 1}"
+    return contour.name if contour.name.startswith("contour ") else f"contour {contour.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,7 +140,7 @@ class Program:
         notes: Sentences on what was left out or changed when it was read.
 
     Raises:
-        InvalidInput: No contour, or contours of different dimension.
+        InvalidInput: No contour, something else than moves, or contours of different dimension.
     """
 
     moves: tuple[Move, ...]
@@ -133,6 +149,12 @@ class Program:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "moves", tuple(self.moves))
+        for x in self.moves:
+            if not isinstance(x, Contour | Rapid | Dwell | Event):
+                raise InvalidInput(
+                    "A program is made of Contours, Rapids, Dwells and Events, not of "
+                    f"{type(x).__name__}."
+                )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
         if len({x.path.dimension for x in self.contours}) > 1:

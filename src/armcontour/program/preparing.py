@@ -13,6 +13,7 @@ from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import joined, part
 from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.leading import lead_path
+from armcontour.program.linking import is_meant, last_end, leading_away, next_rapid, rerouted
 from armcontour.program.moves import Contour, Event, Move, Program, Rapid
 from armcontour.program.process import AUTO, DRAWN, Lead, Leads, Process
 from armcontour.program.resuming import resumed
@@ -34,24 +35,37 @@ def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None
     if process.approach or process.retract:
         _refuse_plane(program)
     program = _ordered(program, process.order)
-    begun: list[Move] = []
-    for x in program.moves:
-        led = bool(begun) and isinstance(begun[-1], Rapid)
-        begun.append(_begun(x, process, led) if isinstance(x, Contour) else x)
+    begun = [
+        _begun(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
+        for i, x in enumerate(program.moves)
+    ]
+    away = leading_away(program.moves)
     program, run_in = resumed(dataclasses.replace(program, moves=tuple(begun)), process.from_s)
+    if process.automatic and (lengths is None or len(lengths) != len(program.contours)):
+        raise InvalidInput(
+            f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
+            f"but there are {0 if lengths is None else len(lengths)}: run a job, which finds them, "
+            "or give the leads a length."
+        )
     result: list[Move] = []
+    # Where the moves of the program are among the result's.
+    places: list[int] = []
     number = 0
-    for move in program.moves:
+    for i, move in enumerate(program.moves):
+        places.append(len(result))
+        if isinstance(move, Rapid) and move in away:
+            move = rerouted(move, start=last_end(result))
         if not isinstance(move, Contour):
             result.append(move)
             continue
         asked = _lengths(process, lengths, number)
         contour = _around(move, process, asked, run_in if number == 0 else None)
-        before = result[-1] if result else None
-        linked = isinstance(before, Rapid) and before.path is not None
-        if isinstance(before, Rapid) and before.path is not None:
-            result[-1] = Rapid(path=_led_to(before.path, contour.path))
-        result += _between(contour, process, linked)
+        before = next_rapid(program.moves, range(i - 1, -1, -1))
+        if before is not None:
+            at = places[before]
+            result[at] = rerouted(result[at], end=contour.path(0.0))
+        followed = next_rapid(program.moves, range(i + 1, len(program.moves))) is not None
+        result += _between(contour, process, linked=before is not None, followed=followed)
         number += 1
     return dataclasses.replace(program, moves=tuple(result))
 
@@ -114,12 +128,16 @@ def _ordered(program: Program, order: str) -> Program:
                 "The order 'nearest' is for drawings: this program has rapids, dwells or events "
                 "between its contours, whose order has a meaning."
             )
-    left = list(program.contours)
-    taken = [left.pop(0)]
-    while left:
+    contours = program.contours
+    begins = np.array([x.path(0.0) for x in contours])
+    left = np.ones(len(contours), dtype=bool)
+    taken, at = [contours[0]], 0
+    while len(taken) < len(contours):
+        left[at] = False
         here = taken[-1].path(taken[-1].path.length)
-        away = [float(np.linalg.norm(x.path(0.0) - here)) for x in left]
-        taken.append(left.pop(int(np.argmin(away))))
+        away = np.linalg.norm(begins - here, axis=1)
+        at = int(np.argmin(np.where(left, away, np.inf)))
+        taken.append(contours[at])
     return dataclasses.replace(program, moves=tuple(taken))
 
 
@@ -129,7 +147,7 @@ def _begun(contour: Contour, process: Process, led: bool) -> Contour:
     Args:
         contour: The contour.
         process: What is asked for.
-        led: Whether a rapid of the program leads to where it begins.
+        led: Whether the program itself leads to where it begins.
 
     Raises:
         InvalidInput: An event beyond its end.
@@ -185,7 +203,7 @@ def _lead_in(
 def _closed(contour: Contour, process: Process, led: bool) -> Contour:
     """A closed contour that begins where it should, with its overlap.
 
-    Where it begins is meant if a rapid leads there, or something is switched on the way.
+    Where it begins is meant if the program leads there, or something is switched on the way.
     """
     path = contour.path
     meant = process.begin == AUTO and (led or bool(contour.events))
@@ -200,6 +218,11 @@ def _closed(contour: Contour, process: Process, led: bool) -> Contour:
         more = min(over, whole.length)
         path = joined([path, part(whole, 0.0, more)])
         over -= more
+    # What is switched at the end is so behind the overlap.
+    events = tuple(
+        dataclasses.replace(x, s=path.length) if x.s >= whole.length - REPEATED_POINT else x
+        for x in events
+    )
     return dataclasses.replace(contour, path=path, events=events)
 
 
@@ -216,6 +239,10 @@ def _begin(path: Path, begin: str | float | tuple[float, ...]) -> float:
         return 0.0
     if isinstance(begin, tuple):
         point = np.array(begin)
+        if len(point) != path.dimension:
+            raise InvalidInput(
+                f"begin is a point of {len(point)} coordinates, but contours have {path.dimension}."
+            )
         return float(path.project(point[None]).s[0])
     if not isinstance(begin, str):
         return float(begin) % path.length
@@ -227,22 +254,13 @@ def _begin(path: Path, begin: str | float | tuple[float, ...]) -> float:
     return float(path.breaks[longest] + path.lengths[longest] / 2)
 
 
-def _led_to(rapid: Path, path: Path) -> Path:
-    """A rapid's polyline that ends where a path begins, whose lead may have moved that."""
-    start = path(0.0)
-    vertices = rapid.vertices
-    if np.linalg.norm(vertices[-1] - start) <= REPEATED_POINT:
-        return rapid
-    return Path.polyline([*vertices[:-1], start])
-
-
-def _between(contour: Contour, process: Process, linked: bool) -> list[Move]:
-    """A contour with its way down and up; not down where a rapid leads to it already."""
+def _between(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
+    """A contour with its way down and up; neither where a rapid of the program goes already."""
     path = contour.path
     result: list[Move] = [contour]
     if process.approach and not linked:
         result.insert(0, Rapid(path=_vertical(path, 0.0, process.up * process.approach, down=True)))
-    if process.retract:
+    if process.retract and not followed:
         up = process.up * process.retract
         result.append(Rapid(path=_vertical(path, path.length, up, down=False)))
     return result

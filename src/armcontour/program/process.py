@@ -65,8 +65,9 @@ class Process:
     Args:
         begin: Where closed contours begin: "auto" leaves the place where it is drawn, but off a
             corner, in the middle of the longest segment, so that every corner is rounded alike,
-            unless a rapid leads there or events are on the contour; "drawn" leaves it; a number is
-            an arc length [m]; a point, the place nearest to it.
+            unless the program leads there by a rapid, a dwell or an event between contours, or
+            has events on the contour; "drawn" leaves it; a number is an arc length [m], which may
+            go round; a point, the place nearest to it.
         overlap: How far closed contours are gone on with behind their end [m].
         lead_in: Before every contour.
         lead_out: Behind every contour.
@@ -103,6 +104,10 @@ class Process:
         _checks.choice("order", self.order, ORDERS)
         if isinstance(self.begin, str):
             _checks.choice("begin", self.begin, (AUTO, DRAWN))
+        elif isinstance(self.begin, tuple):
+            _checks.numbers("begin", self.begin, "m")
+        else:
+            _checks.number("begin", self.begin, "m")
         up = _checks.numbers("up", self.up)
         if up.shape != (3,) or not np.linalg.norm(up) > 0:
             raise InvalidInput("up must be a direction in space.")
@@ -123,3 +128,7 @@ class Leads:
 
     before: float = 0.0
     behind: float = 0.0
+
+    def __post_init__(self) -> None:
+        _checks.not_negative("lead before a contour", self.before, "m")
+        _checks.not_negative("lead behind a contour", self.behind, "m")

@@ -14,6 +14,7 @@ from armcontour.motion import JointPath, Trajectory
 from armcontour.program import Program
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
+from armcontour.timing.grid import DEFAULT_INTERVALS
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.programs import Progress, Ways, plan_program, plan_rapid
@@ -22,6 +23,11 @@ from armcontour.tracing import refuse_out_of_range
 METHODS = ("optimal", "mac", "conventional")
 # Limits of which a reserve is a share.
 RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
+# Options that mean one path: a program has many, and rests between them.
+OF_ONE_PATH = ("grid", "start_speed", "end_speed")
+# Of many contours each has fewer grid intervals: they are shorter, and all of them cost time.
+MOST_BY_DEFAULT = 40_000
+FEWEST_INTERVALS = 500
 OPTIONS = {
     "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
     "mac": ("knots", "period"),
@@ -58,7 +64,9 @@ def plan(
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         progress: For a program: called with the number of contours done, and of all.
         options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
-            (see `plan_optimal`). For "mac": `knots` per line, command `period` [s].
+            (see `plan_optimal`); a program takes neither grid nor speeds, and `intervals` hold for
+            every contour, by default fewer the more contours there are. For "mac": `knots` per
+            line, command `period` [s].
 
     Raises:
         InvalidInput: An unknown method or option, or a limit that the method needs is missing.
@@ -88,6 +96,15 @@ def plan(
         takes = f"the options {', '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
     kept = with_reserve(bounds, reserve)
+    if isinstance(path, Program):
+        for name in OF_ONE_PATH:
+            if name in options:
+                raise InvalidInput(
+                    f"{name} is an option for one path: a program rests between its moves."
+                )
+        if method == "optimal" and len(path.contours) > MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+            fewer = max(FEWEST_INTERVALS, MOST_BY_DEFAULT // len(path.contours))
+            options.setdefault("intervals", fewer)
 
     def timed(joint_path: JointPath) -> Trajectory:
         return _timed(joint_path, arm, kept, method, options)

@@ -14,8 +14,9 @@ from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, Unreachable
 from armcontour.frames import exp, log
 from armcontour.geometry import Path
+from armcontour.geometry.path import REPEATED_POINT
 from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
-from armcontour.program import Contour, Dwell, Event, Program, Rapid
+from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.passing import time_at
@@ -23,7 +24,7 @@ from armcontour.tracing import trace
 
 # Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
 SAME_POSITION = 1e-9
-# A rapid's grid: its limits change little along a straight line of the joints.
+# A rapid's grid: its limits change little along a straight line of the joints or of the tool.
 RAPID_INTERVALS = 200
 
 Plan = Callable[[JointPath], Trajectory]
@@ -77,10 +78,8 @@ def plan_program(program: Program, ways: Ways, progress: Progress | None = None)
                 progress(number, count)
         elif isinstance(move, Rapid):
             chain.rapid(i, move)
-        elif isinstance(move, Dwell):
-            chain.dwell(i, move)
         else:
-            chain.event(move)
+            chain.still(i, move)
     return chain.trajectory()
 
 
@@ -95,12 +94,11 @@ class _Chain:
     laws: list[Law] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
-    waiting: list[Event] = field(default_factory=list)
-    dwells: list[tuple[int, Dwell]] = field(default_factory=list)
+    waiting: list[tuple[int, Event | Dwell]] = field(default_factory=list)
     method: str = "optimal"
 
     def contour(self, i: int, move: Contour, number: int) -> None:
-        called = f"contour {move.name or number + 1}"
+        called = contour_called(move, number)
         try:
             joint_path = self._traced(move.path)
             self._bridge(joint_path(0.0))
@@ -111,7 +109,7 @@ class _Chain:
         self.method = planned.method
         begun, offset = self.t, float(self.program.breaks[number])
         ends = (0.0, move.path.length) if move.work is None else move.work
-        work = tuple(begun + time_at(planned, self.ways.arm, move.path.length, s) for s in ends)
+        work = tuple(begun + time_at(planned, self.ways.arm, move.path, s) for s in ends)
         self._append(
             planned,
             Span(
@@ -132,22 +130,23 @@ class _Chain:
         if move.path is None:
             return
         path = self._held(i, move.path)
-        joint_path = self._traced(path)
-        self._bridge(joint_path(0.0))
-        planned = self.ways.rapid(joint_path)
+        try:
+            joint_path = self._traced(path)
+            self._bridge(joint_path(0.0))
+            planned = self.ways.rapid(joint_path)
+        except ArmContourError as error:
+            error.args = (f"{self._rapid_called(i)}: {error}",)
+            raise
         self._append_rapid(i, planned)
 
-    def dwell(self, i: int, move: Dwell) -> None:
+    def still(self, i: int, move: Event | Dwell) -> None:
+        """What comes where the joints stand; before the first contour it waits to know where."""
         if self.q is None:
-            # Where it is to stand is known when the first contour is.
-            self.dwells.append((i, move))
-            return
-        self._stand(i, move)
-
-    def event(self, move: Event) -> None:
-        self.waiting.append(move)
-        if self.q is not None:
-            self._switch()
+            self.waiting.append((i, move))
+        elif isinstance(move, Dwell):
+            self._stand(i, move)
+        else:
+            self._switch(move)
 
     def trajectory(self) -> Trajectory:
         """All that was planned."""
@@ -182,9 +181,8 @@ class _Chain:
         """A straight line of the joints to where the next move begins."""
         if self.q is None:
             self.q = q
-            for i, x in self.dwells:
-                self._stand(i, x)
-            self._switch()
+            for i, x in self.waiting:
+                self.still(i, x)
             return
         if np.abs(q - self.q).max() <= SAME_POSITION:
             return
@@ -213,28 +211,25 @@ class _Chain:
     def _so_far(self) -> float:
         return max((x.s[1] for x in self.spans), default=0.0)
 
-    def _switch(self) -> None:
-        """What was to be switched where the joints stand now."""
+    def _switch(self, x: Event) -> None:
+        """What is switched where the joints stand now."""
         assert self.q is not None
-        point = tuple(self.ways.arm.forward(self.q).tolist())
-        for x in self.waiting:
-            self.events.append(
-                TimedEvent(
-                    name=x.name,
-                    value=x.value,
-                    t=self.t - x.lead_time,
-                    due=self.t,
-                    s=self._so_far(),
-                    point=point,
-                )
+        self.events.append(
+            TimedEvent(
+                name=x.name,
+                value=x.value,
+                t=self.t - x.lead_time,
+                due=self.t,
+                s=self._so_far(),
+                point=tuple(self.ways.arm.forward(self.q).tolist()),
             )
-        self.waiting.clear()
+        )
 
     def _timed(
         self, x: Event, move: Contour, planned: Trajectory, begun: float, offset: float, called: str
     ) -> None:
         early = x.s - x.lead_distance
-        if not 0 <= early <= move.path.length:
+        if not -REPEATED_POINT <= early <= move.path.length + REPEATED_POINT:
             raise InvalidInput(
                 f"{called}: the event {x.name} at {x.s:g} m leads by {x.lead_distance:g} m, which "
                 f"is off the contour of {move.path.length:g} m: give it a lead-in that long.",
@@ -242,8 +237,8 @@ class _Chain:
                 needed=x.lead_distance,
                 allowed=x.s,
             )
-        due = begun + time_at(planned, self.ways.arm, move.path.length, x.s)
-        t = begun + time_at(planned, self.ways.arm, move.path.length, early) - x.lead_time
+        due = begun + time_at(planned, self.ways.arm, move.path, x.s)
+        t = begun + time_at(planned, self.ways.arm, move.path, early) - x.lead_time
         self.events.append(
             TimedEvent(
                 name=x.name,
@@ -251,9 +246,17 @@ class _Chain:
                 t=t,
                 due=due,
                 s=offset + x.s,
-                point=tuple(move.path(x.s).tolist()),
+                point=tuple(move.path(min(x.s, move.path.length)).tolist()),
             )
         )
+
+    def _rapid_called(self, i: int) -> str:
+        """A rapid by the contour that it leads to, or away from."""
+        contours = [(k, x) for k, x in enumerate(self.program.moves) if isinstance(x, Contour)]
+        number = sum(k < i for k, _ in contours)
+        if number < len(contours):
+            return f"rapid to {contour_called(contours[number][1], number)}"
+        return f"rapid away from {contour_called(contours[-1][1], number - 1)}"
 
     def _held(self, i: int, path: Path) -> Path:
         """A rapid's path with the tool turning from the last contour's way to the next one's."""
@@ -274,5 +277,4 @@ class _Chain:
 def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
     """A free motion: the limits of the joints hold, and none of the tool."""
     free = limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    intervals = RAPID_INTERVALS if joint_path.tool_path is None else None
-    return plan_optimal(joint_path, arm, free, intervals=intervals)
+    return plan_optimal(joint_path, arm, free, intervals=RAPID_INTERVALS)

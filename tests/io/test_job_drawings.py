@@ -1,0 +1,201 @@
+"""Drawings in job files and in cells: what becomes of the file, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.io import parse_job, read_job
+from armcontour.io.cell import cell_names, read_cell
+from armcontour.program import Program
+from armcontour.study import Job
+
+TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
+PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
+JOB: dict[str, Any] = {
+    "name": "plate",
+    "arm": "pmk3s",
+    "path": {"file": "two.csv", "frame": {"position": ["300 mm", "80 mm", 0]}},
+    "limits": {"speed": "50 mm/s", "centripetal_acceleration": "0.09 m/s^2"},
+    "corners": {"tolerance": "0.5 mm"},
+    "servo": {"kp": 25, "kv": 150},
+    "runs": {"taught": {"timing": {"method": "optimal"}, "compensation": {"method": "inverse"}}},
+}
+
+
+@pytest.fixture
+def folder(tmp_path: FilePath) -> FilePath:
+    (tmp_path / "two.csv").write_text(TWO)
+    (tmp_path / "plain.csv").write_text(PLAIN)
+    return tmp_path
+
+
+def job(folder: FilePath, **changes: Any) -> Job:
+    path = {**JOB["path"], **changes.pop("path", {})}
+    text = yaml.safe_dump({**JOB, "path": path, **changes})
+    return parse_job(text, source="plate.yaml", folder=folder)
+
+
+def test_a_file_becomes_a_program_where_its_frame_lies(folder: FilePath) -> None:
+    program = job(folder).path
+    assert isinstance(program, Program)
+    assert [x.name for x in program.contours] == ["a", "b"]
+    np.testing.assert_allclose(program.contours[0].path.vertices, [[0.3, 0.08], [0.36, 0.08]])
+    turned = job(folder, path={"frame": {"position": [0.3, 0.1, 0], "rpy": [0, 0, "90 deg"]}}).path
+    assert isinstance(turned, Program)
+    np.testing.assert_allclose(turned.contours[0].path(0.06), [0.3, 0.16], atol=1e-15)
+    scaled = job(folder, path={"scale": 0.5, "names": ["b"]}).path
+    assert isinstance(scaled, Path)
+    np.testing.assert_allclose(scaled.length, 0.045 + 0.5 * np.hypot(0.06, 0.03), atol=1e-15)
+
+
+def test_a_file_of_one_plain_contour_is_a_job_of_one_path(folder: FilePath) -> None:
+    plain = job(folder, path={"file": "plain.csv"})
+    assert isinstance(plain.path, Path) and plain.single_path.length == pytest.approx(0.1)
+    with_leads = job(folder, path={"file": "plain.csv"}, process={"lead_in": {"length": "5 mm"}})
+    assert isinstance(with_leads.path, Program)
+    automatic = job(folder, path={"file": "plain.csv"}, process={"lead_out": {}})
+    assert isinstance(automatic.path, Program) and automatic.process.automatic
+    points = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]]}}
+    switched = parse_job(yaml.safe_dump({**points, "process": {"switch": {"name": "laser"}}}))
+    assert isinstance(switched.path, Program) and switched.process.switch is not None
+
+
+def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
+    process = job(
+        folder,
+        process={
+            "begin": ["300 mm", "110 mm"],
+            "overlap": "2 mm",
+            "lead_in": {"length": "5 mm", "shape": "arc", "side": "right"},
+            "lead_out": {"length": "auto"},
+            "switch": {"name": "laser", "on_lead": "20 ms", "off_lead": "5 ms"},
+            "events": [{"name": "gas", "value": 2.5, "at": "1 mm", "lead_time": "-10 ms"}],
+            "from_s": "12 mm",
+        },
+    ).process
+    assert process.begin == pytest.approx((0.3, 0.11)) and process.overlap == 0.002
+    assert process.lead_in is not None and process.lead_out is not None
+    assert (process.lead_in.length, process.lead_in.shape, process.lead_in.side) == (
+        0.005,
+        "arc",
+        "right",
+    )
+    assert process.lead_out.length is None
+    assert process.switch is not None
+    assert (process.switch.on_lead, process.switch.off_lead) == (0.02, 0.005)
+    (event,) = process.events
+    assert (event.name, event.value, event.s, event.lead_time) == ("gas", 2.5, 0.001, -0.01)
+    assert process.from_s == 0.012
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"path": {"file": "no.csv"}}, ("no.csv", "No such file")),
+        ({"path": {"file": "two.step"}}, ("two.step", ".dxf")),
+        ({"path": {"points": [[0, 0], [1, 1]]}}, ("file, or points",)),
+        ({"path": {"names": ["c"]}}, ("'c'", "'a', 'b'")),
+        ({"path": {"frame": {"position": [0.3, 0.1, "1 mm"]}}}, ("path.frame", "z = 0")),
+        ({"path": {"frame": {"position": [0.3, 0.1, 0], "rpy": [0.1, 0, 0]}}}, ("path.frame",)),
+        ({"path": {"orientation": {"axis": [0, 0, -1]}}}, ("path.orientation", "in space")),
+        ({"path": {"units": "kg"}}, ("units", "'kg'")),
+        ({"process": {"overlap": "-1 mm"}}, ("process.overlap",)),
+        ({"process": {"overlap": "1 s"}}, ("process.overlap", "1 s")),
+        ({"process": {"lead_in": {"length": 0}}}, ("process", "lead")),
+        ({"process": {"lead_in": {"shape": "spiral"}}}, ("process.lead_in.shape",)),
+        ({"process": {"approach": "5 mm"}}, ("in the plane",)),
+        ({"process": {"from_s": "5 m"}}, ("5 m",)),
+        ({"process": {"begin": [0.3, 0.1, 0.0]}}, ("begin",)),
+        ({"process": {"events": [{"name": "x", "at": "1 m"}]}}, ("x", "contour a")),
+        ({"process": {"speed": 1}}, ("process.speed",)),
+    ],
+)
+def test_refuses_in_one_sentence(
+    changes: dict[str, Any], words: tuple[str, ...], folder: FilePath, refuses: Callable[..., None]
+) -> None:
+    refuses(lambda: job(folder, **changes), InvalidInput, "plate.yaml", *words)
+
+
+def test_what_is_said_of_files_needs_one(refuses: Callable[..., None]) -> None:
+    data = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]], "flat": True}}
+    refuses(lambda: parse_job(yaml.safe_dump(data)), InvalidInput, "path.flat", "path.file")
+
+
+def test_space_and_plane(folder: FilePath, refuses: Callable[..., None]) -> None:
+    (folder / "deep.ngc").write_text("G21 F600\nG1 X10 Y0 Z1\nG1 X20 Y10 Z0\n")
+    deep = {"path": {"file": "deep.ngc"}}
+    refuses(lambda: job(folder, **deep), InvalidInput, "deep.ngc has z", "path.flat", "--flat")
+    flat = job(folder, path={"file": "deep.ngc", "flat": True})
+    assert isinstance(flat.path, Path) and flat.path.dimension == 2
+    space = job(folder, **deep, arm="ur5e", corners={"tolerance": "0.2 mm"})
+    assert isinstance(space.path, Path) and space.path.dimension == 3
+    drawn = job(
+        folder,
+        path={"orientation": {"axis": [0, 0, -1]}, "frame": {"position": [0.4, 0, 0.1]}},
+        arm="ur5e",
+    )
+    assert isinstance(drawn.path, Program) and drawn.path.dimension == 3
+    np.testing.assert_allclose(drawn.path.contours[0].path(0.0), [0.4, 0, 0.1])
+    assert drawn.path.contours[0].path.orientation is not None
+
+
+def test_the_cells_of_the_package_take_a_drawing(folder: FilePath) -> None:
+    assert cell_names() == ("pmk3s", "ur5e")
+    for name in cell_names():
+        found = read_cell(name, folder / "two.csv")
+        assert (found.name, found.title.split(" ")[0]) == ("two", "two.csv")
+        assert isinstance(found.path, Program)
+        assert found.path.dimension == found.arm.dimension
+        assert [x.name for x in found.runs] == ["taught"]
+
+
+def test_a_job_file_is_a_cell_whose_own_path_gives_way(folder: FilePath) -> None:
+    own = {"points": [[0.0, 0.0], [1.0, 1.0]], "frame": JOB["path"]["frame"]}
+    (folder / "cell.yaml").write_text(yaml.safe_dump({**JOB, "path": own}))
+    found = read_cell(folder / "cell.yaml", folder / "plain.csv", path={"scale": 0.5})
+    assert isinstance(found.path, Path)
+    np.testing.assert_allclose(found.path(0.0), [0.3, 0.08])
+    # A unit that a column has itself is kept, but a scale is one of all lengths.
+    assert found.path.length == pytest.approx(0.05)
+    (folder / "bare.yaml").write_text(
+        yaml.safe_dump({key: value for key, value in JOB.items() if key != "path"})
+    )
+    bare = read_cell(folder / "bare.yaml", folder / "plain.csv", path={"frame": own["frame"]})
+    np.testing.assert_allclose(bare.single_path(0.0), [0.3, 0.08])
+
+
+def test_refuses_what_is_no_cell(folder: FilePath, refuses: Callable[..., None]) -> None:
+    drawing = folder / "two.csv"
+    refuses(lambda: read_cell("lathe", drawing), InvalidInput, "'lathe'", "pmk3s, ur5e")
+    refuses(lambda: read_cell("", drawing), InvalidInput, "pmk3s, ur5e")
+    refuses(lambda: read_cell(folder / "no.yaml", drawing), InvalidInput, "no.yaml", "No such file")
+    (folder / "list.yaml").write_text(yaml.safe_dump({**JOB, "path": [1, 2]}))
+    refuses(lambda: read_cell(folder / "list.yaml", drawing), InvalidInput, "list.yaml", "path")
+
+
+def test_files_are_looked_for_beside_the_job(
+    folder: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "sub").mkdir()
+    (folder / "sub" / "job.yaml").write_text(
+        yaml.safe_dump({**JOB, "path": {"file": "../two.csv"}})
+    )
+    monkeypatch.chdir("/")
+    found = read_job(folder / "sub" / "job.yaml")
+    assert isinstance(found.path, Program)
+
+
+def test_resuming_a_plain_file_leaves_one_path(folder: FilePath) -> None:
+    rest = job(folder, path={"file": "plain.csv"}, process={"from_s": "30 mm"})
+    assert isinstance(rest.path, Path) and rest.path.length == pytest.approx(0.07)
+    np.testing.assert_allclose(rest.path(0.0), [0.33, 0.08])
+    assert ac.plan(rest.path, rest.arm, rest.runs[0].limits).duration > 0

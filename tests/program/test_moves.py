@@ -1,0 +1,95 @@
+"""Programs as values: what they refuse, and what selecting, placing and flattening keep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
+
+LINE = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0]])
+SPACE = ac.Path.polyline([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+
+
+def test_refuses_what_makes_no_program(refuses: Callable[..., None]) -> None:
+    refuses(lambda: Program(moves=()), InvalidInput, "no contour")
+    refuses(lambda: Program(moves=(Rapid(path=LINE),), source="x.ngc"), InvalidInput, "x.ngc")
+    both = (Contour(path=LINE), Contour(path=SPACE))
+    refuses(lambda: Program(moves=both), InvalidInput, "all be in the plane or all in space")
+    refuses(lambda: Program(moves=(Contour(path=LINE), LINE)), InvalidInput, "Path")
+    refuses(lambda: Contour(path=[[0, 0], [1, 1]]), InvalidInput, "Path", "list")  # type: ignore[arg-type]
+    for work in ((0.05, 0.01), (-0.01, 0.05), (0.05, 0.2), (float("nan"), 0.1)):
+        refuses(lambda w=work: Contour(path=LINE, work=w), InvalidInput, "work")
+    late = (Event(name="laser", s=0.2),)
+    refuses(lambda: Contour(path=LINE, name="c", events=late), InvalidInput, "laser", "0.2", "0.1")
+    refuses(lambda: Event(name=""), InvalidInput, "name")
+    refuses(lambda: Event(name="x", s=-0.1), InvalidInput, "x", "-0.1")
+    refuses(lambda: Event(name="x", lead_time=float("nan")), InvalidInput, "lead time")
+    for duration in (0.0, -1.0, float("inf")):
+        refuses(lambda d=duration: Dwell(duration=d), InvalidInput, "dwell")
+
+
+def test_events_stand_in_the_order_of_their_places_and_keep_their_order_at_one_place() -> None:
+    events = (Event(name="b", s=0.05), Event(name="a", s=0.01), Event(name="c", s=0.01))
+    assert [x.name for x in Contour(path=LINE, events=events).events] == ["a", "c", "b"]
+
+
+def test_places_a_program_with_its_rapids_and_the_places_of_its_events() -> None:
+    program = Program(
+        moves=(
+            Contour(path=LINE, events=(Event(name="x", s=0.025),), work=(0.01, 0.09)),
+            Rapid(path=ac.Path.polyline([[0.1, 0.0], [0.1, 0.1]])),
+            Contour(path=ac.Path.polyline([[0.1, 0.1], [0.0, 0.1]])),
+        )
+    )
+    frame = Frame(position=[0.2, 0.3, 0.0], rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    placed = program.placed(frame, scale=2.0)
+    first = placed.contours[0]
+    assert first.events[0].s == pytest.approx(0.05, abs=1e-15)
+    assert first.work == pytest.approx((0.02, 0.18), abs=1e-15)
+    np.testing.assert_allclose(first.path(first.events[0].s), [0.2, 0.35], atol=1e-15)
+    rapid = placed.moves[1]
+    assert isinstance(rapid, Rapid) and rapid.path is not None
+    np.testing.assert_allclose(rapid.path.vertices, [[0.2, 0.5], [0.0, 0.5]], atol=1e-15)
+    assert placed.breaks == pytest.approx([0.0, 0.2, 0.4], abs=1e-15)
+    lifted = program.placed(Frame(position=[0.0, 0.0, 0.1]))
+    assert lifted.dimension == 3
+    np.testing.assert_allclose(lifted.contours[1].path(0.1), [0.0, 0.1, 0.1], atol=1e-15)
+
+
+def test_flattens_a_program_with_its_events() -> None:
+    down = [[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]]
+    ramp = ac.Path.polyline([*down, [0.03, 0.0, 0.04], [0.13, 0.0, 0.04]])
+    program = Program(
+        moves=(
+            Rapid(path=ac.Path.polyline(down)),
+            Contour(path=ramp, events=(Event(name="x", s=0.125), Event(name="y", s=0.17))),
+        )
+    )
+    (flat,) = program.flattened().moves  # the rapid only went down
+    assert isinstance(flat, Contour)
+    np.testing.assert_allclose(flat.path.vertices, [[0, 0], [0.03, 0], [0.13, 0]], atol=1e-15)
+    # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat behind it run themselves.
+    assert [x.s for x in flat.events] == pytest.approx([0.015, 0.05], abs=1e-15)
+
+
+def test_selects_by_layer_and_name(refuses: Callable[..., None]) -> None:
+    contours = [Contour(path=LINE, name=n, layer=y) for n, y in (("1", "a"), ("2", "b"))]
+    program = Program(moves=tuple(contours), source="x.dxf")
+    assert program.selected(layers=["b"]).contours == (contours[1],)
+    assert program.selected(names=["1"]).path is LINE
+    assert program.selected() is program
+    refuses(lambda: program.selected(layers=["c"]), InvalidInput, "x.dxf", "layer 'c'", "'a', 'b'")
+    refuses(lambda: program.selected(names=["1"], layers=["b"]), InvalidInput, "fits both")
+    refuses(lambda: program.path, InvalidInput, "2 contours")
+
+
+def test_contours_are_called_by_name_or_number() -> None:
+    names = ["", "E7", "contour 4", "line 12"]
+    called = [contour_called(Contour(path=LINE, name=x), i) for i, x in enumerate(names)]
+    assert called == ["contour 1", "contour E7", "contour 4", "contour line 12"]

@@ -1,0 +1,174 @@
+"""Jobs of programs: automatic leads, warnings, and all arrows at once."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.errors import InvalidInput, Unreachable
+from armcontour.geometry import Arc, Path
+from armcontour.motion import Trajectory
+from armcontour.program import Contour, Event, Lead, Process, Program, Switch
+from armcontour.study import Job, Rounding, Run, run
+from armcontour.study.programs import planned, program_of, slow_ends
+
+ARM = ac.load_arm("pmk3s")
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
+SQUARE = Path.polyline([[0.28, 0.1], [0.36, 0.1], [0.36, 0.16], [0.28, 0.16], [0.28, 0.1]])
+BEND = Path.polyline([[0.3, 0.2], [0.35, 0.2], [0.35, 0.25]])
+ROUNDING = {"tolerance": 1e-3, "speed": None, "acceleration": 0.09, "angular_tolerance": None}
+TWO = (Contour(path=SQUARE, name="square"), Contour(path=BEND))
+
+
+def job(process: Process, *moves: Contour, **values: object) -> Job:
+    asked = {
+        "name": "taught",
+        "timing": "optimal",
+        "compensation": "inverse",
+        "limits": LIMITS,
+        "rounding": Rounding(tolerance=1e-3),
+        "period": 4e-3,
+        "reserve": 0.1,
+        **values,
+    }
+    return Job(
+        name="j",
+        title="j",
+        arm=ARM,
+        path=Program(moves=moves or TWO),
+        servo=SERVO,
+        plant_servo=SERVO,
+        process=process,
+        runs=(Run(**asked),),  # type: ignore[arg-type]
+    )
+
+
+def speeds_at_ends(program: Program, trajectory: Trajectory) -> list[tuple[float, float]]:
+    """Speeds of the tool where every contour begins and ends, by the joints."""
+    found = []
+    for span in trajectory.spans:
+        if span.work is not None:
+            t = np.array(span.work)
+            speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
+            found.append((float(speed[0]), float(speed[1])))
+    assert len(found) == len(program.contours)
+    return found
+
+
+@pytest.mark.parametrize("shape", ["line", "arc"])
+def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) -> None:
+    lead = Lead(shape=shape)
+    done = job(Process(lead_in=lead, lead_out=lead))
+    (this,) = done.runs
+    _, program = program_of(done, this, ROUNDING)
+    trajectory = planned(done, this, program)
+    for on, off in speeds_at_ends(program, trajectory):
+        assert on == pytest.approx(0.05, rel=1e-3)
+        assert off == pytest.approx(0.05, rel=1e-3)
+    assert slow_ends(program, trajectory, this) == []
+    # A tenth less does not do: they are not longer than they need.
+    for i, contour in enumerate(program.contours):
+        assert contour.work is not None
+        before, behind = contour.work[0], contour.path.length - contour.work[1]
+        shorter = dataclasses.replace(
+            done,
+            process=Process(
+                lead_in=Lead(shape=shape, length=0.9 * before),
+                lead_out=Lead(shape=shape, length=0.9 * behind),
+            ),
+        )
+        _, other = program_of(shorter, this, ROUNDING)
+        on, off = speeds_at_ends(other, planned(shorter, this, other))[i]
+        assert on < 0.05 * (1 - 1e-4) and off < 0.05 * (1 - 1e-4)
+
+
+def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
+    # A small circle: centripetal acceleration holds the tool below the assigned velocity.
+    circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
+    done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
+    (this,) = done.runs
+    _, program = program_of(done, this, ROUNDING)
+    trajectory = planned(done, this, program)
+    ((on, off),) = speeds_at_ends(program, trajectory)
+    most = np.sqrt(0.09 * 0.01)
+    assert on == pytest.approx(most, rel=2e-3) and off == pytest.approx(most, rel=2e-3)
+    (contour,) = program.contours
+    assert contour.work is not None and contour.work[0] < 0.01
+    warnings = slow_ends(program, trajectory, this)
+    assert len(warnings) == 2
+    assert warnings[0].startswith("contour hole: the tool goes on at 0.03 of 0.05 m/s")
+
+
+def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
+    # Outward, to 10 mm before the end of what the arm reaches, 0.465 m from its base at 0.135 m.
+    path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
+    done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
+    (this,) = done.runs
+    _, program = program_of(done, this, ROUNDING)
+    (contour,) = program.contours
+    assert contour.work is not None
+    behind = contour.path.length - contour.work[1]
+    assert 0 < behind < 0.01
+    trajectory = planned(done, this, program)
+    ((on, off),) = speeds_at_ends(program, trajectory)
+    assert on == pytest.approx(0.05, rel=1e-3)
+    assert 0 < off <= 0.05 * (1 + 1e-9)
+
+
+def test_one_lead_may_be_automatic_and_the_other_given() -> None:
+    done = job(Process(lead_in=Lead(), lead_out=Lead(length=0.003)), Contour(path=BEND))
+    (this,) = done.runs
+    _, program = program_of(done, this, ROUNDING)
+    (contour,) = program.contours
+    assert contour.work is not None
+    assert contour.path.length - contour.work[1] == pytest.approx(0.003, abs=1e-12)
+    ((on, off),) = speeds_at_ends(program, planned(done, this, program))
+    assert on == pytest.approx(0.05, rel=1e-3) and off < 0.049
+
+
+def test_automatic_leads_need_the_method_optimal_and_name_their_contour(
+    refuses: Callable[..., None],
+) -> None:
+    auto = Process(lead_in=Lead())
+    refuses(lambda: run(job(auto, timing="mac")), InvalidInput, "Run taught", "optimal", "mac")
+    far = Contour(path=Path.polyline([[0.5, 0.1], [0.6, 0.1]]), name="E7")
+    refuses(lambda: run(job(auto, *TWO, far)), Unreachable, "leads: contour E7:")
+
+
+def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there() -> None:
+    short = job(Process(lead_in=Lead(length=0.001)), Contour(path=BEND))
+    (warning,) = run(short).runs["taught"].warnings
+    assert warning.startswith("Run taught: contour 1: the tool goes on at")
+    assert warning.endswith("with a lead of 0.001 m.")
+    assert run(job(Process(), Contour(path=BEND))).runs["taught"].warnings == ()
+
+
+def test_runs_a_program_from_its_drawing_to_its_evaluation() -> None:
+    told: list[float] = []
+    steps: list[tuple[str, str]] = []
+    lead = Lead(length=0.01)
+    process = Process(lead_in=lead, lead_out=lead, switch=Switch(), events=(Event(name="x"),))
+    done = run(job(process), progress=lambda *x: steps.append(x), done=told.append)
+    result = done.runs["taught"]
+    assert isinstance(result.path, Program) and isinstance(result.objective, Program)
+    assert told[-2:] == [0.5, 1.0]
+    assert [x for _, x in steps] == [
+        "rounding",
+        "tracing",
+        "timing",
+        "compensation",
+        "execution",
+        "evaluation",
+    ]
+    assert result.evaluation.contour_error.max < 2e-5
+    assert len(result.evaluation.contours) == 2
+    assert [x.name for x in result.trajectory.events] == ["x", "tool", "tool"] * 2 or [
+        x.name for x in result.trajectory.events
+    ] == ["tool", "x", "tool"] * 2
+    assert result.explanation is not None and result.joint_path is None
+    assert result.taught.trajectory is result.trajectory
