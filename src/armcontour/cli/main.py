@@ -333,3 +333,20 @@ def main() -> None:
     except ArmContourError as error:
         typer.echo(f"Error: {error}", err=True)
         sys.exit(error.exit_code)
+    except SystemError as error:
+        # Compiled code that is just being loaded makes an error of its own of what a signal raises.
+        code = _interrupted(error)
+        if code is None:
+            raise
+        sys.exit(code)
+
+
+def _interrupted(error: BaseException | None) -> int | None:
+    """The exit code of a signal that an error comes from; None if it comes from none."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return 128 + signal.SIGINT
+        if isinstance(error, SystemExit):
+            return error.code if isinstance(error.code, int) else 1
+        error = error.__cause__ or error.__context__
+    return None

@@ -119,6 +119,10 @@ def evaluate(
             "evaluate needs an Execution, as execute gives it, and a Path or a Program, not "
             f"{type(executed).__name__} and {type(path).__name__}."
         )
+    if until is not None and isinstance(path, Program):
+        raise InvalidInput(
+            "until is for one path: the contours of a program are judged while they are worked on."
+        )
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
     t, speed = executed.t, executed.tool_speed
     moving = np.flatnonzero(speed > REST_SPEED)

@@ -126,7 +126,8 @@ def pieces_of(
     Raises:
         InvalidInput: A program that was not planned, or an objective that does not belong to it.
     """
-    if isinstance(path, Path) and not isinstance(objective, Program):
+    spans = [x for x in executed.taught.trajectory.spans if x.kind == "contour"]
+    if isinstance(path, Path) and not isinstance(objective, Program) and len(spans) < 2:
         return [
             Piece(
                 executed=executed,
@@ -136,7 +137,6 @@ def pieces_of(
                 until=until,
             )
         ]
-    spans = [x for x in executed.taught.trajectory.spans if x.kind == "contour"]
     if not isinstance(path, Program) or len(spans) != len(path.contours):
         raise InvalidInput(
             f"The execution has {len(spans)} contours: evaluate it with the program that was "

@@ -273,7 +273,11 @@ class Program:
         )
         if not kept:
             raise InvalidInput(f"{self.source or 'The program'} has no contour that fits both.")
-        return dataclasses.replace(self, moves=kept)
+        notes = self.notes
+        if len(self.contours) < len(self.moves):
+            left = "what stood between the chosen contours is left out: rapids, dwells, events."
+            notes = (*notes, left)
+        return dataclasses.replace(self, moves=kept, notes=notes)
 
 
 def _runs(path: Path) -> bool:

@@ -138,6 +138,11 @@ class Job:
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
+        if isinstance(self.path, Program) and any(x.until is not None for x in self.runs):
+            raise InvalidInput(
+                "until is for a job of one path: the contours of a program are judged while they "
+                "are worked on."
+            )
         if self.start is not None:
             start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
             object.__setattr__(self, "start", _checks.locked(start))
