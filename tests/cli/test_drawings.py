@@ -265,3 +265,31 @@ def test_an_interrupted_run_leaves_what_was_there_and_nothing_else(
     assert process.returncode == 128 + by, said
     assert "Traceback" not in said
     assert {x.name: x.read_text() for x in out.iterdir()} == earlier
+
+
+def test_without_simulation_what_is_asked_for_is_written(folder: FilePath, call: Call) -> None:
+    command = ["run", "part.ngc", "--cell", "pmk3s", "--no-simulation"]
+    code, said = call(*command, "--out", "out", "--export", "csv")
+    assert code == 0, said
+    found = json.loads((folder / "out" / "summary.json").read_text())
+    assert found["simulated"] is False
+    assert found["files"] == [
+        "taught/export/taught.csv",
+        "taught/export/reference.csv",
+        "summary.json",
+    ]
+    assert sorted(x.name for x in (folder / "out").rglob("*") if x.is_file()) == sorted(
+        FilePath(x).name for x in found["files"]
+    )
+    run = found["runs"]["taught"]
+    assert run["duration"] > 0 and run["moves"] and "contour_error" not in run
+    # The same set-points as with it.
+    assert call("run", "part.ngc", "--cell", "pmk3s", "--out", "whole")[0] == 0
+    taught = table(folder / "whole" / "taught" / "taught.csv")
+    file = folder / "out" / "taught" / "export" / "taught.csv"
+    exported = np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1, 2))
+    np.testing.assert_array_equal(exported, taught[:, :3])
+    # Without formats it is the plain files.
+    assert call(*command, "--out", "plain")[0] == 0
+    assert (folder / "plain" / "taught" / "planned.csv").is_file()
+    assert not (folder / "plain" / "report.html").exists()

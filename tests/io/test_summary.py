@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import Any
 
 import numpy as np
@@ -135,3 +136,14 @@ def test_what_is_not_known_of_an_arm_is_not_there() -> None:
     found = json.loads(summary(run(job)))
     assert not found["arm"]["masses_known"] and found["arm"]["assumed"] is None
     assert not {"torque", "angular_speed", "experiment"} & set(found["runs"]["plain"])
+
+
+def test_long_lists_are_cut_and_counted(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = json.loads(summary(study))["runs"]["plain"]
+    assert "left_out" not in whole
+    # The package's name for the function hides the module.
+    monkeypatch.setattr(sys.modules["armcontour.io.summary"], "MOST_LISTED", 0)
+    cut = json.loads(summary(study))["runs"]["plain"]
+    assert cut["left_out"] == {"corners": 1, "cornering": 1}
+    assert cut["corners"] == cut["cornering"] == cut["explanation"]["bindings"] == []
+    assert cut["explanation"]["left_out"]["bindings"] == len(whole["explanation"]["bindings"])

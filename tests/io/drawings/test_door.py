@@ -1,0 +1,111 @@
+"""One door to all readers: by the ending, with units, scale, frame and filters at this edge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.io.drawings.door import READERS
+
+CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
+GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="10mm" viewBox="0 0 20 10">'
+    '<g id="CUT"><line id="a" x1="0" y1="10" x2="20" y2="10"/></g></svg>'
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "w.csv").write_text(CSV)
+    (tmp_path / "part.ngc").write_text(GCODE)
+    (tmp_path / "PART.SVG").write_text(SVG)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "units"), [("w.csv", "mm"), ("part.ngc", None), ("PART.SVG", None)]
+)
+def test_every_file_comes_in_metres(folder, name, units):
+    program = ac.read_path(folder / name, units=units)
+    assert program.source == name
+    first = program.contours[0].path
+    assert first.length == pytest.approx(0.02, abs=1e-12)
+    np.testing.assert_allclose(first([0.0, first.length])[:, :2], [[0, 0], [0.02, 0]], atol=1e-12)
+
+
+def test_units_may_be_metres_per_unit(folder):
+    program = ac.read_path(folder / "w.csv", units=0.0254)
+    assert program.contours[0].path.length == pytest.approx(20 * 0.0254)
+
+
+def test_a_drawing_is_scaled_and_then_placed(folder):
+    frame = ac.Frame.rpy((0.3, 0.1, 0.0), (0, 0, np.pi / 2))
+    program = ac.read_path(folder / "w.csv", units="mm", scale=2.0, frame=frame)
+    assert program.dimension == 2
+    path = program.contours[1].path
+    np.testing.assert_allclose(
+        path([0.0, path.length]), [[0.3 - 0.02, 0.1], [0.3 - 0.02, 0.14]], atol=1e-12
+    )
+    lifted = ac.read_path(folder / "w.csv", units="mm", frame=ac.Frame(position=(0, 0, 0.5)))
+    assert lifted.dimension == 3
+    assert lifted.contours[0].path(0.0)[2] == 0.5
+
+
+def test_layers_and_names_choose_contours(folder):
+    file = folder / "w.csv"
+    by_layer = ac.read_path(file, units="mm", layers=["MARK"])
+    assert [x.name for x in by_layer.contours] == ["b"]
+    by_name = ac.read_path(file, units="mm", names=["a"])
+    assert [x.layer for x in by_name.contours] == ["CUT"]
+
+
+def test_z_can_be_left_out(folder):
+    assert ac.read_path(folder / "part.ngc").dimension == 3
+    flat = ac.read_path(folder / "part.ngc", flat=True)
+    assert flat.dimension == 2
+    assert flat.length == pytest.approx(0.04)
+
+
+def test_a_program_of_one_contour_gives_its_path(folder, refuses):
+    assert ac.read_path(folder / "PART.SVG").path.length == pytest.approx(0.02)
+    program = ac.read_path(folder / "w.csv", units="mm")
+    refuses(lambda: program.path, ac.InvalidInput, "w.csv has 2 contours and not one path")
+
+
+def test_reading_tells_how_far_it_is(folder):
+    (folder / "long.ngc").write_text("G21 F600\n" + "G1 X1\nG1 X2\n" * 20_000)
+    told: list[float] = []
+    ac.read_path(folder / "long.ngc", progress=told.append)
+    assert told == sorted(told)
+    assert 0 <= told[0] < told[-1] <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("missing.dxf", {}, ("Cannot read", "missing.dxf")),
+        ("part.step", {}, ("part.step is no file that can be read", ".dxf, .svg")),
+        ("w.csv", {"units": "kg"}, ("units must be a unit of length", "'kg'")),
+        ("w.csv", {"units": "mm", "layers": ["FOO"]}, ("has no layer 'FOO'", "'CUT', 'MARK'")),
+        ("w.csv", {"units": "mm", "names": ["c"]}, ("has no contour 'c'", "'a', 'b'")),
+        ("w.csv", {"units": "mm", "scale": -1.0}, ("scale must be above zero",)),
+        ("w.csv", {"unknown": "guess"}, ("unknown",)),
+    ],
+)
+def test_what_cannot_be_read_is_refused(folder, refuses, name, options, words):
+    refuses(lambda: ac.read_path(folder / name, **options), ac.InvalidInput, *words)
+
+
+def test_a_large_file_is_refused_before_it_is_read(folder, refuses):
+    with (folder / "huge.ngc").open("wb") as file:
+        file.truncate(65_000_000)
+    refuses(lambda: ac.read_path(folder / "huge.ngc"), ac.InvalidInput, "huge.ngc has 65 MB")
+
+
+def test_every_ending_has_a_reader():
+    for module, function, _ in READERS.values():
+        assert callable(
+            getattr(__import__(f"armcontour.io.drawings.{module}", fromlist=[function]), function)
+        )
