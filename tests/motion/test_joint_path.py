@@ -146,3 +146,16 @@ def test_it_owns_its_arrays():
     assert path.breaks[1] == 1.0 and path.coefficients[0, 0, 0] == 1.0
     for array in (path.breaks, path.coefficients, path.stops):
         assert not array.flags.writeable
+
+
+def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
+    # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
+    lengths = np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50)
+    s = 50.0 + np.concatenate([[0.0], np.cumsum(lengths)])
+    exact = np.concatenate([[0.0], np.cumsum(lengths)])
+    begin = tuple(x[:-1, None] for x in (np.sin(exact), np.cos(exact), -np.sin(exact)))
+    end = tuple(x[1:, None] for x in (np.sin(exact), np.cos(exact), -np.sin(exact)))
+    path = ac.JointPath.hermite(s, begin, end)
+    at = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()
+    assert np.abs(path(at, 2)).max() < 0.2
+    np.testing.assert_allclose(path(at)[:, 0], np.sin(at - 50.0), atol=1e-12)

@@ -14,6 +14,8 @@ from armcontour.geometry import Path
 
 # Joint positions out of inverse kinematics are rounded by about this, in turns of a radian.
 ROUNDING = 2e-15
+# Differences of arc lengths are rounded by this share of the largest.
+PLAY = 4 * float(np.finfo(np.float64).eps)
 # Positions may jump by this at a break, which no robot resolves [rad].
 LARGEST_JUMP = 1e-6
 # The direction may turn by this at a break without a stop, relatively: the play of a traced path.
@@ -94,9 +96,10 @@ class JointPath:
     ) -> JointPath:
         """The quintics with given q, dq_ds and d2q_ds2 at both ends of every interval."""
         width = np.diff(breaks)
+        play = PLAY * float(np.abs(breaks).max())
         return cls(
             breaks=breaks,
-            coefficients=quintic(width, begin, end),
+            coefficients=quintic(width, begin, end, play),
             stops=stops,
             tool_path=tool_path,
         )
@@ -205,6 +208,7 @@ def quintic(
     width: FloatArray,
     begin: tuple[FloatArray, FloatArray, FloatArray],
     end: tuple[FloatArray, FloatArray, FloatArray],
+    play: float = 0.0,
 ) -> FloatArray:
     """Coefficients in x = u / width of the quintics with given value and two derivatives.
 
@@ -212,6 +216,7 @@ def quintic(
         width: (n,).
         begin: Value, first and second derivative at the start of each interval, (n, dof) each.
         end: The same at the end.
+        play: What the widths may be off by, as differences of large arc lengths are.
 
     Returns:
         (n, 6, dof).
@@ -227,7 +232,7 @@ def quintic(
     # On a very short interval `value` is the rounding of positions, which the derivatives of the
     # quintic would blow up; the quartic through the given derivatives then ends at it all the same.
     cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
-    rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0]))
+    rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0])) + play * np.abs(begin[1])
     short = np.abs(value - cubic - quartic) <= rounding
     a3, a4, a5 = (np.where(short, x, y) for x, y in ((cubic, a3), (quartic, a4), (0.0, a5)))
     return np.stack([a0, a1, a2, a3, a4, a5], axis=1)
