@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 from docs.figures import style
 
 NAMES = (
+    "drawings",
     "fig03_corner",
     "fig04_line",
     "fig05_passes",

@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 from armcontour.report import sections
+from armcontour.report.planned import forget
 from armcontour.report.section import Section
 from armcontour.study import Certificate, Job, Study, Sweep
 
@@ -28,6 +29,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         *([] if certificate is None else [sections.certificate(certificate)]),
         sections.overview(study),
         sections.published(study),
+        sections.program(study),
         sections.paths(study),
         sections.space(study),
         sections.joint_space(study),
@@ -45,6 +47,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         found.insert(
             1, sections.robustness(drawn, corners, budget=allowed, run=certificate.run.name)
         )
+    forget()
     return _page(study.job, [x for x in found if x is not None])
 
 

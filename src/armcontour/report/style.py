@@ -21,6 +21,8 @@ EXPERIMENT_DASH = "dot"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
 # More points than this in one curve are not seen, but loaded.
 MOST_POINTS = 3000
+# More sentences of one kind than this nobody reads.
+MOST_SENTENCES = 12
 # With more switching points than this their labels would hide each other.
 MOST_LABELS = 40
 
@@ -61,6 +63,14 @@ def thinned(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list
             kept |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
     order = np.array(sorted(kept))
     return [t[order], *(x[order] for x in curves)]
+
+
+def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
+    """The first sentences of a list, and how many more there are."""
+    found = tuple(sentences)
+    if len(found) <= MOST_SENTENCES:
+        return found
+    return (*found[:MOST_SENTENCES], f"And {len(found) - MOST_SENTENCES} more {what}.")
 
 
 def finish(figure: Any, *, title: str, height: int = 460) -> Any:
@@ -113,7 +123,12 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
     figure.layout.annotations += tuple(labels)
 
 
-def shaded(figure: Any, spans: Iterable[tuple[float, float]], row: int) -> None:
+def shaded(
+    figure: Any,
+    spans: Iterable[tuple[float, float]],
+    row: int,
+    colour: str = SATURATION_COLOUR,
+) -> None:
     """Shade spans of time in one row of subplots."""
     axis = "" if row == 1 else str(row)
     figure.layout.shapes += tuple(
@@ -125,7 +140,7 @@ def shaded(figure: Any, spans: Iterable[tuple[float, float]], row: int) -> None:
             "y1": 1,
             "xref": f"x{axis}",
             "yref": f"y{axis} domain",
-            "fillcolor": SATURATION_COLOUR,
+            "fillcolor": colour,
             "line": {"width": 0},
             "layer": "below",
         }

@@ -11,6 +11,7 @@ from armcontour.report.sections.motion import (
 )
 from armcontour.report.sections.overview import overview
 from armcontour.report.sections.paths import joint_space, paths
+from armcontour.report.sections.program import program
 from armcontour.report.sections.published import published
 from armcontour.report.sections.robustness import robustness
 from armcontour.report.sections.space import space
@@ -25,6 +26,7 @@ __all__ = [
     "joints",
     "overview",
     "paths",
+    "program",
     "published",
     "robustness",
     "space",

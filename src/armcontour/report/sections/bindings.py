@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from armcontour.motion import PathLaw
+import numpy as np
+
 from armcontour.report.section import Section, Table
-from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
+from armcontour.report.sections.along import assigned_speeds, planned_speeds
+from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thinned
 from armcontour.study import RunResult, Study, same_plan
 from armcontour.timing import Explanation
 
@@ -15,6 +17,11 @@ MOST_NOTES = 8
 BETWEEN = "between two limits"
 # Told apart beside the colours.
 PATTERNS = ("", "/", "x", ".")
+# More bars than this are not seen; from so many on they have no edges.
+MOST_BARS = 1200
+MOST_EDGED = 200
+# Assigned velocities that differ by less than this share are one.
+SAME_SPEED = 1e-9
 
 
 def bindings(study: Study) -> Section | None:
@@ -31,7 +38,15 @@ def bindings(study: Study) -> Section | None:
         ),
         figures=tuple(_strip(*x) for x in plans),
         tables=tuple(_table(*x) for x in plans),
-        notes=tuple(note for x in plans for note in _notes(*x)),
+        notes=(
+            *(note for x in plans for note in _notes(*x)),
+            *(
+                f"{name}: of {len(why.bindings)} stretches, the strip shows the longest in each of "
+                f"{MOST_BARS} parts of the length."
+                for name, _, why in plans
+                if len(why.bindings) > MOST_BARS
+            ),
+        ),
     )
 
 
@@ -64,61 +79,99 @@ def _notes(name: str, result: RunResult, why: Explanation) -> list[str]:
 
 
 def _strip(title: str, result: RunResult, why: Explanation) -> Any:
-    import plotly.graph_objects as go
     from plotly.subplots import make_subplots
 
     figure = make_subplots(
         rows=2, cols=1, shared_xaxes=True, row_heights=[0.75, 0.25], vertical_spacing=0.05
     )
-    law = result.trajectory.laws[0]
-    if isinstance(law, PathLaw):
-        figure.add_trace(
-            line(law.s, law.speeds * 1e3, "planned tool speed", "#000000"), row=1, col=1
-        )
-    if result.run.limits.speed is not None:
-        assigned = result.run.limits.speed * 1e3
-        figure.add_trace(
-            line(
-                [0, result.path.length],
-                [assigned] * 2,
-                f"assigned velocity {assigned:g} mm/s",
-                PATH_COLOUR,
-                dash="dash",
-                width=1,
-            ),
-            row=1,
-            col=1,
-        )
+    for trace in _speeds(result):
+        figure.add_trace(trace, row=1, col=1)
+    bars = _bars(why)
     for k, name in enumerate(_names(why)):
-        of = [x for x in why.bindings if x.name == name]
-        figure.add_trace(
-            go.Bar(
-                name=_label(name),
-                orientation="h",
-                y=[""] * len(of),
-                base=[x.s[0] for x in of],
-                x=[x.s[1] - x.s[0] for x in of],
-                marker={
-                    "color": PATH_COLOUR
-                    if name == "nothing"
-                    else RUN_COLOURS[k % len(RUN_COLOURS)],
-                    # Many joints have more limits than there are colours.
-                    "pattern": {"shape": PATTERNS[k // len(RUN_COLOURS) % len(PATTERNS)]},
-                },
-                customdata=[[*x.s, *x.t] for x in of],
-                hovertemplate=(
-                    f"{_label(name)}<br>s %{{customdata[0]:.4f}} to %{{customdata[1]:.4f}} m"
-                    "<br>t %{customdata[2]:.3f} to %{customdata[3]:.3f} s<extra></extra>"
-                ),
-            ),
-            row=2,
-            col=1,
-        )
+        figure.add_trace(_bar(name, k, bars.get(name, [])), row=2, col=1)
     figure.update_layout(barmode="overlay", bargap=0)
     figure.update_yaxes(title="speed [mm/s]", rangemode="tozero", row=1, col=1)
     figure.update_yaxes(title="binds", row=2, col=1)
-    figure.update_xaxes(title="arc length [m]", row=2, col=1)
+    where = "arc length of all contours [m]" if result.trajectory.spans else "arc length [m]"
+    figure.update_xaxes(title=where, row=2, col=1)
     return finish(figure, title=title, height=480)
+
+
+def _speeds(result: RunResult) -> list[Any]:
+    """Planned and assigned tool speed along the path, or along all contours."""
+    found = []
+    planned = planned_speeds(result)
+    if planned is not None:
+        s, speed = thinned(planned[0], planned[1] * 1e3)
+        found.append(line(s, speed, "planned tool speed", "#000000"))
+    assigned = assigned_speeds(result)
+    if assigned is None:
+        return found
+    values = assigned[2][np.isfinite(assigned[2])] * 1e3
+    name = "assigned velocity"
+    if np.ptp(values) <= SAME_SPEED * values.max():
+        name += f" {values[0]:.6g} mm/s"
+    s, value = thinned(assigned[1], assigned[2] * 1e3)
+    return [*found, line(s, value, name, PATH_COLOUR, dash="dash", width=1)]
+
+
+def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
+    """The stretches on which one limit binds."""
+    import plotly.graph_objects as go
+
+    colour = PATH_COLOUR if name == "nothing" else RUN_COLOURS[k % len(RUN_COLOURS)]
+    return go.Bar(
+        name=_label(name),
+        orientation="h",
+        y=[""] * len(bars),
+        base=[x[0] for x in bars],
+        x=[x[1] - x[0] for x in bars],
+        # Many joints have more limits than there are colours.
+        marker={
+            "color": colour,
+            "pattern": {"shape": PATTERNS[k // len(RUN_COLOURS) % len(PATTERNS)]},
+            # Between so many bars their edges would be all that is seen.
+            "line": {"width": 0 if len(bars) > MOST_EDGED else 0.5},
+        },
+        customdata=bars,
+        hovertemplate=(
+            f"{_label(name)}<br>s %{{customdata[0]:.4f}} to %{{customdata[1]:.4f}} m"
+            "<br>t %{customdata[2]:.3f} to %{customdata[3]:.3f} s<extra></extra>"
+        ),
+    )
+
+
+def _bars(why: Explanation) -> dict[str, list[tuple[float, ...]]]:
+    """Start and end along the path and in time of bars, by the name of what binds.
+
+    Of more stretches than can be seen, the longest in each of many equal parts of the length is
+    drawn over all of it; neighbours of one name are joined.
+    """
+    names = [x.name for x in why.bindings]
+    ends = np.array([(*x.s, *x.t) for x in why.bindings])
+    which = np.arange(len(names))
+    if len(names) > MOST_BARS:
+        cell = np.floor((ends[:, 0] + ends[:, 1]) / 2 / ends[-1, 1] * MOST_BARS).astype(int)
+        order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
+        which = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+        # Each goes on to the next one.
+        starts = ends[which][:, [0, 2]]
+        starts[0] = ends[0, [0, 2]]
+        following = np.concatenate([starts[1:], ends[-1:, [1, 3]]])
+        ends = np.stack([starts[:, 0], following[:, 0], starts[:, 1], following[:, 1]], axis=1)
+    else:
+        ends = ends[which]
+    found: dict[str, list[tuple[float, ...]]] = {}
+    before = ""
+    for i, x in zip(which, ends.tolist(), strict=True):
+        name = names[i]
+        if len(names) > MOST_BARS and name == before:
+            last = found[name][-1]
+            found[name][-1] = (last[0], x[1], last[2], x[3])
+        else:
+            found.setdefault(name, []).append(tuple(x))
+        before = name
+    return found
 
 
 def _label(name: str) -> str:
@@ -133,19 +186,23 @@ def _names(why: Explanation) -> list[str]:
 
 
 def _table(title: str, result: RunResult, why: Explanation) -> Table:
-    """Share of length and time per limit."""
-    length, duration = result.path.length, result.trajectory.duration
-    rows = []
-    for name in _names(why):
-        of = [x for x in why.bindings if x.name == name]
-        rows.append(
-            (
-                _label(name),
-                f"{sum(x.s[1] - x.s[0] for x in of) / length:.1%}",
-                f"{sum(x.t[1] - x.t[0] for x in of) / duration:.1%}",
-                str(len(of)),
-            )
+    """Share of length and time per limit; of a program, of all its contours."""
+    sums: dict[str, list[float]] = {}
+    for x in why.bindings:
+        of = sums.setdefault(x.name, [0.0, 0.0, 0])
+        of[0] += x.s[1] - x.s[0]
+        of[1] += x.t[1] - x.t[0]
+        of[2] += 1
+    length, time = (sum(x[i] for x in sums.values()) for i in (0, 1))
+    rows = [
+        (
+            _label(name),
+            f"{sums[name][0] / length:.1%}",
+            f"{sums[name][1] / time:.1%}",
+            f"{sums[name][2]}",
         )
+        for name in _names(why)
+    ]
     return Table(
         header=("limit", "of the length", "of the time", "stretches"),
         rows=tuple(rows),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import cycle
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath
 from armcontour.motion import Execution
+from armcontour.program import Program
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     PATH_COLOUR,
@@ -46,37 +48,96 @@ def corners(study: Study) -> list[Any]:
     shown = rounded[:MOST_CORNERS]
     if not len(shown):
         return []
+    # Beside each other, titles in one line would hide each other.
+    apart = "<br>" if len(shown) > 2 else " "
     figure = make_subplots(
         rows=1,
         cols=len(shown),
         subplot_titles=[
-            f"corner {k + 1}<br>r = {found.radius[k] * 1e3:.2f} mm, "
+            f"corner {k + 1}<br>r = {found.radius[k] * 1e3:.2f} mm,{apart}"
             f"error {found.error[k] * 1e3:.2f} mm"
             for k in shown
         ],
     )
+    tools = _tools(study)
     for column, k in enumerate(shown, start=1):
-        _corner(figure, study, paths, int(k), column)
+        _corner(figure, tools, paths, int(k), column)
     title = "Corners enlarged"
+    if isinstance(study.job.path, Program):
+        title += f", contour {_shown(study) + 1}"
     if len(rounded) > len(shown):
         title += f": the first {len(shown)} of {len(rounded)}"
     if len(paths) > 1:
         title += f"; radius and error are those of the {next(iter(paths))}"
     finish(figure, title=title, height=540)
     figure.update_layout(margin={"t": 100})
+    if len(shown) > 2:
+        # Room for a line more.
+        figure.update_layout(margin={"t": 130}, title={"y": 0.98, "yanchor": "top"})
+        figure.update_xaxes(nticks=6, tickangle=0)
+        figure.update_yaxes(nticks=6)
     return [figure]
 
 
-def rounded_paths(study: Study) -> dict[str, RoundedPath]:
-    """The rounded paths of all runs that differ, by what they are called in figures."""
-    found: dict[str, RoundedPath] = {}
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tool:
+    """Where the tool was in a run or an experiment, and how that is drawn.
+
+    Args:
+        name: In the legend.
+        done: The execution.
+        points: Its tool points [m], (n, dimension).
+        colour, look: Of the line.
+    """
+
+    name: str
+    done: Execution
+    points: FloatArray
+    colour: str
+    look: dict[str, Any]
+
+
+def _tools(study: Study) -> list[Tool]:
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
+    found = []
     for name, result in study.runs.items():
-        path = result.path
+        own: dict[str, Any] = {"width": widths[name]}
+        done = [(name, result.execution, own)]
+        if (x := result.experiment) is not None:
+            look = {"dash": EXPERIMENT_DASH, "width": 1.5}
+            done.append((f"{name}, experiment", x.execution, look))
+        found += [
+            Tool(name=called, done=y, points=y.tool, colour=colours[name], look=look)
+            for called, y, look in done
+        ]
+    return found
+
+
+def rounded_paths(study: Study) -> dict[str, RoundedPath]:
+    """The rounded paths of all runs that differ, by what they are called in figures.
+
+    Of a program, those of the contour that is shown.
+    """
+    found: dict[str, RoundedPath] = {}
+    which = _shown(study)
+    for name, result in study.runs.items():
+        whole = result.path
+        path = whole.contours[which].path if isinstance(whole, Program) else whole
         if isinstance(path, RoundedPath) and not any(_alike(path, x) for x in found.values()):
             found[f"rounded path of {name}"] = path
     if len(found) == 1:
         return {"rounded path": found.popitem()[1]}
     return found
+
+
+def _shown(study: Study) -> int:
+    """Index of the contour whose corners are shown: the first one that has rounded corners."""
+    path = next(iter(study.runs.values())).path
+    contours = path.contours if isinstance(path, Program) else ()
+    for i, x in enumerate(contours):
+        if isinstance(x.path, RoundedPath) and (x.path.corners.radius > 0).any():
+            return i
+    return 0
 
 
 def _alike(first: Path, second: Path) -> bool:
@@ -85,7 +146,9 @@ def _alike(first: Path, second: Path) -> bool:
     )
 
 
-def _corner(figure: Any, study: Study, paths: dict[str, RoundedPath], k: int, column: int) -> None:
+def _corner(
+    figure: Any, tools: list[Tool], paths: dict[str, RoundedPath], k: int, column: int
+) -> None:
     path = next(iter(paths.values()))
     found, place = path.corners, {"row": 1, "col": column}
     corner, half = found.point[k], ZOOM * float(found.error[k])
@@ -108,14 +171,8 @@ def _corner(figure: Any, study: Study, paths: dict[str, RoundedPath], k: int, co
             start, end = float(other.corners.start[i]), float(other.corners.end[i])
             arc = _between(other, start, end, 3 * half)
             draw(arc, name, "#000000", dash=dash, width=1.5)
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
-    for name, result in study.runs.items():
-        tool = _near(result.execution, corner, 3 * half)
-        draw(tool, name, colours[name], width=widths[name])
-        if result.experiment is not None:
-            tool = _near(result.experiment.execution, corner, 3 * half)
-            look = {"dash": EXPERIMENT_DASH, "width": 1.5}
-            draw(tool, f"{name}, experiment", colours[name], **look)
+    for x in tools:
+        draw(_near(x.done, x.points, corner, 3 * half), x.name, x.colour, **x.look)
     middle = (corner - origin) @ view.T * 1e3
     names = ("x [mm]", "y [mm]") if path.dimension == 2 else ("along [mm]", "across [mm]")
     ends = [middle - half * 1e3, middle + half * 1e3]
@@ -147,17 +204,18 @@ def _between(path: Path, start: float, end: float, margin: float) -> FloatArray:
     return path(np.union1d(np.linspace(low, high, PLACES), joints))
 
 
-def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
+def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float) -> FloatArray:
     """The tool where it is near a corner, finer than results are listed; gaps elsewhere."""
     from scipy.interpolate import CubicHermiteSpline
 
-    near = np.flatnonzero(np.all(np.abs(done.tool - corner) < distance, axis=1)[:-1])
-    curve = CubicHermiteSpline(done.t, done.q, done.dq)
+    near = np.flatnonzero(np.all(np.abs(tool - corner) < distance, axis=1)[:-1])
     gap = np.full((1, len(corner)), np.nan)
     found = [gap]
     for visit in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
         if len(visit):
             places = len(visit) * min(FINER, MOST_POINTS / len(near))
-            t = np.linspace(done.t[visit[0]], done.t[visit[-1] + 1], int(places) + 2)
+            of = slice(visit[0], visit[-1] + 2)
+            t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
+            curve = CubicHermiteSpline(done.t[of], done.q[of], done.dq[of])
             found += [done.arm.forward(curve(t)), gap]
     return np.concatenate(found)

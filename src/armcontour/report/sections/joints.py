@@ -10,6 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.motion import Execution
+from armcontour.report.planned import looked_at, torques_of
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -25,7 +26,6 @@ from armcontour.study.quantities import (
     Torques,
     applied_torques,
     assumed,
-    planned_torques,
 )
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
@@ -60,7 +60,7 @@ def joints(study: Study) -> Section | None:
 
 def torques(study: Study) -> Section | None:
     """Drive torques of every run; None for an arm without bodies."""
-    found = [(name, x, planned_torques(x)) for name, x in study.runs.items()]
+    found = [(name, x, torques_of(x)) for name, x in study.runs.items()]
     known = [(name, x, plan) for name, x, plan in found if plan is not None]
     if not known:
         return None
@@ -73,7 +73,10 @@ def torques(study: Study) -> Section | None:
             "gave; black lines are limits. Computed from the masses of the links."
         ),
         figures=tuple(_torques(name, x, plan) for name, x, plan in known),
-        notes=(f"About the masses: {rests_on}",) if rests_on else (),
+        notes=(
+            *looked_at([x for _, x, _ in known]),
+            *((f"About the masses: {rests_on}",) if rests_on else ()),
+        ),
     )
 
 
@@ -206,7 +209,7 @@ def _table(name: str, result: RunResult) -> Table:
     """What every joint was used for, as executed, beside its limits."""
     done, arm, limits = result.execution, result.execution.arm, result.run.limits
     low, high = limits.joint_range(arm.dof)
-    plan = planned_torques(result)
+    plan = torques_of(result)
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
     amounts = [
         (np.abs(done.dq).max(axis=0), limits.joint_velocity),

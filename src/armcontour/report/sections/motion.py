@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.program import Program
 from armcontour.report.section import Section, Table, marked_run
+from armcontour.report.sections.along import assigned_speeds
+from armcontour.report.sections.turning import angular_speeds, orientation_errors
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     EXPERIMENT_DASH,
@@ -21,14 +24,15 @@ from armcontour.report.style import (
     thinned,
 )
 from armcontour.study import RunResult, Study
-from armcontour.study.quantities import angular_speed, assumed
+from armcontour.study.quantities import assumed
 
 # What is smaller than this on the logarithmic axis of errors is drawn there [mm].
 SMALLEST_ERROR = 1e-6
 # A joint is shown as saturated where it does not get its demand by this share of what it gets.
 SATURATED = 1e-3
-# The axis of angular speeds goes as far as this at least [deg/s].
-SLOWEST_TURN = 1.0
+# Behind rapids; more than so many cannot be told apart.
+RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
+MOST_SHADES = 300
 
 
 def tool_speed(study: Study) -> Section:
@@ -41,8 +45,12 @@ def tool_speed(study: Study) -> Section:
         x = result.execution
         t, speed = thinned(x.t, x.tool_speed * 1e3)
         figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
+    for trace in _assigned(study):
+        figure.add_trace(trace)
     assigned: dict[float, float] = {}
     for result in study.runs.values():
+        if isinstance(result.path, Program):
+            continue
         if result.run.limits.speed is not None:
             longest = assigned.get(result.run.limits.speed, 0.0)
             assigned[result.run.limits.speed] = max(longest, result.trajectory.duration)
@@ -53,6 +61,14 @@ def tool_speed(study: Study) -> Section:
         )
     marked = marked_run(study)
     text = "As executed."
+    if isinstance(study.job.path, Program):
+        rapids = _rapids(study)
+        where = "between them, in grey," if rapids else "between them"
+        text += (
+            f" Assigned velocities hold along contours; {where} rapids run at the limits of the "
+            "joints."
+        )
+        shaded(figure, rapids, 1, RAPID_SHADE)
     if marked is not None:
         switching_labels(figure, marked.trajectory.switching_points)
         text += f" Dotted lines are the switching points of the run {marked.run.name}."
@@ -62,8 +78,29 @@ def tool_speed(study: Study) -> Section:
         key="speed",
         title="Tool speed",
         text=text,
-        figures=(finish(figure, title="Tool speed over time"), *_angular_speed(study)),
+        figures=(finish(figure, title="Tool speed over time"), *angular_speeds(study)),
     )
+
+
+def _assigned(study: Study) -> list[Any]:
+    """Assigned velocities over the time of programs, whose segments may have their own."""
+    found: list[Any] = []
+    for name, result in study.runs.items():
+        assigned = assigned_speeds(result) if isinstance(result.path, Program) else None
+        if assigned is not None:
+            label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
+            t, value = thinned(assigned[0], assigned[2] * 1e3)
+            found.append(line(t, value, label, LIMIT_COLOUR, dash="dash", width=1))
+    return found
+
+
+def _rapids(study: Study) -> list[tuple[float, float]]:
+    """When the only run of a study is between contours; none if it is too often to be seen."""
+    if len(study.runs) > 1:
+        return []
+    (result,) = study.runs.values()
+    found = [x.t for x in result.trajectory.spans if x.kind != "contour"]
+    return found if len(found) <= MOST_SHADES else []
 
 
 def accelerations(study: Study) -> Section | None:
@@ -117,61 +154,10 @@ def contour_error(study: Study) -> Section:
         text=text,
         figures=(
             finish(figure, title="Contour error over time", height=500),
-            *_orientation_error(study),
+            *orientation_errors(study),
         ),
         notes=notes,
     )
-
-
-def _angular_speed(study: Study) -> list[Any]:
-    """How fast the tool turns, as executed, in space."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
-    limits: dict[float, float] = {}
-    for name, result in study.runs.items():
-        speed = angular_speed(result.execution)
-        if speed is None:
-            return []
-        t, values = thinned(result.execution.t, np.degrees(speed))
-        figure.add_trace(line(t, values, name, colours[name], width=widths[name]))
-        if result.run.limits.angular_speed is not None:
-            longest = limits.get(result.run.limits.angular_speed, 0.0)
-            limits[result.run.limits.angular_speed] = max(longest, result.trajectory.duration)
-    for value, time in sorted(limits.items()):
-        limit = np.degrees([value, value])
-        label = f"limit {limit[0]:g} deg/s"
-        figure.add_trace(line([0, time], limit, label, LIMIT_COLOUR, dash="dash", width=1))
-    figure.update_xaxes(title="time [s]")
-    # A tool that keeps its orientation is not to be shown as noise.
-    top = max(SLOWEST_TURN, *(1.05 * float(np.max(x.y)) for x in figure.data))
-    figure.update_yaxes(title="angular speed [deg/s]", range=[0, top])
-    return [finish(figure, title="Angular speed of the tool over time", height=400)]
-
-
-def _orientation_error(study: Study) -> list[Any]:
-    """How far the tool was turned from how it is to be held, where that is said."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    colours = run_colours(study.runs)
-    for name, result in study.runs.items():
-        done = [(name, result.evaluation, "solid")]
-        if result.experiment is not None:
-            done.append((f"{name}, experiment", result.experiment.evaluation, EXPERIMENT_DASH))
-        for label, evaluation, dash in done:
-            e = evaluation.orientation_error
-            if e is None:
-                continue
-            t, values = thinned(e.t, np.degrees(e.values))
-            label += f": largest {np.degrees(e.max):.4f} deg"
-            figure.add_trace(line(t, values, label, colours[name], dash=dash))
-    if not figure.data:
-        return []
-    figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="orientation error [deg]", rangemode="tozero")
-    return [finish(figure, title="Orientation error over time", height=420)]
 
 
 def time_stamps(study: Study) -> Section | None:
@@ -198,11 +184,14 @@ def _accelerations(name: str, result: RunResult) -> Any:
     names = x.arm.joint_names
     bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    t_plan = np.linspace(0, result.trajectory.duration, 2000)
-    planned = result.trajectory(t_plan, 2)
+    # A program is long: peaks that a coarse look would miss are looked for, and kept.
+    places = 20_000 if result.trajectory.spans else 2000
+    every = np.linspace(0, result.trajectory.duration, places)
+    planned = result.trajectory(every, 2)
     for j, joint in enumerate(names):
         row = {"row": j + 1, "col": 1}
         t, ddq = thinned(x.t, x.ddq[:, j])
+        t_plan, asked = thinned(every, planned[:, j])
         first = j == 0
         figure.add_trace(
             line(t, ddq, "executed", EXECUTED_COLOUR, showlegend=first, legendgroup="executed"),
@@ -211,7 +200,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
         figure.add_trace(
             line(
                 t_plan,
-                planned[:, j],
+                asked,
                 "planned",
                 PLANNED_COLOUR,
                 dash="dot",

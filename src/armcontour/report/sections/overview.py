@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from itertools import permutations
 
+from armcontour.program import Program
+from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
+from armcontour.report.style import few
 from armcontour.study import RunResult, Study, same_plan
-from armcontour.study.quantities import assumed, planned_torques
+from armcontour.study.quantities import assumed
 
 # So many runs have tiles; more are compared in a table.
 MOST_TILED = 2
@@ -28,7 +31,7 @@ def overview(study: Study) -> Section:
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
         tables=(_compared(study),) if many else (),
         notes=(
-            *(x for result in study.runs.values() for x in result.warnings),
+            *(x for y in study.runs.values() for x in few(y.warnings, f"warnings of {y.run.name}")),
             *(
                 f"Run {name}: {result.failure}"
                 for name, result in study.runs.items()
@@ -84,7 +87,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="contour error, RMS",
             value=f"{e.contour_error.rms * 1e3:.4f} mm",
-            note=f"over {e.until:.2f} s",
+            note=f"over {_judged(result):.2f} s" + (" on contours" if e.contours else ""),
         ),
         Tile(
             label="contour error, largest",
@@ -102,7 +105,15 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             note="of the motion: some joint within 1 % of a limit",
         ),
     ]
-    if e.speed_ratio == e.speed_ratio:
+    if isinstance(result.path, Program):
+        tiles.append(
+            Tile(
+                label="tool speed on contours, largest",
+                value=f"{e.speed * 1e3:.1f} mm/s",
+                note=f"at most {e.speed_overshoot * 1e3:.2g} mm/s over what is assigned",
+            )
+        )
+    elif e.speed_ratio == e.speed_ratio:
         tiles.append(
             Tile(
                 label="tool speed / assigned",
@@ -111,6 +122,12 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             )
         )
     return (*tiles, *_torque(result), *_experiment(result))
+
+
+def _judged(result: RunResult) -> float:
+    """Time that errors cover [s]: of a program, that of its contours."""
+    e = result.evaluation
+    return sum(float(x.t[-1] - x.t[0]) for x in e.contours) if e.contours else e.until
 
 
 def _saturated(result: RunResult) -> str:
@@ -126,7 +143,7 @@ def _shares(result: RunResult) -> str:
 
 def _torque(result: RunResult) -> list[Tile]:
     """The largest share of a drive's torque that the plan takes, where both are known."""
-    limit, plan = result.run.limits.joint_torque, planned_torques(result)
+    limit, plan = result.run.limits.joint_torque, torques_of(result)
     if limit is None or plan is None:
         return []
     share = plan.peak / limit

@@ -9,13 +9,17 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.program import Program
+from armcontour.report.outline import DRAWN_PLACES, drawn, outlines, simplified
 from armcontour.report.section import Section, marked_run
 from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 from armcontour.study import RunResult, Study
 
-# Places along a path that draw it smoothly; arcs and joints between segments are always met.
-DRAWN_PLACES = 800
+# Points of an executed path.
+MOST_TOOL = 4000
+# Times at which a planned path of the joints is drawn; and of a program before it is simplified.
+DRAWN_TIMES = 800
+MOST_TIMES = 100_000
 # Height of a line of a legend [px].
 LEGEND_LINE = 20
 # A path this much higher than wide leaves room beside it.
@@ -29,15 +33,17 @@ def paths(study: Study) -> Section | None:
     if study.job.path.dimension != 2:
         return None
     enlarged = corners(study)
-    beside = bool(enlarged) and _tall(study.job.path)
+    objective = drawn(objective_of(study))
+    beside = bool(enlarged) and _tall(objective)
     return Section(
         key="paths",
         title="Path of the tool",
         text=(
-            "The objective path, the rounded path, and what the tool did in each run. The enlarged "
-            "corners show the gap between corner point and arc: the corner error."
+            "The objective path, the rounded path, and what the tool did in each run"
+            + (" along the contours" if isinstance(study.job.path, Program) else "")
+            + ". The enlarged corners show the gap between corner point and arc: the corner error."
         ),
-        figures=(_cartesian(study, narrow=beside), *enlarged),
+        figures=(_cartesian(study, objective * 1e3, narrow=beside), *enlarged),
         columns=COLUMNS if beside else (),
     )
 
@@ -51,10 +57,9 @@ def joint_space(study: Study) -> Section | None:
     figure = go.Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
-        q, planned = result.execution.q, result.trajectory(_times(result))
-        step = max(1, len(q) // 2000)
+        q, planned = _of_joints(result)
         figure.add_trace(
-            line(q[::step, 0], q[::step, 1], f"{name}: executed", colours[name], width=widths[name])
+            line(q[:, 0], q[:, 1], f"{name}: executed", colours[name], width=widths[name])
         )
         figure.add_trace(
             line(planned[:, 0], planned[:, 1], f"{name}: planned", colours[name], dash="dot")
@@ -75,39 +80,52 @@ def joint_space(study: Study) -> Section | None:
     )
 
 
-def _times(result: RunResult) -> FloatArray:
-    return np.linspace(0, result.trajectory.duration, DRAWN_PLACES)
+def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
+    """Joint positions that draw what was executed, and what was planned."""
+    q, plan = result.execution.q, result.trajectory
+    if isinstance(result.path, Path) and len(result.path) <= DRAWN_PLACES:
+        return q[:: max(1, len(q) // 2000)], plan(np.linspace(0, plan.duration, DRAWN_TIMES))
+    times = np.linspace(0, plan.duration, min(MOST_TIMES, max(DRAWN_TIMES, len(q))))
+    planned = plan(times)
+    of_q, of_plan = simplified([q, planned])
+    return q[of_q], planned[of_plan]
 
 
-def drawn(path: Path | Program) -> FloatArray:
-    """Points along a path, every joint between segments among them; gaps between contours."""
+def objective_of(study: Study) -> Path | Program:
+    """The path that was asked for; of a program that of the first run, its leads included."""
+    return next(iter(study.runs.values())).objective
+
+
+def _executed(result: RunResult) -> FloatArray:
+    """Where the tool was; of a program, along its contours."""
+    done, path = result.execution, result.path
     if isinstance(path, Path):
-        return path(np.union1d(np.linspace(0, path.length, DRAWN_PLACES), path.breaks))
-    gap = np.full((1, path.dimension), np.nan)
-    return np.concatenate([y for x in path.contours for y in (drawn(x.path), gap)])
+        if len(path) > DRAWN_PLACES:
+            return outlines([done.tool])
+        return done.tool[:: max(1, len(done.t) // MOST_TOOL)]
+    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    ends = [np.searchsorted(done.t, x.t).tolist() for x in spans]
+    last = len(done.t) - 1
+    tool = done.tool
+    return outlines([tool[min(a, last - 1) : max(b, a + 1) + 1] for a, b in ends])
 
 
-def _tall(path: Path | Program) -> bool:
-    points = drawn(path)
+def _tall(points: FloatArray) -> bool:
     width, height = np.nanmax(points, axis=0) - np.nanmin(points, axis=0)
     return bool(height > TALL * width)
 
 
-def _cartesian(study: Study, *, narrow: bool) -> Any:
+def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    objective = drawn(study.job.path) * 1e3
     figure.add_trace(
         line(objective[:, 0], objective[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
-        tool = result.execution.tool * 1e3
-        step = max(1, len(tool) // 4000)
-        figure.add_trace(
-            line(tool[::step, 0], tool[::step, 1], name, colours[name], width=widths[name])
-        )
+        tool = _executed(result) * 1e3
+        figure.add_trace(line(tool[:, 0], tool[:, 1], name, colours[name], width=widths[name]))
     marked = marked_run(study)
     if marked is not None:
         _switching_points(figure, marked, None, colours[marked.run.name])

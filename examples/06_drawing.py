@@ -1,0 +1,47 @@
+"""A DXF drawing cut with the arm in the plane: layers, leads, the laser's delay, a resumed cut."""
+
+import dataclasses
+from pathlib import Path
+
+import armcontour as ac
+
+drawing = Path(__file__).parent / "drawings" / "gasket.dxf"
+# The drawing's origin lies here on the table, in reach of the arm [m].
+gasket = ac.read_path(drawing, layers=["CUT"], frame=ac.Frame(position=(0.28, 0.08, 0.0)))
+print(f"{gasket.source}: {len(gasket.contours)} contours, {gasket.length * 1e3:.0f} mm")
+
+# A quarter of a circle leads onto every contour and off it, in what is waste: to the left of each.
+lead = ac.Lead(length=4e-3, shape="arc", side="left")
+process = ac.Process(
+    overlap=1e-3,
+    lead_in=lead,
+    lead_out=lead,
+    switch=ac.Switch(name="laser", on_lead=0.02),  # it takes 20 ms to light up
+)
+arm = ac.load_arm("pmk3s")
+servo = ac.ServoModel(kp=25.0, kv=150.0)
+limits = arm.limits.replace(speed=0.05, centripetal_acceleration=0.09)
+
+
+def cut(asked: ac.Process) -> ac.TaughtData:
+    """Plan, compensate, execute and judge what a process asks for."""
+    objective = ac.prepared(gasket, asked)
+    program = ac.round_corners(objective, tolerance=2e-4)
+    # A tenth of the joints' acceleration is left to the servo.
+    planned = ac.plan(program, arm, limits, reserve=0.1)
+    taught = ac.compensate(planned, servo, method="inverse", period=4e-3)
+    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    found = ac.evaluate(executed, program, objective=objective, limits=limits)
+    worst = max(found.contours, key=lambda x: x.max)
+    name = program.contours[found.contours.index(worst)].name
+    print(f"{planned.duration:.1f} s, contour error {worst.max * 1e3:.4f} mm at most, on {name}")
+    return taught
+
+
+taught = cut(process)
+for event in taught.trajectory.events[:2]:
+    state = "on" if event.value else "off"
+    print(f"  {event.name} {state} at {event.t:.3f} s, {event.due - event.t:.3f} s ahead")
+
+print("From 500 mm on, after a stop:")
+cut(dataclasses.replace(process, from_s=0.5))

@@ -1,0 +1,213 @@
+"""A program: where its contours, rapids and events lie, when they come, and what came of each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour.evaluation import ErrorProfile
+from armcontour.motion import PathLaw, Span
+from armcontour.program import Contour, Program
+from armcontour.report.section import Section, Table, Tile
+from armcontour.report.sections.program_picture import picture
+from armcontour.report.sections.program_timeline import timeline
+from armcontour.study import RunResult, Study
+
+# So many contours have a row each; of more, those with the largest errors.
+MOST_ROWS = 20
+# The assigned velocity counts as reached from this share of it on.
+REACHED = 0.999
+
+
+def program(study: Study) -> Section | None:
+    """The moves of a program in place and in time, and its contours; None for a single path."""
+    if not isinstance(study.job.path, Program):
+        return None
+    results = study.runs.items()
+    drawn, notes = picture(next(iter(study.runs.values())))
+    return Section(
+        key="program",
+        title="Program",
+        text=(
+            "As planned: contours with the process at work, leads with the tool off, and rapids "
+            "between them, in which only the limits of the joints hold: the tool may be faster "
+            "there than the assigned velocity. Between two moves the tool stands still."
+        ),
+        tiles=tuple((name, _tiles(study.job.path, x)) for name, x in results),
+        figures=(drawn, *(timeline(name, x) for name, x in results)),
+        tables=tuple(_table(name, x) for name, x in results),
+        notes=(
+            'In the table, lengths, times and errors are those at work; "as assigned" is the '
+            "share of the length that is run at the assigned velocity.",
+            *notes,
+        ),
+    )
+
+
+def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
+    program = _of(result)
+    spans, duration = result.trajectory.spans, result.trajectory.duration
+    contours = [x for x in spans if x.kind == "contour"]
+    rapids = [x for x in spans if x.kind == "rapid"]
+    dwells = [x for x in spans if x.kind == "dwell"]
+    at_work = sum(_work(x) for x in program.contours)
+    time = sum(x.work[1] - x.work[0] for x in contours if x.work is not None)
+    leads = program.length - at_work
+    closed = sum(x.closed for x in job.contours)
+    layers = len({x.layer for x in program.contours})
+    tiles = [
+        Tile(
+            label="contours",
+            value=f"{len(contours)}",
+            note=f"{closed} closed, {_several(layers, 'layer')}",
+        ),
+        Tile(
+            label="length at work",
+            value=f"{at_work:.4g} m",
+            note=f"leads {leads * 1e3:.4g} mm" if leads > 1e-9 else "no leads",
+        ),
+        Tile(
+            label="time at work",
+            value=f"{time:.3f} s",
+            note=f"{time / duration:.0%} of the motion, mean {at_work / time * 1e3:.1f} mm/s",
+        ),
+        Tile(
+            label="time of rapids",
+            value=f"{_time(rapids):.3f} s",
+            note=_several(len(rapids), "rapid")
+            + (f"; {_several(len(dwells), 'dwell')}, {_time(dwells):.3g} s" if dwells else ""),
+        ),
+        Tile(label="events", value=f"{len(result.trajectory.events)}", note=_names(result)),
+    ]
+    why = result.explanation
+    if why is not None and why.assigned_length is not None:
+        tiles.append(
+            Tile(
+                label="at the assigned velocity",
+                value=f"{why.assigned_length:.0%}",
+                note=f"of the contours' length; {why.assigned_time or 0.0:.0%} of their time",
+            )
+        )
+    return tuple(tiles)
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'s' if count != 1 else ''}"
+
+
+def _of(result: RunResult) -> Program:
+    assert isinstance(result.path, Program)
+    return result.path
+
+
+def _work(x: Contour) -> float:
+    begin, end = (0.0, x.path.length) if x.work is None else x.work
+    return end - begin
+
+
+def _time(spans: list[Span]) -> float:
+    return float(sum(x.t[1] - x.t[0] for x in spans))
+
+
+def _names(result: RunResult) -> str:
+    names = list(dict.fromkeys(x.name for x in result.trajectory.events))
+    if len(names) > 4:
+        return f"{', '.join(names[:3])} and {len(names) - 3} more"
+    return ", ".join(names) or "nothing is switched"
+
+
+def _table(name: str, result: RunResult) -> Table:
+    """A row for every contour, or for the worst ones, worst first."""
+    program, errors = _of(result), result.evaluation.contours
+    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    order = np.arange(len(spans))
+    caption = f"Run {name}: contours in order"
+    if len(spans) > MOST_ROWS:
+        order = np.argsort([-x.max for x in errors], kind="stable")[:MOST_ROWS]
+        caption = (
+            f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
+            "are in summary.json"
+        )
+    several = len({x.layer for x in program.contours}) > 1 or program.contours[0].layer
+    led = program.length - sum(_work(x) for x in program.contours) > 1e-9
+    limit = result.run.limits.speed
+    most = np.inf if limit is None else limit
+    cells = [
+        _cells(k, program.contours[k], spans[k], errors[k], most, layers=bool(several), led=led)
+        for k in order.tolist()
+    ]
+    rows = [tuple(row.values()) for row in cells]
+    if len(spans) > len(rows):
+        shown = set(order.tolist())
+        rest = [k for k in range(len(spans)) if k not in shown]
+        rows.append(_rest(rest, program, spans, errors, list(cells[0])))
+    return Table(header=tuple(cells[0]), rows=tuple(rows), caption=caption)
+
+
+def _cells(
+    k: int,
+    contour: Contour,
+    span: Span,
+    error: ErrorProfile,
+    most: float,
+    *,
+    layers: bool,
+    led: bool,
+) -> dict[str, str]:
+    """The row of a contour, by its header."""
+    assert span.work is not None
+    length, time = _work(contour), span.work[1] - span.work[0]
+    found = {"contour": f"{k + 1}" + (f": {contour.name}" if contour.name else "")}
+    if layers:
+        found["layer"] = contour.layer
+    found["length [mm]"] = f"{length * 1e3:.2f}"
+    if led:
+        begin, end = contour.work or (0.0, contour.path.length)
+        found["leads [mm]"] = f"{begin * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
+    return {
+        **found,
+        "from [s]": f"{span.work[0]:.3f}",
+        "time [s]": f"{time:.3f}",
+        "mean [mm/s]": f"{length / time * 1e3:.2f}",
+        "as assigned": _assigned(contour, span, most),
+        "RMS error [mm]": f"{error.rms * 1e3:.4f}",
+        "largest [mm]": f"{error.max * 1e3:.4f}",
+    }
+
+
+def _assigned(contour: Contour, span: Span, most: float) -> str:
+    """Share of a contour's length at work that is run at the assigned velocity."""
+    law = None if span.trajectory is None else span.trajectory.laws[0]
+    if not isinstance(law, PathLaw):
+        return ""
+    begin, end = contour.work or (0.0, contour.path.length)
+    middle, width = (law.s[:-1] + law.s[1:]) / 2, np.diff(law.s)
+    assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], most)
+    asked = np.isfinite(assigned) & (middle >= begin) & (middle <= end)
+    if not asked.any():
+        return ""
+    speed = np.minimum(law.speeds[:-1], law.speeds[1:])
+    reached = asked & (speed >= REACHED * assigned)
+    return f"{width[reached].sum() / width[asked].sum():.0%}"
+
+
+def _rest(
+    which: list[int],
+    program: Program,
+    spans: list[Span],
+    errors: tuple[ErrorProfile, ...],
+    header: list[str],
+) -> tuple[str, ...]:
+    """One row for all contours that have none."""
+    length = sum(_work(program.contours[k]) for k in which)
+    ends = [spans[k].work or spans[k].t for k in which]
+    times = [b - a for a, b in ends]
+    squares = sum(errors[k].rms ** 2 * t for k, t in zip(which, times, strict=True))
+    cells = {
+        "contour": f"and {len(which)} more",
+        "length [mm]": f"{length * 1e3:.2f}",
+        "time [s]": f"{sum(times):.3f}",
+        "mean [mm/s]": f"{length / sum(times) * 1e3:.2f}",
+        "RMS error [mm]": f"{np.sqrt(squares / sum(times)) * 1e3:.4f}",
+        "largest [mm]": f"{max(errors[k].max for k in which) * 1e3:.4f}",
+    }
+    return tuple(cells.get(name, "") for name in header)

@@ -1,0 +1,275 @@
+"""The picture of a program: contours by layer, leads, rapids, where each begins, and events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.motion import TimedEvent
+from armcontour.program import Contour, Program
+from armcontour.report.outline import finely, outlines
+from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons, view_label
+from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
+from armcontour.study import RunResult
+
+# Layers with a colour of their own, the longest first; black is for all others together.
+LAYER_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
+OTHER_COLOUR = "#000000"
+LEAD_COLOUR = RUN_COLOURS[4]
+# Points along every rapid: straight lines of the joints are curves of the tool.
+RAPID_PLACES = 24
+# More markers than this cannot be told apart, but take their time to draw.
+MOST_MARKERS = 1500
+# Up to so many contours get an arrow in their middle too.
+MOST_ARROWED = 60
+# More of one kind than this are drawn smaller, by this factor.
+MANY = 100
+SMALLER = 0.5
+# Length of the arrows in space, in sizes of the picture.
+ARROW = 0.025
+# Of events with a name, in turn: where it is switched on, and where off or to a value.
+SYMBOLS_ON = ("circle", "square", "diamond", "cross")
+SYMBOLS_OFF = ("circle-open", "square-open", "diamond-open", "x")
+ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
+
+
+def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
+    """The tool's way through a program as planned, and sentences on what the picture leaves out."""
+    import plotly.graph_objects as go
+
+    program = result.path
+    assert isinstance(program, Program)
+    figure, notes = go.Figure(), []
+    flat = program.dimension == 2
+    draw = _in_plane if flat else _in_space
+    rapids = _rapids(result)
+    if rapids is not None:
+        # In space, dashes begin anew with every point.
+        look = {"width": 1.2, "dash": "dash"} if flat else {"width": 2}
+        figure.add_trace(draw(rapids, "rapids", PATH_COLOUR, **look))
+    leads = _leads(program)
+    if leads is not None:
+        width = 1.8 if flat else 4
+        figure.add_trace(draw(leads, "leads, tool off", LEAD_COLOUR, width=width))
+    for name, colour, points in _layers(program):
+        figure.add_trace(draw(points, name, colour, width=2.2 if flat else 5))
+    if figure.data:
+        everywhere = np.concatenate([_coordinates(x, program.dimension) for x in figure.data])
+    starts, told = _starts(result, program)
+    if told:
+        notes.append(told)
+    for trace in (_arrows_in_plane if flat else _arrows_in_space)(starts, everywhere):
+        figure.add_trace(trace)
+    events, told = _events(result.trajectory.events, flat)
+    if told:
+        notes.append(told)
+    for trace in events:
+        figure.add_trace(trace)
+    if flat:
+        figure.update_xaxes(title="x [mm]")
+        figure.update_yaxes(title="y [mm]", scaleanchor="x")
+        finish(figure, title="The program in the plane, as planned", height=640)
+    else:
+        in_space(figure, title="The program in space, as planned", height=680)
+        figure.update_layout(box(everywhere))
+        figure.update_layout(
+            updatemenus=[view_buttons(0.06)], annotations=[view_label("view", 0.0)]
+        )
+    return figure, tuple(notes)
+
+
+def _in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    mm = points * 1e3
+    return line(mm[:, 0], mm[:, 1], name, colour, hoverinfo="skip", **look)
+
+
+def _in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    return line_in_space(points * 1e3, name, colour, **look)
+
+
+def _coordinates(trace: Any, dimension: int) -> FloatArray:
+    return np.stack([trace.x, trace.y] + ([trace.z] if dimension == 3 else []), axis=1)
+
+
+def _layers(program: Program) -> list[tuple[str, str, FloatArray]]:
+    """What is at work, by layer: name, colour and points [m]."""
+    lengths: dict[str, float] = {}
+    for x in program.contours:
+        lengths[x.layer] = lengths.get(x.layer, 0.0) + x.path.length
+    if len(lengths) == 1:
+        (layer,) = lengths
+        name = f"contours on {layer}" if layer else "contours"
+        return [(escape(name), LAYER_COLOURS[0], _outline(program.contours))]
+    # Which ones have a colour is by length, the order of the legend is the drawing's.
+    largest = sorted(lengths, key=lambda x: -lengths[x])[: len(LAYER_COLOURS)]
+    found = []
+    named = [x for x in lengths if x in largest]
+    for layer, colour in zip(named, LAYER_COLOURS, strict=False):
+        on = [x for x in program.contours if x.layer == layer]
+        name = f"layer {layer}" if layer else "no layer"
+        found.append((escape(name), colour, _outline(on)))
+    rest = [x for x in program.contours if x.layer not in largest]
+    if rest:
+        name = f"{len(lengths) - len(named)} other layers"
+        found.append((name, OTHER_COLOUR, _outline(rest)))
+    return found
+
+
+def _outline(contours: Sequence[Contour]) -> FloatArray:
+    return outlines([finely(x.path, *(x.work or (0.0, None))) for x in contours])
+
+
+def _leads(program: Program) -> FloatArray | None:
+    found = []
+    for x in program.contours:
+        begin, end = x.work or (0.0, x.path.length)
+        if begin > 1e-9:
+            found.append(finely(x.path, 0.0, begin))
+        if x.path.length - end > 1e-9:
+            found.append(finely(x.path, end))
+    return outlines(found) if found else None
+
+
+def _rapids(result: RunResult) -> FloatArray | None:
+    plan, arm = result.trajectory, result.execution.arm
+    spans = [x for x in plan.spans if x.kind == "rapid"]
+    if not spans:
+        return None
+    times = np.concatenate([np.linspace(*x.t, RAPID_PLACES) for x in spans])
+    points = arm.forward(plan(times, side="left"))
+    return outlines(np.split(points, len(spans)))
+
+
+def _starts(
+    result: RunResult, program: Program
+) -> tuple[list[tuple[FloatArray, FloatArray, str]], str]:
+    """Places with an arrow: the point, the direction [m, -], and what to say of it."""
+    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    every = -(-len(spans) // MOST_MARKERS)
+    found = []
+    for k in range(0, len(spans), every):
+        x, span = program.contours[k], spans[k]
+        said = f"contour {k + 1}" + (f": {escape(x.name)}" if x.name else "")
+        said += f"<br>layer {escape(x.layer)}" if x.layer else ""
+        said += f"<br>{x.path.length * 1e3:.2f} mm, {span.t[0]:.3f} to {span.t[1]:.3f} s"
+        places = [0.0, x.path.length / 2] if len(spans) <= MOST_ARROWED else [0.0]
+        found += [(x.path(s), x.path(s, 1), said) for s in places]
+    if every == 1:
+        return found, ""
+    return found, f"In the picture every {every}th contour has an arrow where it begins."
+
+
+def _arrows_in_plane(
+    starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
+) -> list[Any]:
+    import plotly.graph_objects as go
+
+    points = np.array([x[0] for x in starts]) * 1e3
+    # Markers turn clockwise, from up.
+    angles = [float(np.degrees(np.arctan2(x[1][0], x[1][1]))) for x in starts]
+    return [
+        go.Scatter(
+            x=points[:, 0].astype(np.float32),
+            y=points[:, 1].astype(np.float32),
+            mode="markers",
+            name="start and direction",
+            text=[x[2] for x in starts],
+            hovertemplate="%{text}<extra></extra>",
+            marker={
+                "symbol": "arrow",
+                "size": 11 * (SMALLER if len(starts) > MANY else 1.0),
+                "angle": angles,
+                "color": "#222222",
+                "line": {"width": 0.5, "color": "#FFFFFF"},
+            },
+        )
+    ]
+
+
+def _arrows_in_space(
+    starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
+) -> list[Any]:
+    import plotly.graph_objects as go
+
+    size = ARROW * float(np.nanmax(np.nanmax(everywhere, 0) - np.nanmin(everywhere, 0)))
+    points = np.array([x[0] for x in starts]) * 1e3
+    along = np.array([x[1] for x in starts])
+    # To the side of the direction, as flat as it can be.
+    side = np.cross(along, [0.0, 0.0, 1.0])
+    upright = np.linalg.norm(side, axis=1) < 1e-6
+    side[upright] = [1.0, 0.0, 0.0]
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    back = points - size * along
+    wings = [back + size / 2 * side, points, back - size / 2 * side, np.full_like(points, np.nan)]
+    heads = np.stack(wings, axis=1).reshape(-1, 3)
+    x, y, z = points.astype(np.float32).T
+    return [
+        line_in_space(heads, "start and direction", "#222222", width=4),
+        go.Scatter3d(
+            x=x,
+            y=y,
+            z=z,
+            mode="markers",
+            marker={"size": 2.5, "color": "#222222"},
+            text=[x[2] for x in starts],
+            hovertemplate="%{text}<extra></extra>",
+            showlegend=False,
+        ),
+    ]
+
+
+def _events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], str]:
+    """Markers where something is switched, a trace for every name and kind of value."""
+    every = -(-len(events) // MOST_MARKERS) if events else 1
+    groups: dict[tuple[str, str], list[TimedEvent]] = {}
+    for x in events[::every]:
+        kind = (
+            {True: "on", False: "off"}.get(x.value, "set") if isinstance(x.value, bool) else "set"
+        )
+        groups.setdefault((x.name, kind), []).append(x)
+    names = list(dict.fromkeys(name for name, _ in groups))
+    traces = [
+        _marked(name, kind, found, names.index(name), flat)
+        for (name, kind), found in groups.items()
+    ]
+    told = f"In the picture only every {every}th event is marked." if every > 1 else ""
+    return traces, told
+
+
+def _marked(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) -> Any:
+    import plotly.graph_objects as go
+
+    points = np.array([x.point for x in events]) * 1e3
+    scale = SMALLER if len(events) > MANY else 1.0
+    symbols = SYMBOLS_ON if kind == "on" else SYMBOLS_OFF
+    marker = {
+        "symbol": symbols[k % len(symbols)],
+        "size": (10 if kind == "on" else 14) * scale if flat else 5 * scale,
+        "color": {"on": ON_COLOUR, "off": OFF_COLOUR, "set": VALUE_COLOUR}[kind],
+        "line": {"width": 2 * scale if kind != "on" and flat else 0.5},
+    }
+    common: dict[str, Any] = {
+        "mode": "markers",
+        "name": escape(f"{name} {kind}"),
+        "marker": marker,
+        "text": [said(x) for x in events],
+        "hovertemplate": "%{text}<extra></extra>",
+    }
+    make: Callable[..., Any] = go.Scatter if flat else go.Scatter3d
+    at = dict(zip("xyz", points.astype(np.float32).T, strict=False))
+    return make(**at, **common)
+
+
+def said(x: TimedEvent) -> str:
+    """What hovering over an event says."""
+    value = {True: "on", False: "off"}[x.value] if isinstance(x.value, bool) else x.value
+    lead = "" if x.t == x.due else f", {abs(x.due - x.t) * 1e3:.4g} ms {_side(x)} the tool is there"
+    return f"{escape(x.name)} = {escape(str(value))}<br>t = {x.t:.4f} s{lead}<br>s = {x.s:.4f} m"
+
+
+def _side(x: TimedEvent) -> str:
+    return "before" if x.t < x.due else "after"

@@ -1,0 +1,103 @@
+"""A strip of what a program does when: contours, rapids, dwells and events over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from armcontour.motion import Span
+from armcontour.report.sections.program_picture import said
+from armcontour.report.style import PATH_COLOUR, finish
+from armcontour.study import RunResult
+
+# Rows from the top, with the colours of their bars.
+ROWS = {"contour": "#0072B2", "rapid": PATH_COLOUR, "dwell": "#E69F00"}
+PATTERNS = {"contour": "", "rapid": "/", "dwell": "x"}
+LABELS = {"contour": "contours", "rapid": "rapids", "dwell": "dwells"}
+# Moves with a shorter gap than this share of the time between them are seen as one.
+FINEST = 1 / 1500
+MOST_TICKS = 2000
+# Room before and behind, so that an event at the very beginning is seen.
+EDGE = 0.01
+
+
+def timeline(name: str, result: RunResult) -> Any:
+    """Bars for moves and ticks for events over the time of a run."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    plan = result.trajectory
+    labels = []
+    for kind, colour in ROWS.items():
+        bars = _bars([x for x in plan.spans if x.kind == kind], FINEST * plan.duration)
+        if not bars:
+            continue
+        labels.append(LABELS[kind])
+        figure.add_trace(
+            go.Bar(
+                name=LABELS[kind],
+                orientation="h",
+                y=[LABELS[kind]] * len(bars),
+                base=[x[0] for x in bars],
+                x=[x[1] - x[0] for x in bars],
+                text=[x[2] for x in bars],
+                textposition="none",
+                hovertemplate="%{text}<extra></extra>",
+                marker={
+                    "color": colour,
+                    "pattern": {"shape": PATTERNS[kind], "fgcolor": "#FFFFFF", "size": 5},
+                    # So that the shortest ones are seen, and neighbours told apart.
+                    "line": {"color": "#FFFFFF" if len(bars) < 200 else colour, "width": 0.6},
+                },
+            )
+        )
+    events = plan.events[:: -(-len(plan.events) // MOST_TICKS)] if plan.events else ()
+    if events:
+        labels.append("events")
+        figure.add_trace(
+            go.Scatter(
+                name="events",
+                mode="markers",
+                x=[x.t for x in events],
+                y=["events"] * len(events),
+                text=[said(x) for x in events],
+                hovertemplate="%{text}<extra></extra>",
+                marker={
+                    "symbol": "line-ns",
+                    "size": 18,
+                    "line": {"width": 1.6, "color": "#222222"},
+                    "color": "#222222",
+                },
+            )
+        )
+    figure.update_layout(barmode="overlay", bargap=0.25)
+    finish(figure, title=f"Run {name}: moves and events over time", height=170 + 38 * len(labels))
+    figure.update_layout(showlegend=False)
+    figure.update_xaxes(title="time [s]", range=[-EDGE * plan.duration, (1 + EDGE) * plan.duration])
+    figure.update_yaxes(categoryorder="array", categoryarray=labels[::-1], ticks="")
+    return figure
+
+
+def _bars(spans: Sequence[Span], finest: float) -> list[tuple[float, float, str]]:
+    """Begin, end and words of bars; moves too near to each other to be told apart are one."""
+    if not spans:
+        return []
+    short = np.array([x.t[1] - x.t[0] for x in spans]) < 2 * finest
+    gaps = np.array([b.t[0] - a.t[1] for a, b in zip(spans[:-1], spans[1:], strict=True)])
+    apart = (gaps >= finest) | ~(short[:-1] & short[1:])
+    groups = np.split(np.arange(len(spans)), np.flatnonzero(apart) + 1)
+    return [
+        (spans[x[0]].t[0], spans[x[-1]].t[1], _words(spans, int(x[0]), int(x[-1]))) for x in groups
+    ]
+
+
+def _words(spans: Sequence[Span], first: int, last: int) -> str:
+    kind, begin, end = spans[first].kind, spans[first].t[0], spans[last].t[1]
+    times = f"<br>{begin:.3f} to {end:.3f} s"
+    if last > first:
+        return f"{LABELS[kind]} {first + 1} to {last + 1}{times}"
+    name = spans[first].name
+    return f"{kind} {first + 1}" + (f": {escape(name)}" if name else "") + times

@@ -1,0 +1,140 @@
+"""Figures in space: equal axes, views from several sides, buttons."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.report.style import finish
+
+# The shortest side of a scene, in longest ones.
+FLATTEST = 0.4
+# Longest side of a scene in units of plotly's: it just fits, seen from anywhere.
+SCENE = 1.45
+# Where each view is seen from, and what is up in it.
+VIEWS = {
+    "oblique": ((1.1, -1.5, 0.9), (0, 0, 1)),
+    "top": ((0, 0, 2), (0, 1, 0)),
+    "front": ((0, -2, 0), (0, 0, 1)),
+    "side": ((2, 0, 0), (0, 0, 1)),
+}
+
+
+def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """A curve in space, its points in mm; a tenth of a micron will do."""
+    import plotly.graph_objects as go
+
+    line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
+    x, y, z = np.round(points, 4).astype(np.float32).T
+    hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
+    return go.Scatter3d(
+        x=x, y=y, z=z, name=name, mode="lines", line=line, hovertemplate=hover, **look
+    )
+
+
+def in_space(figure: Any, *, title: str, height: int) -> None:
+    """Layout of a figure in space: equal axes, a legend that hides nothing below."""
+    finish(figure, title=title, height=height)
+    axis = {
+        "nticks": 6,
+        "backgroundcolor": "#FAFAFA",
+        "gridcolor": "#DDDDDD",
+        "zerolinecolor": "#DDDDDD",
+    }
+    figure.update_layout(
+        scene={
+            "aspectmode": "manual",
+            "camera": _camera("oblique"),
+            **{f"{x}axis": {"title": {"text": f"{x} [mm]"}, **axis} for x in "xyz"},
+        },
+        legend={
+            "orientation": "v",
+            "x": 0,
+            "xanchor": "left",
+            "yref": "paper",
+            "y": 1,
+            "yanchor": "top",
+            "bgcolor": "rgba(255,255,255,0.8)",
+        },
+        margin={"l": 10, "r": 10, "t": 110, "b": 10},
+    )
+
+
+def _roomy(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper ends of a box around points, no side much shorter than the longest."""
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    size = high - low
+    more = np.maximum(FLATTEST * float(size.max()) - size, 0.0) / 2
+    return low - more, high + more
+
+
+def box(points: FloatArray) -> dict[str, Any]:
+    """Layout of a scene that holds some points, equal in all directions, whatever is seen."""
+    low, high = _roomy(points)
+    edge = 0.03 * float((high - low).max())
+    size = high - low + 2 * edge
+    ratio = size / float(size.max()) * SCENE
+    found: dict[str, Any] = {
+        f"scene.{x}axis.range": [float(low[i] - edge), float(high[i] + edge)]
+        for i, x in enumerate("xyz")
+    }
+    return {**found, "scene.aspectratio": dict(zip("xyz", ratio.tolist(), strict=True))}
+
+
+def _camera(view: str) -> dict[str, Any]:
+    (x, y, z), (a, b, c) = VIEWS[view]
+    return {
+        "eye": {"x": x, "y": y, "z": z},
+        "up": {"x": a, "y": b, "z": c},
+        "center": {"x": 0, "y": 0, "z": 0},
+        # Parallel lines stay parallel: what is equal looks equal.
+        "projection": {"type": "orthographic"},
+    }
+
+
+def view_buttons(x: float) -> dict[str, Any]:
+    """A row of buttons that turn the scene."""
+    found = []
+    for name, (eye, _) in VIEWS.items():
+        # Seen from its end, an axis has all its labels in one place.
+        args: dict[str, Any] = {
+            f"scene.{axis}axis.visible": np.count_nonzero(eye) > 1 or not eye[i]
+            for i, axis in enumerate("xyz")
+        }
+        args["scene.camera"] = _camera(name)
+        found.append({"label": name, "method": "relayout", "args": [args]})
+    return buttons(found, x)
+
+
+def buttons(found: list[dict[str, Any]], x: float) -> dict[str, Any]:
+    """A row of buttons above a scene, from x on."""
+    return {
+        "type": "buttons",
+        "direction": "right",
+        "buttons": found,
+        "x": x,
+        "xanchor": "left",
+        "y": 1.01,
+        "yanchor": "bottom",
+        "pad": {"t": 0, "b": 4},
+        "bgcolor": "#FFFFFF",
+        "font": {"size": 12},
+    }
+
+
+def view_label(text: str, x: float) -> dict[str, Any]:
+    """A label before a row of buttons."""
+    return {
+        "text": text,
+        "x": x,
+        "xref": "paper",
+        "xanchor": "left",
+        "y": 1.01,
+        "yref": "paper",
+        "yanchor": "bottom",
+        "yshift": 12,
+        "showarrow": False,
+        "font": {"size": 12},
+    }
