@@ -16,8 +16,8 @@ help:  ## List the targets
 demo: $(VENV)/base  ## Run the paper's job end to end, and say where its report is
 	$(BIN)/armcontour demo --out demo --force
 
-test: $(VENV)/test  ## Run the whole test suite
-	$(BIN)/python -m pytest
+test: $(VENV)/test  ## Run the whole test suite, on all cores
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
