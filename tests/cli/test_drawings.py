@@ -16,6 +16,8 @@ import pytest
 import yaml
 
 from armcontour.cli.main import main
+from armcontour.cli.opening import Overrides
+from armcontour.cli.opening import _changed as changed
 
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
@@ -293,3 +295,15 @@ def test_without_simulation_what_is_asked_for_is_written(folder: FilePath, call:
     assert call(*command, "--out", "plain")[0] == 0
     assert (folder / "plain" / "taught" / "planned.csv").is_file()
     assert not (folder / "plain" / "report.html").exists()
+
+
+def test_a_speed_and_a_tolerance_go_before_those_of_a_run() -> None:
+    own = {"limits": {"speed": "10 mm/s"}, "corners": {"tolerance": "1 mm"}}
+    data = {"runs": {"plain": {}, "sharp": {"corners": "sharp"}, "own": own}}
+    given = Overrides(speed="50 mm/s", tolerance="0.2 mm")
+    said = {"limits": {"speed": "50 mm/s"}, "corners": {"tolerance": "0.2 mm"}}
+    runs = {"plain": {}, "sharp": {"corners": "sharp"}, "own": said}
+    assert changed(data, given) == {**said, "runs": runs}
+    assert changed(data, Overrides()) == data
+    assert own["limits"] == {"speed": "10 mm/s"}
+    assert changed({"runs": [1]}, given)["runs"] == [1]

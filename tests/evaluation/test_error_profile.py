@@ -55,3 +55,11 @@ def test_it_owns_its_arrays():
     assert found.values[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         found.values[0] = 9.0
+
+
+def test_a_profile_that_ends_before_its_first_time_is_one_value():
+    found = ErrorProfile.over_time(T + 1.0, VALUES + 3.0, S, 0.999)
+    assert (found.rms, found.max, found.t_max) == (3.0, 3.0, 0.999)
+    whole = ErrorProfile.over_time(T, VALUES, S, 4.0)
+    assert ErrorProfile.joined([found, whole]).rms == whole.rms
+    assert ErrorProfile.joined([found, found]).rms == 3.0

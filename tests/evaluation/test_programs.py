@@ -194,3 +194,38 @@ def test_a_contour_shorter_than_an_interval_is_judged_too() -> None:
     found = ac.evaluate(executed(program), program, limits=LIMITS)
     assert len(found.contours) == 2
     assert np.isfinite([x.rms for x in found.contours]).all()
+
+
+def test_check_judges_tool_limits_on_contours_and_joints_on_every_move():
+    arm = ac.load_arm("pmk3s")
+    lines = ([(0.30, 0.10), (0.33, 0.10)], [(0.30, 0.30), (0.33, 0.30)])
+    program = ac.Program(moves=tuple(ac.Contour(path=ac.Path.polyline(x)) for x in lines))
+    limits = arm.limits.replace(speed=0.02)
+    planned = ac.plan(program, arm, limits)
+    found = ac.check(planned, arm, limits)
+    assert not found.violated
+    assert found["speed"].ratio == pytest.approx(1.0, abs=1e-6)
+    assert found["joint_acceleration"].ratio == pytest.approx(1.0, abs=1e-6)
+    # The rapid is faster than that, and its joints are where the limit of acceleration is used.
+    rapid = next(x for x in planned.spans if x.kind == "rapid")
+    t = np.linspace(*rapid.t, 200)
+    speed = np.linalg.norm(arm.tool_velocity(planned(t), planned(t, 1)), axis=1)
+    assert speed.max() > 2 * limits.speed
+    # A contour that is too fast is seen, at its own time.
+    slower = ac.check(planned, arm, limits.replace(speed=0.01))
+    assert [x.name for x in slower.violations] == ["speed"]
+    contours = [x.t for x in planned.spans if x.kind == "contour"]
+    assert any(a <= slower["speed"].t <= b for a, b in contours)
+
+
+def test_check_and_trace_take_a_path_and_no_program(refuses):
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.polyline([(0.30, 0.10), (0.33, 0.10)])
+    program = ac.Program(moves=(ac.Contour(path=path),))
+    planned = ac.plan(program, arm, arm.limits.replace(speed=0.02))
+    refuses(lambda: ac.trace(program, arm), ac.InvalidInput, "trace takes a Path, not a Program")
+    refuses(
+        lambda: ac.check(planned, arm, arm.limits, program),
+        ac.InvalidInput,
+        "check compares with a Path, not with a Program",
+    )

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.frames import Frame
 from armcontour.geometry.cutting import (
-    flattened,
     in_space,
     joined,
     keeps_plane,
@@ -19,6 +18,7 @@ from armcontour.geometry.cutting import (
     placed,
     reversed_path,
 )
+from armcontour.geometry.flattening import flattened
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))
@@ -241,3 +241,31 @@ def test_a_part_of_a_path_that_follows_its_tangent_is_rounded_as_the_whole():
     at = np.linspace(0, again.length, 40)
     np.testing.assert_allclose(again.orientation(at), whole.orientation(at + 0.03), atol=1e-12)
     assert again.orientation.f[0, 0] == 0.0
+
+
+def test_a_part_of_next_to_nothing_on_both_sides_of_a_joint_is_refused(refuses):
+    path = ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
+    refuses(lambda: part(path, 1 - 0.8e-9, 1 + 0.8e-9), ac.InvalidInput, "no path between")
+
+
+@pytest.mark.parametrize("off", [-0.9e-9, -1e-11, 0.0, 1e-11, 0.9e-9])
+def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(off):
+    path = ac.Path.polyline([[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    turning = path.pointing([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1], [0, 0, -1]])
+    for cut in (
+        part(turning, turning.breaks[1] + off, turning.length),
+        part(turning, 0.0, turning.breaks[2] + off),
+    ):
+        np.testing.assert_array_equal(cut.orientation.breaks, cut.breaks)
+        ac.round_corners(cut, tolerance=1e-3, angular_tolerance=0.1)
+
+
+def test_a_rounded_path_that_is_placed_elsewhere_does_not_remember_old_corners():
+    corner = ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
+    rounded = ac.round_corners(corner, tolerance=1e-2)
+    frame = Frame(position=[1.0, 2.0, 0.0])
+    for moved in (placed(rounded, frame, scale=2.0), in_space(rounded)):
+        assert type(moved) is ac.Path
+    found = placed(rounded, frame, scale=2.0)
+    s = np.linspace(0, rounded.length, 9)
+    np.testing.assert_allclose(found(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)

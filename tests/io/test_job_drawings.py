@@ -199,3 +199,33 @@ def test_resuming_a_plain_file_leaves_one_path(folder: FilePath) -> None:
     assert isinstance(rest.path, Path) and rest.path.length == pytest.approx(0.07)
     np.testing.assert_allclose(rest.path(0.0), [0.33, 0.08])
     assert ac.plan(rest.path, rest.arm, rest.runs[0].limits).duration > 0
+
+
+def test_a_tool_that_follows_contours_does_not_follow_rapids(
+    tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    way = "G0 X400 Y-50 Z0\nG1 X450 F3000\nG0 Z20\nG0 Y-40\nG0 Z0\nG1 X400\n"
+    (tmp_path / "raster.ngc").write_text(f"G21 G90\n{way}M2\n")
+    (tmp_path / "drill.ngc").write_text("G21 G90\nG0 X400 Z20\nG1 Z0 F3000\nM2\n")
+    path = {"orientation": {"follow_tangent": {"up": [0, 0, 1]}}}
+    program = read_cell("ur5e", tmp_path / "raster.ngc", path=path).path
+    assert isinstance(program, Program)
+    first, rapid, second = program.moves
+    assert rapid.path.orientation is None
+    assert first.path.orientation is not None and second.path.orientation is not None
+    refuses(
+        lambda: read_cell("ur5e", tmp_path / "drill.ngc", path=path),
+        InvalidInput,
+        "path.orientation, contour line 3",
+        "up lies along",
+    )
+
+
+def test_a_layer_of_which_names_leave_nothing_demands_nothing(folder: FilePath) -> None:
+    (folder / "layers.csv").write_text(
+        "x,y,contour,layer\n0,0,a,A\n0.06,0,a,A\n0,0.03,b,B\n0.06,0.03,b,B\n"
+    )
+    layers = {"A": {"speed": 0.02}, "B": {"speed": 0.01}}
+    path = job(folder, path={"file": "layers.csv", "layers": layers, "names": ["a"]}).path
+    assert isinstance(path, Path)
+    assert path.speeds.tolist() == [0.02]

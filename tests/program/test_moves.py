@@ -93,3 +93,63 @@ def test_contours_are_called_by_name_or_number() -> None:
     names = ["", "E7", "contour 4", "line 12"]
     called = [contour_called(Contour(path=LINE, name=x), i) for i, x in enumerate(names)]
     assert called == ["contour 1", "contour E7", "contour 4", "contour line 12"]
+
+
+def test_flattening_keeps_the_work_and_what_is_switched_where_nothing_is_left() -> None:
+    down = ac.Path.polyline([[0.0, 0.0, 0.05], [0.0, 0.0, 0.0]])
+    ramp = ac.Path.polyline([[0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    on = Event(name="laser", s=0.05, lead_time=0.1, lead_distance=0.01)
+    moves = (
+        Contour(path=down, events=(on,)),
+        Dwell(duration=1),
+        Contour(path=ramp, work=(0.06, 0.15)),
+    )
+    event, dwell, contour = Program(moves=moves).flattened().moves
+    assert event == Event(name="laser", lead_time=0.1)
+    assert dwell == Dwell(duration=1)
+    assert isinstance(contour, Contour)
+    assert contour.work == pytest.approx((0.01, 0.1), abs=1e-15)
+
+
+def test_flattening_says_which_contour_cannot_be_and_that_the_tool_is_held_no_more(
+    refuses: Callable[..., None],
+) -> None:
+    across = ac.Arc(start=(0, 0, 0), center=(0.1, 0, 0), angle=1.0, normal=(0, 1, 0))
+    moves = (Contour(path=SPACE), Contour(path=ac.Path.from_segments([across]), name="line 7"))
+    program = Program(moves=moves, source="x.ngc")
+    refuses(program.flattened, InvalidInput, "x.ngc: contour line 7: Segment 1", "leaves the plane")
+    held = Program(moves=(Contour(path=SPACE.pointing([0, 0, -1.0])),)).flattened()
+    assert held.path.orientation is None
+    assert "how the tool is held" in held.notes[0]
+
+
+def test_refuses_rapids_of_another_dimension_and_places_where_the_tool_stands(
+    refuses: Callable[..., None],
+) -> None:
+    moves = (Contour(path=LINE), Rapid(path=SPACE), Contour(path=LINE))
+    refuses(lambda: Program(moves=moves), InvalidInput, "rapids", "in the plane or all in space")
+    for event in (Event(name="a", s=0.1), Event(name="a", lead_distance=0.1)):
+        refuses(lambda x=event: Program(moves=(x, Contour(path=LINE))), InvalidInput, "event a")
+
+
+@pytest.mark.parametrize("value", [None, float("nan"), [1], 1j])
+def test_refuses_events_of_no_value(refuses: Callable[..., None], value: object) -> None:
+    refuses(lambda: Event(name="gas", value=value), InvalidInput, "gas")  # type: ignore[arg-type]
+    refuses(lambda: Event(name=3), InvalidInput, "text")  # type: ignore[arg-type]
+
+
+def test_one_name_need_not_be_a_list_and_an_empty_list_is_refused(
+    refuses: Callable[..., None],
+) -> None:
+    program = Program(moves=(Contour(path=LINE, name="CUT", layer="L"), Contour(path=LINE)))
+    assert program.selected(names="CUT").contours == program.contours[:1]
+    assert program.selected(layers="L").contours == program.contours[:1]
+    refuses(lambda: program.selected(layers=[]), InvalidInput, "is chosen")
+
+
+def test_refuses_rapids_without_a_path_and_work_that_is_not_two_places(
+    refuses: Callable[..., None],
+) -> None:
+    refuses(lambda: Rapid(path=[[0, 0], [1, 1]]), InvalidInput, "rapid", "list")  # type: ignore[arg-type]
+    for work in ((0.01,), 0.01, (0.01, 0.02, 0.03)):
+        refuses(lambda w=work: Contour(path=LINE, work=w), InvalidInput, "work", "two")

@@ -549,3 +549,95 @@ def test_rounding_a_program_rounds_contours_and_leaves_rapids() -> None:
     # Behind the corner the path is shorter by what the arc saves.
     saved = BEND.length - alone.length
     assert first.work == pytest.approx((0.02, 0.09 - saved), abs=1e-12)
+
+
+def test_a_lead_that_ends_where_a_rapid_does_leaves_it_to_the_joints() -> None:
+    moves = (
+        Contour(path=Path.polyline([[0.3, 0.1], [0.35, 0.1]])),
+        Rapid(path=Path.polyline([[0.35, 0.1], [0.36, 0.1]])),
+        Contour(path=Path.polyline([[0.36, 0.1], [0.4, 0.1]])),
+    )
+    done = prepared(Program(moves=moves), Process(lead_out=Lead(length=0.01)))
+    assert [type(x).__name__ for x in done.moves] == ["Contour", "Rapid", "Contour"]
+    assert not rapids(done)
+
+
+def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn(
+    refuses: Callable[..., None],
+) -> None:
+    square = Path.polyline(np.pad(SQUARE.vertices, ((0, 0), (0, 1))))
+    tilts = np.column_stack([np.linspace(0, 0.2, 5), np.zeros(5), -np.ones(5)])
+    tilting, alike = square.pointing(tilts), square.pointing([*tilts[:4], tilts[0]])
+    np.testing.assert_array_equal(
+        only(prepared(program(tilting), Process())).path(0.0), square(0.0)
+    )
+    assert not np.allclose(only(prepared(program(alike), Process())).path(0.0), square(0.0))
+    for process in (Process(begin=0.03), Process(overlap=0.01)):
+        refuses(lambda x=process: prepared(program(tilting), x), InvalidInput, "another way")
+        prepared(program(alike), process)
+
+
+def test_a_closed_contour_along_which_the_tool_follows_begins_anywhere() -> None:
+    square = Path.polyline(np.pad(SQUARE.vertices, ((0, 0), (0, 1)))).following_tangent([0, 0, 1])
+    done = only(prepared(program(square), Process(begin=0.03, overlap=0.01))).path
+    assert done.orientation is not None
+    s = np.linspace(0.0, done.length, 77)
+    axes = done.orientation(s)
+    np.testing.assert_allclose(axes[:, :, 0], done(s, 1), atol=1e-12)
+
+
+def test_an_overlap_of_thousands_of_turns_is_soon_there() -> None:
+    tiny = Path.polyline([[0, 0], [1e-5, 0], [1e-5, 1e-5], [0, 0]])
+    done = only(prepared(program(tiny), Process(overlap=1000 * tiny.length)))
+    assert done.path.length == pytest.approx(1001 * tiny.length)
+
+
+def test_a_place_to_begin_is_any_sequence_and_a_switch_is_checked_at_its_birth(
+    refuses: Callable[..., None],
+) -> None:
+    for point in ([0.33, 0.1], np.array([0.33, 0.1]), (0.33, 0.1)):
+        done = only(prepared(program(SQUARE), Process(begin=point)))
+        np.testing.assert_allclose(done.path(0.0), [0.33, 0.1], atol=1e-15)
+    refuses(lambda: Process(begin=[[0.1, 0.2]]), InvalidInput, "begin")  # type: ignore[list-item]
+    refuses(lambda: Switch(name=""), InvalidInput, "name")
+    refuses(lambda: Switch(on_lead=float("nan")), InvalidInput, "lead time")
+
+
+@pytest.mark.parametrize(
+    ("switched", "begin", "kept"),
+    [
+        ([(True, 0.02), (False, 0.15)], 0.05, False),
+        ([(True, 0.02), (False, 0.04)], 0.05, True),
+        ([(True, 0.07), (False, 0.15)], 0.05, True),
+        ([(True, 0.02)], 0.05, True),
+        ([(10.0, 0.0), (50.0, 0.04)], 0.05, False),
+        ([(True, 0.0), (False, 0.2)], 0.05, True),
+    ],
+)
+def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn(
+    switched: list[tuple[bool | float, float]],
+    begin: float,
+    kept: bool,
+    refuses: Callable[..., None],
+) -> None:
+    events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
+    square = program(Contour(path=SQUARE, name="E7", events=events))
+    if kept:
+        prepared(square, Process(begin=begin))
+    else:
+        words = "contour E7", "laser", "0.05 m"
+        refuses(lambda: prepared(square, Process(begin=begin)), InvalidInput, *words)
+
+
+def test_a_rapid_in_arcs_keeps_them_where_leads_move_its_ends() -> None:
+    arc = Path.from_segments([Arc(start=(0.35, 0.1), center=(0.4, 0.1), angle=-np.pi)])
+    moves = (
+        Contour(path=Path.polyline([[0.3, 0.1], [0.35, 0.1]])),
+        Rapid(path=arc),
+        Contour(path=Path.polyline([[0.45, 0.1], [0.5, 0.1]])),
+    )
+    lead = Lead(length=0.01)
+    (rapid,) = rapids(prepared(Program(moves=moves), Process(lead_in=lead, lead_out=lead)))
+    np.testing.assert_allclose(rapid([0.0, rapid.length]), [[0.36, 0.1], [0.44, 0.1]], atol=1e-15)
+    assert rapid.length == pytest.approx(arc.length + 0.02)
+    np.testing.assert_allclose(rapid(rapid.length / 2), [0.4, 0.15], atol=1e-15)

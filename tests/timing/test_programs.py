@@ -447,3 +447,52 @@ def test_whatever_the_program_it_is_kept_or_refused_with_a_sentence(
         assert sentence.endswith(".") and "\n" not in sentence
         return
     judged(program, PMK3S, IN_PLANE, trajectory)
+
+
+def there_and_back(*, axis_only: bool) -> Program:
+    """A line, a rapid, and a line back, with the tool following both."""
+    lines = ([[0.4, 0, 0.2], [0.45, 0, 0.2]], [[0.45, 0.01, 0.2], [0.4, 0.01, 0.2]])
+    first, second = (
+        Contour(path=Path.polyline(x).following_tangent([0, 0, 1], axis_only=axis_only))
+        for x in lines
+    )
+    over = Path.polyline([[0.45, 0, 0.2], [0.45, 0, 0.22], [0.45, 0.01, 0.22], [0.45, 0.01, 0.2]])
+    return Program(moves=(first, Rapid(path=over), second))
+
+
+def test_a_rapid_turns_the_tool_by_half_a_turn_between_lines_there_and_back() -> None:
+    spans = ac.plan(there_and_back(axis_only=False), UR5E, IN_SPACE).spans
+    # No motion on the spot before or behind it.
+    assert [x.kind for x in spans] == ["contour", "rapid", "contour"]
+
+
+def test_a_rapid_does_not_turn_about_an_axis_that_is_free_to_turn() -> None:
+    trajectory = ac.plan(there_and_back(axis_only=True), UR5E, IN_SPACE)
+    (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
+    turned = np.ptp(trajectory(np.linspace(*rapid.t, 50)), axis=0)
+    assert turned.max() < 0.2
+
+
+def test_an_event_that_lags_beyond_the_end_asks_for_a_lead_out(
+    refuses: Callable[..., None],
+) -> None:
+    late = Contour(path=BEND, events=(Event(name="x", s=0.09, lead_distance=-0.02),))
+    refuses(
+        lambda: ac.plan(Program(moves=(late,)), PMK3S, IN_PLANE),
+        InvalidInput,
+        "lags by 0.02",
+        "lead-out",
+        allowed=0.01,
+    )
+
+
+def test_an_approach_does_not_choose_another_configuration_than_the_contour() -> None:
+    square = SQUARE.vertices + [0.2, 0.1]
+    path = Path.polyline(np.pad(square, ((0, 0), (0, 1)), constant_values=0.3)).pointing([0, 0, -1])
+    drawn = Program(moves=(Contour(path=path),))
+    alone = ac.plan(drawn, UR5E, IN_SPACE)
+    led = ac.plan(prepared(drawn, Process(begin="drawn", approach=0.03)), UR5E, IN_SPACE)
+    approach, contour = led.spans
+    assert (approach.kind, contour.kind) == ("rapid", "contour")
+    assert contour.t[1] - contour.t[0] == pytest.approx(alone.duration, rel=1e-3)
+    np.testing.assert_allclose(led(contour.t[0]), alone(0.0), atol=0.1)

@@ -27,8 +27,8 @@ class Overrides:
         names: Contours to run.
         flat: Leave z out.
         skip: Skip what the reader does not know.
-        speed: Assigned velocity where the drawing gives none.
-        tolerance: Largest corner error, likewise.
+        speed: Assigned velocity where the drawing gives none, of runs with one of their own too.
+        tolerance: Largest corner error, likewise; runs that keep corners sharp do.
         from_s: Where to resume.
     """
 
@@ -90,9 +90,30 @@ def _changed(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
         corners = data.get("corners")
         old = corners if isinstance(corners, dict) else {}
         found["corners"] = {**old, "tolerance": _quantity(x.tolerance)}
+    found |= _changed_runs(data, x)
     if x.from_s is not None:
         found["process"] = _merged(data.get("process"), {"from_s": _quantity(x.from_s)})
     return found
+
+
+def _changed_runs(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
+    """The runs of a job without speeds and tolerances of their own where the command line has one.
+
+    What is no mapping is left for the reader of jobs to refuse.
+    """
+    runs = data.get("runs")
+    if not isinstance(runs, dict):
+        return {}
+    overridden = [("limits", "speed", x.speed), ("corners", "tolerance", x.tolerance)]
+    changed = {}
+    for name, run in runs.items():
+        found = run
+        for part, key, text in overridden:
+            own = found.get(part) if isinstance(found, dict) else None
+            if text is not None and isinstance(own, dict) and key in own:
+                found = {**found, part: {**own, key: _quantity(text)}}
+        changed[name] = found
+    return {"runs": changed}
 
 
 def _path_keys(x: Overrides, path: Any) -> dict[str, Any]:

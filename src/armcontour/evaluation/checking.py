@@ -5,8 +5,8 @@ Shares only geometry and arms with what planned it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_samples import Log, judge_samples
@@ -116,6 +117,9 @@ def check(
 ) -> Check:
     """Judge a joint trajectory, whoever made it.
 
+    Of the trajectory of a program, limits of the tool are judged along its contours and not along
+    its rapids, those of the joints on every move.
+
     A law, such as a `Trajectory`, is looked at on both sides of every break and at random places
     between all breaks. Of samples, what they say themselves is judged, and between them what every
     motion through them must have: a violation that is reported is real, up to the rounding that is
@@ -140,6 +144,15 @@ def check(
     Raises:
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
+    if path is not None and not isinstance(path, Path):
+        raise InvalidInput(
+            f"check compares with a Path, not with a {type(path).__name__}: give the path of one "
+            "contour, or none."
+        )
+    spans = [x for x in getattr(samples, "spans", ()) if x.trajectory is not None]
+    if spans and path is None:
+        more: dict[str, Any] = {"velocity_step": velocity_step, "points": points, "seed": seed}
+        return _of_program(samples, spans, arm, limits, tolerance, more)
     dof = arm.dof
     _refuse_path(arm, path, deviation, orientation_deviation)
     bounds = (arm.limits if limits is None else limits).for_joints(dof)
@@ -159,6 +172,32 @@ def check(
         path_deviation=None if path is None else PathDeviation(**tally.farthest),
         **looked_at,
     )
+
+
+def _of_program(
+    law: Any,
+    spans: Sequence[Any],
+    arm: Arm,
+    limits: Limits | None,
+    tolerance: float,
+    more: dict[str, Any],
+) -> Check:
+    """Every move by itself, and the joints from one to the next."""
+    bounds = arm.limits if limits is None else limits
+    free = bounds.replace(**dict.fromkeys(TOOL_LIMITS, None))
+    whole = check(replace(law, spans=()), arm, free, tolerance=tolerance, **more)
+    uses = {x.name: x for x in whole.uses}
+    left: dict[str, None] = dict.fromkeys(whole.not_judged)
+    for span in spans:
+        if span.kind != "contour":
+            continue
+        found = check(span.trajectory, arm, bounds, tolerance=tolerance, **more)
+        left |= dict.fromkeys(found.not_judged)
+        for use in found.uses:
+            known = uses.get(use.name)
+            if known is None or use.certain > known.certain:
+                uses[use.name] = replace(use, t=span.t[0] + use.t)
+    return replace(whole, uses=tuple(uses.values()), not_judged=tuple(left))
 
 
 def _of_law(law: Law, tally: Tally, points: int, seed: int, velocity_step: float) -> dict[str, Any]:

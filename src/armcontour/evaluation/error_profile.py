@@ -74,12 +74,15 @@ class ErrorProfile:
                 np.append(x[inside], y) for x, y in ((t, end), (values, last[0]), (s, last[1]))
             )
         worst = int(np.argmax(values))
+        span = float(until - t[0])
+        # A profile of no time is the one value that it has.
+        square = np.trapezoid(values**2, t) / span if span > 0 else values[-1] ** 2
         return cls(
             t=t,
             values=values,
             signed=None if side is None else values * np.append(side, side[-1:])[: len(values)],
             s=s,
-            rms=float(np.sqrt(np.trapezoid(values**2, t) / (until - t[0]))),
+            rms=float(np.sqrt(square)),
             max=float(values[worst]),
             t_max=float(t[worst]),
             s_max=float(s[worst]),
@@ -92,6 +95,8 @@ class ErrorProfile:
             return profiles[0]
         worst = max(profiles, key=lambda x: x.max)
         times = [float(x.t[-1] - x.t[0]) for x in profiles]
+        if not sum(times) > 0:
+            times = [1.0] * len(profiles)
         squares = sum(x.rms**2 * time for x, time in zip(profiles, times, strict=True))
         signed = [x.signed for x in profiles if x.signed is not None]
         return cls(

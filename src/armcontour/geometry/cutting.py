@@ -45,14 +45,17 @@ def part(path: Path, begin: float, end: float) -> Path:
                 allowed=path.length,
             )
     begin, end = max(begin, 0.0), min(end, path.length)
-    if end - begin <= REPEATED_POINT:
-        raise InvalidInput(f"There is no path between {begin:.9g} and {end:.9g} m along it.")
     # What is left of a segment below the resolution of a point is left out.
     first = int(path.locate(begin + REPEATED_POINT))
     last = int(path.locate(end - REPEATED_POINT, side="left"))
+    if end - begin <= REPEATED_POINT or first > last:
+        raise InvalidInput(f"There is no path between {begin:.9g} and {end:.9g} m along it.")
+    # The orientation is cut where the segments are.
+    begin = max(begin, float(path.breaks[first]))
+    end = min(end, float(path.breaks[last + 1]))
     i = np.arange(first, last + 1)
     u0 = np.zeros(len(i))
-    u0[0] = max(begin - path.breaks[first], 0.0)
+    u0[0] = begin - path.breaks[first]
     u1 = path.lengths[i].copy()
     u1[-1] = min(end - path.breaks[last], u1[-1])
     starts, tangents, inwards = path.starts[i], path.tangents[i].copy(), path.inwards[i].copy()
@@ -220,8 +223,13 @@ def placed(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
         scale: Factor of all lengths, before that.
 
     Raises:
-        InvalidInput: A scale that is not above zero.
+        InvalidInput: A scale that is not above zero, or no frame.
     """
+    if not isinstance(frame, Frame):
+        raise InvalidInput(
+            f"A path is placed in a Frame, such as Frame(position=[0.3, 0, 0]), not in a "
+            f"{type(frame).__name__}."
+        )
     factor = _checks.positive("scale", scale)
     if path.dimension == 2 and not keeps_plane(frame):
         path = in_space(path)
@@ -240,7 +248,7 @@ def placed(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
             f=orientation.f / factor ** np.arange(4),
             g=orientation.g / factor ** np.arange(4),
         )
-    return dataclasses.replace(
+    return _plain(
         path,
         starts=origin + factor * path.starts @ turn.T,
         tangents=path.tangents @ turn.T,
@@ -249,6 +257,12 @@ def placed(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
         lengths=path.lengths * factor,
         orientation=orientation,
     )
+
+
+def _plain(path: Path, **changed: Any) -> Path:
+    """A path with other values, and without what a path of another kind knows of the old ones."""
+    kept = {x.name: getattr(path, x.name) for x in dataclasses.fields(Path) if x.init}
+    return Path(**{**kept, **changed})
 
 
 def keeps_plane(frame: Frame) -> bool:
@@ -265,42 +279,9 @@ def in_space(path: Path) -> Path:
     def deeper(array: FloatArray) -> FloatArray:
         return np.pad(array, ((0, 0), (0, 1)))
 
-    return dataclasses.replace(
+    return _plain(
         path,
         starts=deeper(path.starts),
         tangents=deeper(path.tangents),
         inwards=deeper(path.inwards),
-    )
-
-
-def flattened(path: Path) -> Path:
-    """A path in space without its z, of lines and of arcs in planes of constant z.
-
-    Raises:
-        InvalidInput: An arc that stands across the plane, or nothing that is left.
-    """
-    if path.dimension == 2:
-        return path
-    across = (np.abs(path.tangents[:, 2]) + np.abs(path.inwards[:, 2]) > IN_PLANE) & (
-        path.curvatures > 0
-    )
-    if across.any():
-        i = int(np.argmax(across))
-        raise InvalidInput(
-            f"Segment {i + 1} is an arc that leaves the plane, which cannot be flattened.", index=i
-        )
-    run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    kept = run * path.lengths > REPEATED_POINT
-    if not kept.any():
-        raise InvalidInput("The path only goes up and down: nothing is left of it in the plane.")
-    steep = run[kept][:, None]
-    return Path(
-        starts=path.starts[kept, :2],
-        tangents=path.tangents[kept, :2] / steep,
-        inwards=path.inwards[kept, :2],
-        curvatures=path.curvatures[kept],
-        lengths=path.lengths[kept] * steep[:, 0],
-        speeds=path.speeds[kept],
-        tolerances=path.tolerances[kept],
-        tags=tuple(tag for tag, keep in zip(path.tags, kept, strict=True) if keep),
     )

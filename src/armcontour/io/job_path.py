@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -16,7 +17,7 @@ from armcontour.io.drawings.door import read_path
 from armcontour.io.job_arm import frame_of, rotation_of
 from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
 from armcontour.io.problems import place
-from armcontour.program import Program
+from armcontour.program import Contour, Program, contour_called
 
 # What says how a file is read.
 ONLY_OF_FILES = frozenset(
@@ -109,8 +110,26 @@ def _drawn(
             raise InvalidInput(
                 f"path.orientation: {program.source} says itself how the tool is held."
             )
-        program = program.mapped(lambda path: _held(path, how))
+        program = _all_held(program, how)
     return program.placed(frame)
+
+
+def _all_held(program: Program, how: OrientationModel) -> Program:
+    """A program with the tool held in one way on every contour; rapids lead from one to the next.
+
+    Raises:
+        InvalidInput: A contour that it does not fit.
+    """
+    moves, number = list(program.moves), 0
+    for i, x in enumerate(moves):
+        if not isinstance(x, Contour):
+            continue
+        try:
+            moves[i] = dataclasses.replace(x, path=_held(x.path, how))
+        except InvalidInput as error:
+            raise InvalidInput(f"path.orientation, {contour_called(x, number)}: {error}") from None
+        number += 1
+    return dataclasses.replace(program, moves=tuple(moves))
 
 
 def _positions(model: PathModel) -> Path:

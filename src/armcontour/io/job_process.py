@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
@@ -33,7 +34,7 @@ def with_process(
             return path, Process()
         path = Program(moves=(Contour(path=path),))
     try:
-        process = _process(model or ProcessModel(), drawing)
+        process = _process(model or ProcessModel(), drawing, {x.layer for x in path.contours})
     except InvalidInput as error:
         raise InvalidInput(f"process: {error}") from None
     if process.automatic:
@@ -48,7 +49,7 @@ def with_process(
     return path, process
 
 
-def _process(model: ProcessModel, drawing: PathModel) -> Process:
+def _process(model: ProcessModel, drawing: PathModel, left: Collection[str]) -> Process:
     frame = Frame() if drawing.frame is None else frame_of("path.frame", drawing.frame)
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     return Process(
@@ -61,7 +62,8 @@ def _process(model: ProcessModel, drawing: PathModel) -> Process:
         up=frame.rotation[:, 2],
         switch=None if model.switch is None else Switch(**model.switch.model_dump()),
         events=tuple(_event(x) for x in model.events),
-        layers={name: _demand(x) for name, x in layers.items()},
+        # Reading has refused those that the file has not; `names` may have left others out.
+        layers={name: _demand(x) for name, x in layers.items() if name in left},
         order=model.order,
         from_s=model.from_s,
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
+from armcontour.geometry.cutting import joined
 from armcontour.geometry.path import REPEATED_POINT
 from armcontour.program.moves import Contour, Move, Rapid
 
@@ -60,14 +62,27 @@ def rerouted(
 
     It is left to the joints if there is no way between them.
     """
-    assert isinstance(rapid, Rapid) and rapid.path is not None
+    assert isinstance(rapid, Rapid)
+    if rapid.path is None:
+        return rapid
     vertices = rapid.path.vertices
     first = vertices[0] if start is None else start
     last = vertices[-1] if end is None else end
     moved = np.linalg.norm([first - vertices[0], last - vertices[-1]], axis=1)
     if (moved <= REPEATED_POINT).all():
         return rapid
+    if rapid.path.curvatures.any():
+        return _prolonged(rapid.path, first, last)
     points = np.array([first, *vertices[1:-1], last])
     if (np.linalg.norm(points - first, axis=1) <= REPEATED_POINT).all():
         return Rapid()
     return Rapid(path=Path.polyline(points))
+
+
+def _prolonged(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
+    """A rapid that goes in arcs, with lines from and to other ends."""
+    ways = ((first, path(0.0)), (path(path.length), last))
+    before, behind = (
+        [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in ways
+    )
+    return Rapid(path=joined([*before, dataclasses.replace(path, orientation=None), *behind]))

@@ -13,7 +13,8 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import flattened, in_space, placed
+from armcontour.geometry.cutting import placed
+from armcontour.geometry.flattening import flat_place, flattened, goes_along
 from armcontour.geometry.path import REPEATED_POINT
 
 Value = bool | float | str
@@ -38,8 +39,10 @@ class Event:
     lead_distance: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise InvalidInput("An event needs a name.")
+        if not (isinstance(self.name, str) and self.name):
+            raise InvalidInput("An event needs a name, which is text.")
+        if not isinstance(self.value, bool | str | np.bool_):
+            _checks.number(f"value of the event {self.name}", self.value)
         _checks.not_negative(f"place of the event {self.name}", self.s, "m")
         _checks.number(f"lead time of the event {self.name}", self.lead_time, "s")
         _checks.number(f"lead distance of the event {self.name}", self.lead_distance, "m")
@@ -71,6 +74,10 @@ class Contour:
         if not isinstance(self.path, Path):
             raise InvalidInput(f"A contour needs a Path, not {type(self.path).__name__}.")
         if self.work is not None:
+            if np.shape(self.work) != (2,):
+                raise InvalidInput(
+                    f"The work on the contour {self.name} goes from one place to another: give two."
+                )
             begin, end = (_checks.number("work of a contour", x, "m") for x in self.work)
             if not -REPEATED_POINT <= begin < end <= self.path.length + REPEATED_POINT:
                 raise InvalidInput(
@@ -94,6 +101,19 @@ class Contour:
         ends = self.path([0.0, self.path.length])
         return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
 
+    def flattened(self) -> tuple[Contour | Event, ...]:
+        """The contour without z; of one of which nothing is left, what is switched there."""
+        path, work = self.path, self.work
+        if not goes_along(path):
+            return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
+        flat = dataclasses.replace(
+            self,
+            path=flattened(path),
+            events=tuple(dataclasses.replace(x, s=flat_place(path, x.s)) for x in self.events),
+            work=None if work is None else (flat_place(path, work[0]), flat_place(path, work[1])),
+        )
+        return (flat,)
+
 
 def contour_called(contour: Contour, number: int) -> str:
     """What sentences call a contour: by its name, or by its number, which is counted from 0."""
@@ -108,9 +128,16 @@ class Rapid:
 
     Args:
         path: What the tool follows; None leaves the way to the joints.
+
+    Raises:
+        InvalidInput: Something else than a path.
     """
 
     path: Path | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.path, Path | None):
+            raise InvalidInput(f"A rapid needs a Path or None, not {type(self.path).__name__}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +167,8 @@ class Program:
         notes: Sentences on what was left out or changed when it was read.
 
     Raises:
-        InvalidInput: No contour, something else than moves, or contours of different dimension.
+        InvalidInput: No contour, something else than moves, an event between contours that has a
+            place, or paths of different dimension.
     """
 
     moves: tuple[Move, ...]
@@ -155,11 +183,17 @@ class Program:
                     "A program is made of Contours, Rapids, Dwells and Events, not of "
                     f"{type(x).__name__}."
                 )
+            if isinstance(x, Event) and (x.s or x.lead_distance):
+                raise InvalidInput(
+                    f"The event {x.name} is a move of its own, where the tool stands still, and "
+                    "has no place and no lead distance: give it to a contour, or a lead time."
+                )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
-        if len({x.path.dimension for x in self.contours}) > 1:
+        paths = (x.path for x in self.moves if isinstance(x, Contour | Rapid))
+        if len({x.dimension for x in paths if x is not None}) > 1:
             raise InvalidInput(
-                "The contours of a program must all be in the plane or all in space."
+                "The contours and rapids of a program must all be in the plane or all in space."
             )
 
     @property
@@ -220,30 +254,32 @@ class Program:
 
         Speeds, tolerances and leads stay what they are.
         """
-        moved = self.mapped(lambda path: placed(path, frame, scale=scale))
-        dimensions = {
-            x.path.dimension
-            for x in moved.moves
-            if isinstance(x, Contour | Rapid) and x.path is not None
-        }
-        return moved if len(dimensions) == 1 else moved.mapped(in_space)
+        return self.mapped(lambda path: placed(path, frame, scale=scale))
 
     def flattened(self) -> Program:
-        """The program without z; what only goes up and down is left out."""
+        """The program without z; what only goes up and down is left out, but for its events.
+
+        Raises:
+            InvalidInput: An arc that stands across the plane.
+        """
         moves: list[Move] = []
+        number = 0
         for x in self.moves:
-            if isinstance(x, Contour | Rapid) and x.path is not None:
-                if not _runs(x.path):
-                    continue
-                path = flattened(x.path)
-                if isinstance(x, Contour):
-                    events = tuple(dataclasses.replace(e, s=_flat(x.path, e.s)) for e in x.events)
-                    moves.append(dataclasses.replace(x, path=path, events=events))
-                else:
-                    moves.append(Rapid(path=path))
-            else:
+            if isinstance(x, Contour):
+                called, number = contour_called(x, number), number + 1
+                try:
+                    moves += x.flattened()
+                except InvalidInput as error:
+                    said = f"{self.source}: {called}" if self.source else called
+                    raise InvalidInput(f"{said}: {error}") from None
+            elif not isinstance(x, Rapid) or x.path is None:
                 moves.append(x)
-        return dataclasses.replace(self, moves=tuple(moves))
+            elif goes_along(x.path):
+                moves.append(Rapid(path=flattened(x.path)))
+        notes = self.notes
+        if any(x.path.orientation is not None for x in self.contours):
+            notes = (*notes, "how the tool is held is left out with z.")
+        return dataclasses.replace(self, moves=tuple(moves), notes=notes)
 
     def selected(
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
@@ -251,13 +287,16 @@ class Program:
         """The contours on some layers, or of some names, with free rapids between them.
 
         Raises:
-            InvalidInput: A layer or a name that there is not.
+            InvalidInput: A layer or a name that there is not, or none.
         """
+        layers, names = ([x] if isinstance(x, str) else x for x in (layers, names))
         for what, wanted, known in (
             ("layer", layers, {x.layer for x in self.contours}),
             ("contour", names, {x.name for x in self.contours}),
         ):
-            unknown = sorted(set(wanted or ()) - known)
+            if not isinstance(wanted, Collection | None):
+                raise InvalidInput(f"A {what} is chosen by its name, not by {wanted!r}.")
+            unknown = sorted(set(wanted or ()) - known, key=str)
             if unknown:
                 listed = ", ".join(repr(x) for x in sorted(known)[:12])
                 raise InvalidInput(
@@ -272,23 +311,13 @@ class Program:
             if (layers is None or x.layer in layers) and (names is None or x.name in names)
         )
         if not kept:
-            raise InvalidInput(f"{self.source or 'The program'} has no contour that fits both.")
+            why = "fits both the layers and the names" if layers and names else "is chosen"
+            raise InvalidInput(
+                f"{self.source or 'The program'} has no contour that {why}: leave out the empty "
+                "list, or what excludes the other."
+            )
         notes = self.notes
         if len(self.contours) < len(self.moves):
             left = "what stood between the chosen contours is left out: rapids, dwells, events."
             notes = (*notes, left)
         return dataclasses.replace(self, moves=kept, notes=notes)
-
-
-def _runs(path: Path) -> bool:
-    """Whether something of a path is left without its z."""
-    run = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
-    return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
-
-
-def _flat(path: Path, s: float) -> float:
-    """Arc length without z of a place on a path."""
-    run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    run = np.where(path.curvatures > 0, 1.0, run)
-    run = np.where(run * path.lengths > REPEATED_POINT, run, 0.0)
-    return float(np.sum(run * np.clip(s - path.breaks[:-1], 0.0, path.lengths)))

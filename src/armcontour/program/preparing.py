@@ -11,11 +11,12 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import joined, part
-from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.geometry.path import REPEATED_POINT
+from armcontour.program.closing import closed_as_asked
 from armcontour.program.leading import lead_path
 from armcontour.program.linking import is_meant, last_end, leading_away, next_rapid, rerouted
 from armcontour.program.moves import Contour, Event, Move, Program, Rapid
-from armcontour.program.process import AUTO, DRAWN, Lead, Leads, Process
+from armcontour.program.process import Lead, Leads, Process
 from armcontour.program.resuming import resumed
 
 
@@ -154,7 +155,7 @@ def _begun(contour: Contour, process: Process, led: bool) -> Contour:
     """
     contour = _demanding(contour, process.layers.get(contour.layer))
     if contour.closed:
-        contour = _closed(contour, process, led)
+        contour = closed_as_asked(contour, process, led=led)
     path = contour.path
     for x in process.events:
         if x.s > path.length + REPEATED_POINT:
@@ -198,60 +199,6 @@ def _lead_in(
     if run_in is not None and run_in.path.length >= length:
         return part(run_in.path, run_in.path.length - length, run_in.path.length)
     return lead_path(path, length, lead.shape, lead.side, process.up, behind=False)
-
-
-def _closed(contour: Contour, process: Process, led: bool) -> Contour:
-    """A closed contour that begins where it should, with its overlap.
-
-    Where it begins is meant if the program leads there, or something is switched on the way.
-    """
-    path = contour.path
-    meant = process.begin == AUTO and (led or bool(contour.events))
-    begin = _begin(path, DRAWN if meant else process.begin)
-    events = contour.events
-    if begin > REPEATED_POINT and path.length - begin > REPEATED_POINT:
-        path = joined([part(path, begin, path.length), part(path, 0.0, begin)])
-        events = tuple(_moved(x, begin, path.length) for x in events)
-    whole = path
-    over = process.overlap
-    while over > REPEATED_POINT:
-        more = min(over, whole.length)
-        path = joined([path, part(whole, 0.0, more)])
-        over -= more
-    # What is switched at the end is so behind the overlap.
-    events = tuple(
-        dataclasses.replace(x, s=path.length) if x.s >= whole.length - REPEATED_POINT else x
-        for x in events
-    )
-    return dataclasses.replace(contour, path=path, events=events)
-
-
-def _moved(event: Event, begin: float, length: float) -> Event:
-    """An event of a closed contour that begins elsewhere; what is at its ends stays there."""
-    if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
-        return dataclasses.replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
-    return dataclasses.replace(event, s=(event.s - begin) % length)
-
-
-def _begin(path: Path, begin: str | float | tuple[float, ...]) -> float:
-    """Where on a closed path it is to begin [m]."""
-    if begin == DRAWN:
-        return 0.0
-    if isinstance(begin, tuple):
-        point = np.array(begin)
-        if len(point) != path.dimension:
-            raise InvalidInput(
-                f"begin is a point of {len(point)} coordinates, but contours have {path.dimension}."
-            )
-        return float(path.project(point[None]).s[0])
-    if not isinstance(begin, str):
-        return float(begin) % path.length
-    ends = path([0.0, path.length], 1, side="left")
-    turn = np.linalg.norm(path(0.0, 1) - ends[1])
-    if turn <= TANGENT_TOLERANCE:
-        return 0.0
-    longest = int(np.argmax(path.lengths))
-    return float(path.breaks[longest] + path.lengths[longest] / 2)
 
 
 def _between(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:

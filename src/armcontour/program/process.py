@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -57,6 +57,11 @@ class Switch:
     on_lead: float = 0.0
     off_lead: float = 0.0
 
+    def __post_init__(self) -> None:
+        # Refused here, and not where a contour gets them.
+        for lead in (self.on_lead, self.off_lead):
+            Event(name=self.name, lead_time=lead)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process:
@@ -85,7 +90,7 @@ class Process:
         InvalidInput: Values that are none.
     """
 
-    begin: str | float | tuple[float, ...] = AUTO
+    begin: str | float | Sequence[float] = AUTO
     overlap: float = 0.0
     lead_in: Lead | None = None
     lead_out: Lead | None = None
@@ -104,10 +109,13 @@ class Process:
         _checks.choice("order", self.order, ORDERS)
         if isinstance(self.begin, str):
             _checks.choice("begin", self.begin, (AUTO, DRAWN))
-        elif isinstance(self.begin, tuple):
-            _checks.numbers("begin", self.begin, "m")
         else:
-            _checks.number("begin", self.begin, "m")
+            begin = _checks.numbers("begin", self.begin, "m")
+            if begin.ndim > 1:
+                raise InvalidInput("begin must be one arc length or one point in m.")
+            listed = begin.tolist()
+            object.__setattr__(self, "begin", tuple(listed) if begin.ndim else listed)
+        object.__setattr__(self, "events", tuple(self.events))
         up = _checks.numbers("up", self.up)
         if up.shape != (3,) or not np.linalg.norm(up) > 0:
             raise InvalidInput("up must be a direction in space.")

@@ -85,6 +85,7 @@ def sweep(
         InvalidInput: Nothing to sweep, or as `certify` raises it. A plan that cannot be certified
             is a point that says why.
     """
+    _ = job.single_path  # a program is refused before anything is tried
     goal = goal_of(job, overrides)
     this = run_of(job, goal.run if run is None else run)
     own = goal.tolerance

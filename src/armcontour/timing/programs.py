@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -12,8 +13,10 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, Unreachable
-from armcontour.frames import exp, log
+from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path
+from armcontour.geometry.cutting import reversed_path
+from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import REPEATED_POINT
 from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
@@ -96,6 +99,7 @@ class _Chain:
     events: list[TimedEvent] = field(default_factory=list)
     waiting: list[tuple[int, Event | Dwell]] = field(default_factory=list)
     method: str = "optimal"
+    length: float = 0.0
 
     def contour(self, i: int, move: Contour, number: int) -> None:
         called = contour_called(move, number)
@@ -107,7 +111,7 @@ class _Chain:
             error.args = (f"{called}: {error}",)
             raise
         self.method = planned.method
-        begun, offset = self.t, float(self.program.breaks[number])
+        begun, offset = self.t, self.length
         ends = (0.0, move.path.length) if move.work is None else move.work
         work = tuple(begun + time_at(planned, self.ways.arm, move.path, s) for s in ends)
         self._append(
@@ -122,6 +126,7 @@ class _Chain:
                 trajectory=planned,
             ),
         )
+        self.length += move.path.length
         for x in move.events:
             self._timed(x, move, planned, begun, offset, called)
 
@@ -131,7 +136,8 @@ class _Chain:
             return
         path = self._held(i, move.path)
         try:
-            joint_path = self._traced(path)
+            first = self.q is None and self.ways.start is None
+            joint_path = self._led(i, path) if first else self._traced(path)
             self._bridge(joint_path(0.0))
             planned = self.ways.rapid(joint_path)
         except ArmContourError as error:
@@ -177,6 +183,20 @@ class _Chain:
         except Unreachable:
             return trace_fastest(path, self.ways.arm, self.ways.limits)
 
+    def _led(self, i: int, path: Path) -> JointPath:
+        """A rapid before the first contour, in the configuration that is fastest along that."""
+        ways = self.ways
+        contour = next(x for x in self.program.moves[i:] if isinstance(x, Contour))
+        if isinstance(ways.arm, PlanarTwoLink):
+            return self._traced(path)
+        try:
+            fastest = trace_fastest(contour.path, ways.arm, ways.limits)
+            back = trace(reversed_path(path), ways.arm, limits=ways.limits, start=fastest(0.0))
+            return trace(path, ways.arm, limits=ways.limits, start=back(back.length))
+        except ArmContourError:
+            # In another configuration, if there is one; what is wrong with the contour, it says.
+            return self._traced(path)
+
     def _bridge(self, q: FloatArray) -> None:
         """A straight line of the joints to where the next move begins."""
         if self.q is None:
@@ -190,8 +210,7 @@ class _Chain:
         self._append_rapid(None, self.ways.rapid(line))
 
     def _append_rapid(self, i: int | None, planned: Trajectory) -> None:
-        s = self._so_far()
-        ends = (self.t, self.t + planned.duration)
+        ends, s = (self.t, self.t + planned.duration), self.length
         self._append(planned, Span(move=i, kind="rapid", t=ends, s=(s, s), trajectory=planned))
 
     def _append(self, planned: Trajectory, span: Span) -> None:
@@ -202,14 +221,11 @@ class _Chain:
 
     def _stand(self, i: int, move: Dwell) -> None:
         assert self.q is not None
-        none, s = np.zeros((1, len(self.q))), self._so_far()
+        none, s = np.zeros((1, len(self.q))), self.length
         ends = np.array([0.0, move.duration])
         self.laws.append(LapLaw(breaks=ends, q=np.tile(self.q, (2, 1)), dq=none, ddq=none))
         self.spans.append(Span(move=i, kind="dwell", t=(self.t, self.t + move.duration), s=(s, s)))
         self.t += move.duration
-
-    def _so_far(self) -> float:
-        return max((x.s[1] for x in self.spans), default=0.0)
 
     def _switch(self, x: Event) -> None:
         """What is switched where the joints stand now."""
@@ -220,7 +236,7 @@ class _Chain:
                 value=x.value,
                 t=self.t - x.lead_time,
                 due=self.t,
-                s=self._so_far(),
+                s=self.length,
                 point=tuple(self.ways.arm.forward(self.q).tolist()),
             )
         )
@@ -230,12 +246,14 @@ class _Chain:
     ) -> None:
         early = x.s - x.lead_distance
         if not -REPEATED_POINT <= early <= move.path.length + REPEATED_POINT:
+            leads = x.lead_distance > 0
             raise InvalidInput(
-                f"{called}: the event {x.name} at {x.s:g} m leads by {x.lead_distance:g} m, which "
-                f"is off the contour of {move.path.length:g} m: give it a lead-in that long.",
+                f"{called}: the event {x.name} at {x.s:g} m {'leads' if leads else 'lags'} by "
+                f"{abs(x.lead_distance):g} m, which is off the contour of {move.path.length:g} m: "
+                f"give it a lead-{'in' if leads else 'out'} that long.",
                 s=x.s,
-                needed=x.lead_distance,
-                allowed=x.s,
+                needed=abs(x.lead_distance),
+                allowed=x.s if leads else move.path.length - x.s,
             )
         due = begun + time_at(planned, self.ways.arm, move.path, x.s)
         t = begun + time_at(planned, self.ways.arm, move.path, early) - x.lead_time
@@ -262,16 +280,28 @@ class _Chain:
         """A rapid's path with the tool turning from the last contour's way to the next one's."""
         if path.orientation is not None or path.dimension == 2:
             return path
-        before = [x.path for x in self.program.moves[:i] if isinstance(x, Contour)][-1:]
-        after = [x.path for x in self.program.moves[i:] if isinstance(x, Contour)][:1]
-        ends = [(x, x.length) for x in before] + [(x, 0.0) for x in after]
+        moves = self.program.moves
+        before = next(
+            (moves[k] for k in range(i - 1, -1, -1) if isinstance(moves[k], Contour)), None
+        )
+        after = next(
+            (moves[k] for k in range(i + 1, len(moves)) if isinstance(moves[k], Contour)), None
+        )
+        ends = [(x.path, x.path.length) for x in (before,) if isinstance(x, Contour)]
+        ends += [(x.path, 0.0) for x in (after,) if isinstance(x, Contour)]
         held = [x.orientation(s) for x, s in ends if x.orientation is not None]
         if not held:
             return path
         free = all(x.orientation.axis_only for x, _ in ends if x.orientation is not None)
-        turn = log((held[-1] @ held[0].T)[None])[0]
-        share = path.breaks[path.waypoints] / path.length
-        return path.oriented(exp(share[:, None] * turn) @ held[0], axis_only=free)
+        first, last = held[0], held[-1]
+        # Of two ways of half a turn either will do, and an axis that is free to turn asks for none.
+        turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
+        rates = np.tile(turn / path.length, (len(path), 1))
+        starts = exp(path.breaks[:-1, None] * rates) @ first
+        return dataclasses.replace(
+            path,
+            orientation=Orientation.even(path.lengths, starts, rates, axis_only=free),
+        )
 
 
 def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:

@@ -86,6 +86,11 @@ def traces(
         Unreachable: As in `trace`.
         InvalidInput: As in `trace`.
     """
+    if not isinstance(path, Path):
+        raise InvalidInput(
+            f"trace takes a Path, not a {type(path).__name__}: plan takes programs, and traces "
+            "their contours itself."
+        )
     _checks.positive("tracing tolerance", tolerance, "m")
     if limits is not None:
         arm = arm.with_limits(limits)

@@ -328,3 +328,16 @@ def test_thousands_of_pieces_take_no_time_to_speak_of(make):
     contours, _ = chained(given_, TOLERANCE)
     assert time.process_time() - begin < 2.5  # they take 0.4 s each
     assert len(contours) == count
+
+
+def test_one_long_name_of_a_layer_does_not_cost_memory_for_every_piece():
+    import tracemalloc
+
+    every = [line((k, 0), (k, 1), layer=str(k)) for k in range(500)]
+    long = line((0, 2), (1, 2), layer="x" * 100_000)
+    tracemalloc.start()
+    contours, _ = chained([*every, long], TOLERANCE)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(contours) == 501
+    assert most < 50e6  # as texts of numpy they would take 200 MB

@@ -109,3 +109,23 @@ def test_every_ending_has_a_reader():
         assert callable(
             getattr(__import__(f"armcontour.io.drawings.{module}", fromlist=[function]), function)
         )
+
+
+@pytest.mark.parametrize("scale", [1e300, 1e-12])
+def test_a_scale_that_leaves_no_drawing_is_refused(folder, refuses, scale):
+    read = lambda: ac.read_path(folder / "w.csv", scale=scale)  # noqa: E731
+    refuses(read, ac.InvalidInput, f"scale {scale:g}", "w.csv", "check the scale")
+
+
+def test_what_is_no_frame_and_no_name_is_refused(folder, refuses):
+    file = folder / "w.csv"
+    refuses(lambda: ac.read_path(file, frame=[0.3, 0, 0]), ac.InvalidInput, "Frame", "list")
+    refuses(lambda: ac.read_path(file, layers=5), ac.InvalidInput, "layer", "5")
+    refuses(lambda: ac.read_path(file, names=["a", 5]), ac.InvalidInput, "no contour 5")
+    assert len(ac.read_path(file, layers="CUT").contours) == 1
+
+
+def test_an_arc_that_cannot_be_flattened_is_named_by_its_line(folder, refuses):
+    (folder / "across.ngc").write_text("G21 F600\nG18\nG1 X10\nG2 X20 Z0 I5 K0\n")
+    read = lambda: ac.read_path(folder / "across.ngc", flat=True)  # noqa: E731
+    refuses(read, ac.InvalidInput, "across.ngc: contour line 3: Segment 2", "leaves the plane")

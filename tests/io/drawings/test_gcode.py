@@ -333,7 +333,7 @@ def test_unit_of_the_reading_holds_until_the_file_says_another():
 def test_skipping_leaves_one_note_for_every_kind():
     program = read_file("skipped/offsets_and_tools")
     assert program.notes == (
-        "G54 was skipped 2 times, first in line 3.",
+        "G55 was skipped 2 times, first in line 3.",
         "M6 was skipped 1 time, first in line 4.",
         "The word T was skipped 1 time, first in line 4.",
         "G43 was skipped 1 time, first in line 5.",
@@ -400,7 +400,7 @@ def test_the_guide_s_example_is_what_the_guide_says():
 def test_the_guide_quotes_a_refusal_as_it_is():
     guide = Path(__file__).parents[3] / "docs" / "guides" / "gcode.md"
     with pytest.raises(InvalidInput) as caught:
-        read("\n" * 13 + "G54\n")
+        read("\n" * 13 + "G55\n")
     assert str(caught.value) in guide.read_text()
 
 

@@ -183,3 +183,26 @@ def test_the_old_bag_comes_back_if_the_new_one_cannot_be_put_there(
     with pytest.raises(InvalidInput, match="Permission denied"):
         export(six, place)
     assert bytes_of(place) == before
+
+
+def test_an_output_of_an_event_that_there_is_not_is_refused(
+    six: ac.TaughtData, tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    place = tmp_path / "part.script"
+    words = "outputs", "'tol'", "gas, tool"
+    refuses(lambda: export(six, place, outputs={"tol": 1}), InvalidInput, *words)
+    assert not place.exists()
+    export(six, place, outputs={"tool": 1})
+
+
+def test_joint_names_that_are_one_text_and_samples_without_end_are_refused(
+    six: ac.TaughtData,
+    conventional: ac.Trajectory,
+    tmp_path: FilePath,
+    refuses: Callable[..., None],
+) -> None:
+    place = tmp_path / "part.csv"
+    for names in ("abcdef", 6):
+        refuses(lambda x=names: export(six, place, joint_names=x), InvalidInput, "list of 6 names")
+    export(six, place, joint_names=np.array(list("abcdef")))
+    refuses(lambda: export(conventional, place, period=1e-12), InvalidInput, "longer period")

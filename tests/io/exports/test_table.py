@@ -156,3 +156,9 @@ def test_refuses_arrays_that_do_not_fit(table: Callable[..., Table]) -> None:
     ):
         with pytest.raises(InvalidInput, match=words):
             dataclasses.replace(good, **change)
+
+
+def test_times_and_positions_that_are_no_arrays_are_refused(refuses):
+    given = {"name": "a", "joint_names": ("a",), "period": 1.0}
+    refuses(lambda: Table(**given, t=0.0, q=[[0.0]]), InvalidInput, "t of 'a'")
+    refuses(lambda: Table(**given, t=[0.0], q=0.0), InvalidInput, "q of 'a'", "shape")

@@ -13,12 +13,11 @@ from armcontour.errors import InvalidInput
 from armcontour.io.drawings._dxf_document import said
 from armcontour.io.drawings._dxf_entities import SHAPES, grid, insertions, refuse_missing
 from armcontour.io.drawings._dxf_shapes import Affine, Shape, Unreadable
+from armcontour.io.drawings.reading import FARTHEST
 
 # Blocks in blocks: more is a document made to do harm, as are more copies of entities.
 DEEPEST = 50
 MOST_COPIES = 200_000
-# Coordinates beyond this [m] are no drawing of something that is to be cut.
-FURTHEST = 1e6
 OFF, FROZEN = "off", "frozen"
 
 
@@ -217,7 +216,7 @@ def _is_mesh(entity: Any) -> bool:
 
 def _refuse_far(shape: Shape) -> None:
     far = float(np.abs(shape.corners).max())
-    if not far <= FURTHEST:
+    if not far <= FARTHEST:
         raise Unreadable(
-            f"reaches to {far:.3g} m, further than {FURTHEST:g} m: is the unit of the drawing right"
+            f"reaches to {far:.3g} m, further than {FARTHEST:g} m: is the unit of the drawing right"
         )

@@ -67,7 +67,9 @@ def chained(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], l
     if any(x.path.orientation is not None for x in pieces):
         raise InvalidInput("Pieces to chain must not have an orientation.")
     segments = Segments.of([x.path for x in pieces])
-    layers = np.unique([x.layer for x in pieces], return_inverse=True)[1]
+    # Not by numpy, whose texts are all as long as the longest.
+    numbers: dict[str, int] = {}
+    layers = np.array([numbers.setdefault(x.layer, len(numbers)) for x in pieces], dtype=np.intp)
     again = _repeated(pieces, segments, layers)
     lengths = segments.piece_lengths
     ends = Ends.of(segments, layers, again)

@@ -8,10 +8,13 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
+
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.io.drawings.reading import Reading, bytes_of
+from armcontour.geometry.path import REPEATED_POINT
+from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
 from armcontour.io.units import parse
 from armcontour.program import Program
 
@@ -88,7 +91,24 @@ def read_path(
         program = program.flattened()
     if frame is None and factor == 1.0:
         return program
-    return program.placed(Frame() if frame is None else frame, scale=factor)
+    program = program.placed(Frame() if frame is None else frame, scale=factor)
+    _refuse_odd_size(program, factor)
+    return program
+
+
+def _refuse_odd_size(program: Program, factor: float) -> None:
+    """Refuse a scale that makes of a drawing what no reader would give."""
+    far = max(float(np.abs(x.path.vertices).max()) for x in program.contours)
+    short = min(x.path.length for x in program.contours)
+    if not far <= FARTHEST:
+        said, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"
+    elif short <= REPEATED_POINT:
+        said, limit = f"has a contour of {short:.3g} m", f"no more than {REPEATED_POINT:g} m"
+    else:
+        return
+    raise InvalidInput(
+        f"With the scale {factor:g} {program.source} {said}, {limit}: check the scale."
+    )
 
 
 def _unit(units: str | float | None) -> float | None:

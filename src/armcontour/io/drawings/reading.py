@@ -10,6 +10,9 @@ from armcontour.errors import InvalidInput
 
 # Largest file that is read [bytes]: what is made of it must fit in memory many times over.
 LARGEST = 64_000_000
+# Beyond this [m] floating point no longer resolves what makes two points different; it is a wrong
+# unit rather than a drawing.
+FARTHEST = 1e6
 UNKNOWN = ("refuse", "skip")
 
 

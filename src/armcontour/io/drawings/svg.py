@@ -22,13 +22,11 @@ from armcontour.io.drawings._svg_units import (
 )
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.chaining import Piece, chained
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.program import Contour, Program
 
 # More segments than this, curves counted once, are no drawing that anyone wants followed.
 MOST_SEGMENTS = 500_000
-# Beyond this [m] floating point no longer resolves what makes two points different.
-FARTHEST = 1e6
 # Elements that one note names.
 NAMED = 6
 # Keeps what is not to be chained apart from the name of its layer; no XML can hold it.

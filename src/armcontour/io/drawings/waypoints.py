@@ -15,7 +15,7 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.geometry import Path
 from armcontour.geometry.path import REPEATED_POINT
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.io.drawings.waypoint_table import (
     ANGLES,
     AXIS,
@@ -36,8 +36,6 @@ UNITS = {
     **dict.fromkeys(ANGLES, "rad"),
     "speed": "m/s",
 }
-# Beyond this [m] floating point no longer resolves what makes two points different.
-FARTHEST = 1e6
 SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 

@@ -71,8 +71,9 @@ def export(
             by quintics, cubics or lines accordingly.
 
     Raises:
-        InvalidInput: An unknown format, an option of another one, a missing library, a template
-            that is wrong, data that the format cannot hold, or a file that cannot be written.
+        InvalidInput: An unknown format, an option of another one, an output of an event that there
+            is not, a missing library, a template that is wrong, data that the format cannot hold,
+            or a file that cannot be written.
     """
     place = FilePath(file)
     kind = chosen_format(place, format, template)
@@ -84,11 +85,22 @@ def export(
         period=period,
         derivatives=derivatives,
     )
+    _refuse_unknown_outputs(table, outputs or {})
     put(
         place,
         lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
         folder=kind == "mcap",
     )
+
+
+def _refuse_unknown_outputs(table: Table, outputs: Mapping[str, int | str]) -> None:
+    known = sorted({x.name for x in table.events})
+    for name in outputs:
+        if name not in known:
+            has = f"its events are {', '.join(known)}" if known else "it switches nothing"
+            raise InvalidInput(
+                f"outputs names the event {name!r}, which {table.name!r} has not: {has}."
+            )
 
 
 def write_table(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 # An event belongs to a point if it is due before it by less than this part of an interval: times
 # are sums and multiples, with rounding in the last digits.
 ON_THE_POINT = 1e-9
+# More samples of a trajectory than this do not fit in memory beside what is made of them.
+MOST_SAMPLES = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,10 +73,12 @@ class Table:
             )
 
     def _check_shapes(self) -> None:
+        if self.t.ndim != 1:
+            raise InvalidInput(f"t of {self.name!r} must be a list of times.")
         n, dof = len(self.t), len(self.joint_names)
-        if self.q.ndim != 2 or self.q.shape[1] != dof:
+        if self.q.ndim == 2 and self.q.shape[1] != dof:
             raise InvalidInput(
-                f"{self.name} has {self.q.shape[-1]} joints, but {dof} joint names are given."
+                f"{self.name} has {self.q.shape[1]} joints, but {dof} joint names are given."
             )
         shapes = {"q": (n, dof), "dq": (n, dof), "ddq": (n, dof)}
         for name, shape in shapes.items():
@@ -169,11 +173,20 @@ def tabulated(
         if period is None:
             raise InvalidInput("A trajectory is exported every so often: give a period [s].")
         step = _checks.positive("period", period, "s")
+        if data.duration > MOST_SAMPLES * step:
+            raise InvalidInput(
+                f"{name!r} takes {data.duration:.6g} s, which every {step:g} s are more than the "
+                f"{MOST_SAMPLES} samples that are written: give a longer period.",
+                needed=data.duration / step,
+                allowed=float(MOST_SAMPLES),
+            )
         samples, start, events = data.sample(step), 0.0, data.events
     dof = samples.q.shape[1]
     if arm is not None and arm.dof != dof:
         raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
     numbered = tuple(f"joint {i}" for i in range(1, dof + 1))
+    if isinstance(joint_names, str) or not isinstance(joint_names, Iterable | None):
+        raise InvalidInput(f"joint_names must be a list of {dof} names, not {joint_names!r}.")
     names = joint_names if joint_names is not None else arm.joint_names if arm else numbered
     return Table(
         name=name,

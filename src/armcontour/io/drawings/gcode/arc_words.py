@@ -50,12 +50,13 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
     words = block.words
     a, b, c = PLANES[plane]
     both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
-    if OFFSETS[c] in words:
+    # Posts for three axes write all three offsets: one of zero across the plane says nothing.
+    if words.get(OFFSETS[c], 0.0) != 0:
         raise Fault(
             f"the word {OFFSETS[c]} for an arc in the plane {codes.g_name(plane)}, whose centre is "
             f"given by {both}"
         )
-    given = [x for x in OFFSETS if x in words]
+    given = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
     if not given:
         raise Fault(f"an arc without its centre ({both}) or radius (R)")
     if absolute and len(given) < 2:

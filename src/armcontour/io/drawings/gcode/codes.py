@@ -45,13 +45,13 @@ M_GROUP = {
 }
 
 # Codes that are carried out, or that ask for what is so anyway: nothing compensated (G40, G49),
-# feed per minute (G94), spindle speed in turns per minute (G97), X as a radius (G8), and where
+# the first coordinate system (G54), which is the drawing's, feed per minute (G94), spindle speed in turns per minute (G97), X as a radius (G8), and where
 # canned cycles, which are refused, return to (G98, G99).
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
         *(INCH, MILLIMETRE, ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE, PER_MINUTE),
-        *(EXACT_PATH, EXACT_STOP, BLEND, 80, 400, 490, 970, 980, 990),
+        *(EXACT_PATH, EXACT_STOP, BLEND, 80, 400, 490, 540, 970, 980, 990),
     )
 )
 UNDERSTOOD_M = frozenset((0, 1, 2, 3, 4, 5, 7, 8, 9, 30))
