@@ -229,3 +229,31 @@ def test_a_layer_of_which_names_leave_nothing_demands_nothing(folder: FilePath) 
     path = job(folder, path={"file": "layers.csv", "layers": layers, "names": ["a"]}).path
     assert isinstance(path, Path)
     assert path.speeds.tolist() == [0.02]
+
+
+def test_what_a_file_says_of_the_tool_goes_before_the_cell(tmp_path):
+    file = tmp_path / "seam.csv"
+    file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
+    job = read_cell("ur5e", file, path={"units": "mm"})
+    path = job.path if isinstance(job.path, ac.Path) else job.path.contours[0].path
+    axis = path.orientation(0.0)[:, 2]
+    np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
+    assert isinstance(job.path, ac.Program)
+    assert "comes from seam.csv" in job.path.notes[-1]
+
+
+def test_settings_for_layers_do_not_demand_them(tmp_path, refuses):
+    file = tmp_path / "w.csv"
+    file.write_text("x,y,layer\n0,0,CUT\n50,0,CUT\n")
+    layers = {"CUT": {"speed": 0.02}, "MARK": {}}
+    job = read_cell("pmk3s", file, path={"units": "mm", "layers": layers})
+    assert isinstance(job.path, ac.Program)
+    np.testing.assert_array_equal(
+        ac.prepared(job.path, job.process).contours[0].path.speeds, [0.02]
+    )
+    assert job.path.notes == ("there is nothing on the layer 'MARK'.",)
+    refuses(
+        lambda: read_cell("pmk3s", file, path={"units": "mm", "layers": {"MARK": {}}}),
+        ac.InvalidInput,
+        "has no layer 'MARK'",
+    )

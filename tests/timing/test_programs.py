@@ -496,3 +496,38 @@ def test_an_approach_does_not_choose_another_configuration_than_the_contour() ->
     assert (approach.kind, contour.kind) == ("rapid", "contour")
     assert contour.t[1] - contour.t[0] == pytest.approx(alone.duration, rel=1e-3)
     np.testing.assert_allclose(led(contour.t[0]), alone(0.0), atol=0.1)
+
+
+def test_leads_that_would_change_the_order_of_switching_are_refused(refuses):
+    arm = ac.load_arm("pmk3s")
+    dashes = [ac.Path.polyline([(x, 0.1), (x + 0.004, 0.1)]) for x in (0.30, 0.32)]
+    program = ac.Program(moves=tuple(ac.Contour(path=x) for x in dashes))
+    limits = arm.limits.replace(speed=0.05)
+
+    def planned(**leads):
+        switch = ac.Switch(name="glue", **leads)
+        process = ac.Process(lead_in=ac.Lead(length=2e-3), switch=switch)
+        return ac.plan(ac.prepared(program, process), arm, limits)
+
+    kept = planned(off_lead=0.01)
+    assert [x.value for x in kept.events] == [True, False, True, False]
+    # So early that the tool would go off before it goes on.
+    most = kept.events[1].due - kept.events[0].due
+    refuses(
+        lambda: planned(off_lead=1.1 * most),
+        ac.InvalidInput,
+        "The event glue to False at",
+        "before the one to True",
+        "give it less lead",
+    )
+
+
+def test_a_dwell_before_every_contour_gives_time_to_what_leads():
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.polyline([(0.30, 0.1), (0.33, 0.1)])
+    program = ac.Program(moves=(ac.Contour(path=path),))
+    process = ac.Process(dwell=0.4, switch=ac.Switch(on_lead=0.4))
+    planned = ac.plan(ac.prepared(program, process), arm, arm.limits.replace(speed=0.05))
+    assert [x.kind for x in planned.spans] == ["dwell", "contour"]
+    first = planned.events[0]
+    assert (first.t, first.due) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.4))

@@ -187,7 +187,10 @@ class LeadModel(Model):
         default="auto", description="as long as the arm needs for the assigned velocity"
     )
     shape: Literal["line", "arc"] = "line"
-    side: Literal["left", "right"] = Field(default="left", description="of an arc")
+    side: Literal["left", "right", "waste"] = Field(
+        default="waste",
+        description="of an arc: inside of holes and outside of outlines, or seen along the contour",
+    )
 
 
 class SwitchModel(Model):
@@ -223,7 +226,11 @@ class ProcessModel(Model):
     lead_out: LeadModel | None = None
     approach: Distance = Field(default=0.0, description="straight down from so high")
     retract: Distance = Field(default=0.0, description="straight up so high")
+    dwell: Duration = Field(default=0.0, description="standing still before every contour")
     switch: SwitchModel | None = None
+    off_between: list[str] = Field(
+        default=[], description="what is on over rapids of the file and shall not be, as a laser"
+    )
     events: list[EventModel] = []
     order: Literal["drawn", "nearest"] = "drawn"
     from_s: Distance = Field(

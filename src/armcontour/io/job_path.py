@@ -107,10 +107,10 @@ def _drawn(
         if not isinstance(how, OrientationModel):
             raise InvalidInput("path.orientation of a file is one for all of it, not a list.")
         if any(x.path.orientation is not None for x in program.contours):
-            raise InvalidInput(
-                f"path.orientation: {program.source} says itself how the tool is held."
-            )
-        program = _all_held(program, how)
+            note = f"how the tool is held comes from {program.source}, not from path.orientation."
+            program = dataclasses.replace(program, notes=(*program.notes, note))
+        else:
+            program = _all_held(program, how)
     return program.placed(frame)
 
 

@@ -49,7 +49,7 @@ def with_process(
     return path, process
 
 
-def _process(model: ProcessModel, drawing: PathModel, left: Collection[str]) -> Process:
+def _process(model: ProcessModel, drawing: PathModel, there: Collection[str]) -> Process:
     frame = Frame() if drawing.frame is None else frame_of("path.frame", drawing.frame)
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     return Process(
@@ -59,11 +59,13 @@ def _process(model: ProcessModel, drawing: PathModel, left: Collection[str]) -> 
         lead_out=_lead(model.lead_out),
         approach=model.approach,
         retract=model.retract,
+        dwell=model.dwell,
+        off_between=tuple(model.off_between),
         up=frame.rotation[:, 2],
         switch=None if model.switch is None else Switch(**model.switch.model_dump()),
         events=tuple(_event(x) for x in model.events),
-        # Reading has refused those that the file has not; `names` may have left others out.
-        layers={name: _demand(x) for name, x in layers.items() if name in left},
+        # Reading has told of those that the file has not.
+        layers={name: _demand(x) for name, x in layers.items() if name in there},
         order=model.order,
         from_s=model.from_s,
     )

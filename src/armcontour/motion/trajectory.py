@@ -99,7 +99,7 @@ class Samples:
             object.__setattr__(self, name, _checks.locked(getattr(self, name)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory:
     """Laws of motion one after the other, callable at any time, two-sided at breaks.
 
@@ -125,6 +125,10 @@ class Trajectory:
             raise InvalidInput("A trajectory needs at least one law of motion.")
         ends = np.cumsum([law.breaks[-1] for law in self.laws])
         object.__setattr__(self, "starts", _checks.locked(np.concatenate([[0.0], ends])))
+
+    def __repr__(self) -> str:
+        """What it is, and not all of its numbers."""
+        return f"Trajectory({self.method!r}, {self.duration:.6g} s, {self.dof} joints)"
 
     @property
     def duration(self) -> float:

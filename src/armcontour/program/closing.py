@@ -37,7 +37,7 @@ def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour
     """
     path, events = contour.path, contour.events
     goes_on = _goes_on(path)
-    meant = process.begin == AUTO and (led or bool(events) or not goes_on)
+    meant = process.begin == AUTO and (contour.begun or led or bool(events) or not goes_on)
     begin = _begin(path, DRAWN if meant else process.begin)
     moved = begin > REPEATED_POINT and path.length - begin > REPEATED_POINT
     if not goes_on and (moved or process.overlap > REPEATED_POINT):
@@ -56,7 +56,7 @@ def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour
     events = tuple(
         dataclasses.replace(x, s=path.length) if x.s >= once - REPEATED_POINT else x for x in events
     )
-    return dataclasses.replace(contour, path=path, events=events)
+    return dataclasses.replace(contour, path=path, events=events, ring=True)
 
 
 def _goes_on(path: Path) -> bool:

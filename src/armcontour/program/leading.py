@@ -14,6 +14,8 @@ from armcontour.geometry.orientation import Orientation
 
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
+# The side on which what is cut out falls away.
+WASTE = "waste"
 # How far a quarter of a circle turns [rad].
 QUARTER = np.pi / 2
 # Below this sine the tangent goes straight up, and has no side.

@@ -5,15 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import placed
+from armcontour.geometry.cutting import in_space, placed
 from armcontour.geometry.flattening import flat_place, flattened, goes_along
 from armcontour.geometry.path import REPEATED_POINT
 
@@ -59,6 +61,8 @@ class Contour:
         events: What is switched along it, by their places.
         work: Between which places the process is at work [m]; before and behind are leads. By
             default all of it.
+        begun: Where it begins is meant, as in G-code, and no matter of how it was drawn.
+        ring: Whether it is closed, where its path with leads and overlap does not tell.
 
     Raises:
         InvalidInput: No path, an event behind its end, or work that is not within it.
@@ -69,6 +73,8 @@ class Contour:
     layer: str = ""
     events: tuple[Event, ...] = ()
     work: tuple[float, float] | None = None
+    begun: bool = False
+    ring: bool | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, Path):
@@ -97,7 +103,9 @@ class Contour:
 
     @property
     def closed(self) -> bool:
-        """Whether it ends where it starts."""
+        """Whether it ends where it starts, leads and overlap apart."""
+        if self.ring is not None:
+            return self.ring
         ends = self.path([0.0, self.path.length])
         return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
 
@@ -157,7 +165,7 @@ class Dwell:
 Move = Contour | Rapid | Dwell | Event
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program:
     """Moves in order. Where two contours do not meet, a rapid goes from one to the next.
 
@@ -248,6 +256,19 @@ class Program:
             else:
                 moves.append(x)
         return dataclasses.replace(self, moves=tuple(moves))
+
+    def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
+        """The program in space with the tool held in one way, as `Path.oriented`."""
+        return self.mapped(lambda path: in_space(path).oriented(rotations, axis_only=axis_only))
+
+    def pointing(self, direction: npt.ArrayLike) -> Program:
+        """The program in space with the tool axis in one direction, as `Path.pointing`."""
+        return self.mapped(lambda path: in_space(path).pointing(direction))
+
+    def __repr__(self) -> str:
+        """What it is, and not all of its numbers."""
+        source = f"{self.source!r}, " if self.source else ""
+        return f"Program({source}{len(self.contours)} contours, {self.length:.6g} m)"
 
     def placed(self, frame: Frame, *, scale: float = 1.0) -> Program:
         """The program drawn in a frame, as seen from where the frame stands.

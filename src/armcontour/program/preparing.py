@@ -12,12 +12,14 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import joined, part
 from armcontour.geometry.path import REPEATED_POINT
+from armcontour.program.between import switched_off_between
 from armcontour.program.closing import closed_as_asked
-from armcontour.program.leading import lead_path
+from armcontour.program.leading import WASTE, lead_path
 from armcontour.program.linking import is_meant, last_end, leading_away, next_rapid, rerouted
-from armcontour.program.moves import Contour, Event, Move, Program, Rapid
+from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
 from armcontour.program.process import Lead, Leads, Process
 from armcontour.program.resuming import resumed
+from armcontour.program.waste import waste_sides
 
 
 def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
@@ -36,18 +38,25 @@ def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None
     if process.approach or process.retract:
         _refuse_plane(program)
     program = _ordered(program, process.order)
-    begun = [
+    begun: list[Move] = [
         _begun(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
         for i, x in enumerate(program.moves)
     ]
     away = leading_away(program.moves)
-    program, run_in = resumed(dataclasses.replace(program, moves=tuple(begun)), process.from_s)
+    sides = _sides(program.contours, process)
+    begun = switched_off_between(begun, process.off_between)
+    program, run_in = resumed(
+        dataclasses.replace(program, moves=tuple(begun)),
+        process.from_s,
+        run_in=process.lead_in is not None,
+    )
     if process.automatic and (lengths is None or len(lengths) != len(program.contours)):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
             f"but there are {0 if lengths is None else len(lengths)}: run a job, which finds them, "
             "or give the leads a length."
         )
+    sides = sides[len(sides) - len(program.contours) :]
     result: list[Move] = []
     # Where the moves of the program are among the result's.
     places: list[int] = []
@@ -60,13 +69,16 @@ def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None
             result.append(move)
             continue
         asked = _lengths(process, lengths, number)
-        contour = _around(move, process, asked, run_in if number == 0 else None)
+        contour = _around(move, process, asked, run_in if number == 0 else None, sides[number])
         before = next_rapid(program.moves, range(i - 1, -1, -1))
         if before is not None:
             at = places[before]
             result[at] = rerouted(result[at], end=contour.path(0.0))
         followed = next_rapid(program.moves, range(i + 1, len(program.moves))) is not None
-        result += _between(contour, process, linked=before is not None, followed=followed)
+        around = _between(contour, process, linked=before is not None, followed=followed)
+        if process.dwell:
+            around.insert(around.index(contour), Dwell(duration=process.dwell))
+        result += around
         number += 1
     return dataclasses.replace(program, moves=tuple(result))
 
@@ -168,7 +180,15 @@ def _begun(contour: Contour, process: Process, led: bool) -> Contour:
     return dataclasses.replace(contour, events=(*contour.events, *process.events))
 
 
-def _around(contour: Contour, process: Process, leads: Leads, run_in: Contour | None) -> Contour:
+def _sides(contours: Sequence[Contour], process: Process) -> list[str]:
+    """The side on which the waste of every contour is, if any lead asks for it."""
+    asked = any(x is not None and x.side == WASTE for x in (process.lead_in, process.lead_out))
+    return waste_sides(contours, process.up) if asked else ["left"] * len(contours)
+
+
+def _around(
+    contour: Contour, process: Process, leads: Leads, run_in: Contour | None, waste: str
+) -> Contour:
     """A contour with its leads, and with what is switched at its ends."""
     path, events = contour.path, list(contour.events)
     if process.switch is not None:
@@ -178,11 +198,11 @@ def _around(contour: Contour, process: Process, leads: Leads, run_in: Contour | 
     before = 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
-        lead = _lead_in(path, process, process.lead_in, leads.before, run_in)
+        lead = _lead_in(path, process, process.lead_in, leads.before, run_in, waste)
         before = lead.length
         parts.insert(0, lead)
     if process.lead_out is not None and leads.behind > REPEATED_POINT:
-        shape, side = process.lead_out.shape, process.lead_out.side
+        shape, side = process.lead_out.shape, _side(process.lead_out, waste)
         parts.append(lead_path(path, leads.behind, shape, side, process.up, behind=True))
     return dataclasses.replace(
         contour,
@@ -192,13 +212,17 @@ def _around(contour: Contour, process: Process, leads: Leads, run_in: Contour | 
     )
 
 
+def _side(lead: Lead, waste: str) -> str:
+    return waste if lead.side == WASTE else lead.side
+
+
 def _lead_in(
-    path: Path, process: Process, lead: Lead, length: float, run_in: Contour | None
+    path: Path, process: Process, lead: Lead, length: float, run_in: Contour | None, waste: str
 ) -> Path:
     """What comes before a path: where it is resumed, what comes before it on its contour."""
     if run_in is not None and run_in.path.length >= length:
         return part(run_in.path, run_in.path.length - length, run_in.path.length)
-    return lead_path(path, length, lead.shape, lead.side, process.up, behind=False)
+    return lead_path(path, length, lead.shape, _side(lead, waste), process.up, behind=False)
 
 
 def _between(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:

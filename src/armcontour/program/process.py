@@ -12,7 +12,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
-from armcontour.program.leading import SHAPES, SIDES
+from armcontour.program.leading import SHAPES, SIDES, WASTE
 from armcontour.program.moves import Event
 
 UP = _checks.locked([0.0, 0.0, 1.0])
@@ -29,18 +29,19 @@ class Lead:
     Args:
         length: Its length [m]; None is as long as the arm needs for the assigned velocity.
         shape: "line", along the tangent, or "arc", a quarter of a circle that touches it.
-        side: Of the contour, seen along it, on which an arc lies: "left" or "right".
+        side: On which an arc lies: "left" or "right", seen along the contour; or "waste", which is
+            inside of holes and outside of what they are in, and "left" of open contours.
     """
 
     length: float | None = None
     shape: str = "line"
-    side: str = "left"
+    side: str = WASTE
 
     def __post_init__(self) -> None:
         if self.length is not None:
             _checks.positive("length of a lead", self.length, "m")
         _checks.choice("shape", self.shape, SHAPES)
-        _checks.choice("side", self.side, SIDES)
+        _checks.choice("side", self.side, (*SIDES, WASTE))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +80,10 @@ class Process:
         approach: Straight down to every contour from so high [m].
         retract: Straight up from every contour so high [m].
         up: Which way is up, and about which arcs of leads turn, in space, (3,).
+        dwell: Standing still for so long before every contour [s], for an event that leads.
         switch: Events at both ends of every contour.
+        off_between: Names of what is on over rapids in the program and shall not be, such as a
+            laser: switched off where a contour ends, and on again where the next one begins.
         events: On every contour; a place beyond its end is refused.
         layers: Speed and tolerance of contours by their layer, where segments have none.
         order: "drawn", or "nearest": each time the contour that begins nearest.
@@ -97,7 +101,9 @@ class Process:
     approach: float = 0.0
     retract: float = 0.0
     up: FloatArray = field(default_factory=lambda: UP)
+    dwell: float = 0.0
     switch: Switch | None = None
+    off_between: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
     layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
     order: str = "drawn"
@@ -106,6 +112,8 @@ class Process:
     def __post_init__(self) -> None:
         for name in ("overlap", "approach", "retract", "from_s"):
             _checks.not_negative(name, getattr(self, name), "m")
+        _checks.not_negative("dwell", self.dwell, "s")
+        object.__setattr__(self, "off_between", tuple(self.off_between))
         _checks.choice("order", self.order, ORDERS)
         if isinstance(self.begin, str):
             _checks.choice("begin", self.begin, (AUTO, DRAWN))

@@ -12,11 +12,16 @@ from armcontour.geometry.path import REPEATED_POINT
 from armcontour.program.moves import Contour, Event, Program
 
 
-def resumed(program: Program, from_s: float) -> tuple[Program, Contour | None]:
+def resumed(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, Contour | None]:
     """What is left of a program from a place on, and the contour that place is on, whole.
 
     What was switched before it is switched again: at the place itself where it was on the same
-    contour, else before anything moves.
+    contour, else before anything moves. It leads by what it did if there is a run-in.
+
+    Args:
+        program: The program.
+        from_s: Arc length of all contours together [m].
+        run_in: Whether a lead comes before that place.
     """
     if from_s == 0:
         return program, None
@@ -42,21 +47,22 @@ def resumed(program: Program, from_s: float) -> tuple[Program, Contour | None]:
             for x in move.events:
                 switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
-        rest = _behind(move, place)
+        rest = _behind(move, place, run_in)
         kept = (*switched.values(), rest, *program.moves[i + 1 :])
         found = dataclasses.replace(program, moves=kept)
         return found, (_until(move, place) if place > REPEATED_POINT else None)
     raise AssertionError("the place was found among the contours")
 
 
-def _behind(contour: Contour, place: float) -> Contour:
+def _behind(contour: Contour, place: float, run_in: bool) -> Contour:
     """A contour from a place on."""
     if place <= REPEATED_POINT:
         return contour
     last: dict[str, Event] = {}
     for x in contour.events:
         if x.s < place:
-            last[x.name] = dataclasses.replace(x, s=0.0)
+            lead = x.lead_time if run_in else 0.0
+            last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
     later = [dataclasses.replace(x, s=x.s - place) for x in contour.events if x.s >= place]
     return dataclasses.replace(
         contour,

@@ -27,6 +27,8 @@ from armcontour.tracing import trace
 
 # Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
 SAME_POSITION = 1e-9
+# Events nearer in time than this are at once [s].
+SAME_TIME = 1e-9
 # A rapid's grid: its limits change little along a straight line of the joints or of the tool.
 RAPID_INTERVALS = 200
 
@@ -164,12 +166,30 @@ class _Chain:
                 t=early.t,
                 allowed=0.0,
             )
+        self._refuse_disorder()
         return Trajectory(
             laws=tuple(self.laws),
             method=self.method,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),
         )
+
+    def _refuse_disorder(self) -> None:
+        """Refuse leads that bring what is switched into another order than it is meant in."""
+        last: dict[str, TimedEvent] = {}
+        for x in self.events:
+            before = last.get(x.name)
+            if before is not None and x.t < before.t - SAME_TIME and x.value != before.value:
+                raise InvalidInput(
+                    f"The event {x.name} to {x.value} at {x.s:.6g} m would come at {x.t:.6g} s, "
+                    f"with its lead, and so before the one to {before.value} at {before.s:.6g} m, "
+                    f"which comes at {before.t:.6g} s: give it less lead, or more way or time "
+                    "between them.",
+                    s=x.s,
+                    t=x.t,
+                    allowed=before.t,
+                )
+            last[x.name] = x
 
     def _traced(self, path: Path) -> JointPath:
         """A path from the configuration that the joints are in, if that completes it."""

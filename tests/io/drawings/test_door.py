@@ -129,3 +129,17 @@ def test_an_arc_that_cannot_be_flattened_is_named_by_its_line(folder, refuses):
     (folder / "across.ngc").write_text("G21 F600\nG18\nG1 X10\nG2 X20 Z0 I5 K0\n")
     read = lambda: ac.read_path(folder / "across.ngc", flat=True)  # noqa: E731
     refuses(read, ac.InvalidInput, "across.ngc: contour line 3: Segment 2", "leaves the plane")
+
+
+def test_what_is_no_file_is_refused(folder, refuses):
+    (folder / "folder.dxf").mkdir()
+    refuses(lambda: ac.read_path(folder / "folder.dxf"), ac.InvalidInput, "it is no file")
+
+
+def test_a_program_is_held_as_a_path_is(folder):
+    program = ac.read_path(folder / "w.csv", units="mm").pointing((0, 0, -1))
+    assert program.dimension == 3
+    assert all(x.path.orientation.axis_only for x in program.contours)
+    turned = ac.read_path(folder / "w.csv", units="mm").oriented(np.diag([1.0, -1.0, -1.0]))
+    np.testing.assert_array_equal(turned.contours[1].path.orientation(0.0)[:, 2], [0, 0, -1])
+    assert repr(program) == "Program('w.csv', 2 contours, 0.04 m)"

@@ -737,3 +737,18 @@ def test_five_thousand_lines_take_a_second_or_two():
     program = read_dxf(data, source="part.dxf", reading=Reading())
     assert time.process_time() - begin < 8  # it takes 0.8 s
     assert len(program.contours) > 4_900
+
+
+def test_what_is_unknown_on_layers_that_are_not_chosen_is_no_matter(tmp_path):
+    drawing = ezdxf.new(units=4)
+    space = drawing.modelspace()
+    space.add_line((0, 0), (10, 0), dxfattribs={"layer": "CUT"})
+    space.add_text("title", dxfattribs={"layer": "FRAME"})
+    file = tmp_path / "part.dxf"
+    drawing.saveas(file)
+    program = ac.read_path(file, layers=["CUT"])
+    assert len(program.contours) == 1
+    with pytest.raises(ac.InvalidInput, match="has a TEXT"):
+        ac.read_path(file)
+    with pytest.raises(ac.InvalidInput, match="has a TEXT"):
+        ac.read_path(file, layers=["CUT", "FRAME"])

@@ -49,6 +49,7 @@ class Walk:
         document: ezdxf's.
         source: Name of the file.
         skip: Whether unknown entities are left out, and not refused.
+        wanted: Layers that count; what is unknown on others is no matter. None means all.
         empty: Names of what has no length.
         unknown: Unknown entities, by their types.
         hidden: Entities on layers that are off or frozen, by their layers.
@@ -58,6 +59,7 @@ class Walk:
     document: Any
     source: str
     skip: bool
+    wanted: frozenset[str] | None = None
     empty: list[str] = field(default_factory=list)
     unknown: Counter[str] = field(default_factory=Counter)
     hidden: Counter[str] = field(default_factory=Counter)
@@ -111,7 +113,7 @@ class Walk:
                         placed = shape.placed(block.affine)
                         _refuse_far(placed)
                         yield Found(shape=placed, kind=kind, name=name, layer=layer)
-                else:
+                elif self.wanted is None or layer in self.wanted:
                     self._unknown(kind, name, layer)
             except Unreadable as error:
                 raise InvalidInput(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
@@ -55,7 +56,7 @@ def read_path(
             file says. A column of a table that has a unit of its own keeps that.
         scale: Factor of all lengths.
         frame: Where the drawing lies; a frame that lifts or tilts it makes it one in space.
-        layers: Only contours on these.
+        layers: Only contours on these; of a mapping, those of its keys that there are.
         names: Only contours with these names: ids of elements, handles of entities, "line 12" of
             G-code.
         flat: Leave z out.
@@ -79,6 +80,7 @@ def read_path(
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
         unknown=unknown,
+        layers=_names_of(layers),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
@@ -86,6 +88,12 @@ def read_path(
     if module in TELLING:
         read = partial(read, progress=progress)
     program: Program = read(bytes_of(place), source=place.name, reading=reading, **options)
+    if isinstance(layers, Mapping):
+        # Settings for layers, of which not every drawing has all.
+        there = {x.layer for x in program.contours}
+        notes = [f"there is nothing on the layer {x!r}." for x in layers if x not in there]
+        program = replace(program, notes=(*program.notes, *notes))
+        layers = [x for x in layers if x in there] or list(layers)
     program = program.selected(layers=layers, names=names)
     if flat:
         program = program.flattened()
@@ -94,6 +102,12 @@ def read_path(
     program = program.placed(Frame() if frame is None else frame, scale=factor)
     _refuse_odd_size(program, factor)
     return program
+
+
+def _names_of(layers: Collection[str] | None) -> frozenset[str] | None:
+    if layers is None or isinstance(layers, str):
+        return None if layers is None else frozenset((layers,))
+    return frozenset(layers) if isinstance(layers, Collection) else None
 
 
 def _refuse_odd_size(program: Program, factor: float) -> None:

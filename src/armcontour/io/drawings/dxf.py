@@ -57,7 +57,9 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
     """
     with quietly(), np.errstate(all="ignore"):
         document, notes = opened(data, source)
-        walk = Walk(document=document, source=source, skip=reading.unknown == "skip")
+        walk = Walk(
+            document=document, source=source, skip=reading.unknown == "skip", wanted=reading.layers
+        )
         found = list(walk.shapes(_unit(document, source, reading)))
         pieces = _pieces(found, walk, source, reading)
     if not pieces:

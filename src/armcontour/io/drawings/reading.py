@@ -26,12 +26,14 @@ class Reading:
         join_tolerance: Ends nearer than this are one point [m].
         unknown: What to do with what the reader does not know: "refuse" it, or "skip" it and say so
             in the program's notes.
+        layers: Nothing needs to be known of what is on others; None means all.
     """
 
     unit: float | None = None
     chord_tolerance: float = 1e-5
     join_tolerance: float = 1e-5
     unknown: str = "refuse"
+    layers: frozenset[str] | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -49,6 +51,8 @@ def bytes_of(file: str | FilePath) -> bytes:
     """
     place = FilePath(file)
     try:
+        if place.exists() and not place.is_file():
+            raise InvalidInput(f"Cannot read {place}: it is no file.")
         size = place.stat().st_size
         if size > LARGEST:
             raise InvalidInput(

@@ -97,7 +97,7 @@ def _held(last: str, duration: float) -> str:
 def _switched(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     words, at = event_words(event), f"  # {event_words(event)} at {FIXED % event.t} s\n"
     if event.name in outputs:
-        state = "True" if event.value else "False"
+        state = "True" if event.value is not False else "False"
         return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"
     said = f"{event.name}={event.value}" if isinstance(event.value, str) else words
     # URScript knows no escapes in text.
@@ -140,7 +140,8 @@ def _outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
             )
         found[name] = int(number)
     for event in table.events:
-        if event.name in found and not isinstance(event.value, bool):
+        # "reverse" or "mist" is on; a number would be lost.
+        if event.name in found and not isinstance(event.value, bool | str):
             raise InvalidInput(
                 f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
                 "output is only on or off: leave its output out."
