@@ -10,8 +10,8 @@ drawing = Path(__file__).parent / "drawings" / "gasket.dxf"
 gasket = ac.read_path(drawing, layers=["CUT"], frame=ac.Frame(position=(0.28, 0.08, 0.0)))
 print(f"{gasket.source}: {len(gasket.contours)} contours, {gasket.length * 1e3:.0f} mm")
 
-# A quarter of a circle leads onto every contour and off it, in what is waste: to the left of each.
-lead = ac.Lead(length=4e-3, shape="arc", side="left")
+# A quarter of a circle leads onto every contour and off it, in what is waste.
+lead = ac.Lead(length=4e-3, shape="arc")
 process = ac.Process(
     overlap=1e-3,
     lead_in=lead,
