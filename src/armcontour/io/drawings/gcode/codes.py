@@ -45,9 +45,9 @@ M_GROUP = {
 }
 
 # Codes that are carried out, or that ask for what is so anyway: nothing compensated (G40, G49), the
-# first coordinate system (G54), which is the drawing's, feed per minute (G94), spindle speed in turns
-# per minute (G97), X as a radius (G8), and where canned cycles, which are refused, return to (G98,
-# G99).
+# first coordinate system (G54), which is the drawing's, feed per minute (G94), spindle speed in
+# turns per minute (G97), X as a radius (G8), and where canned cycles, which are refused, return to
+# (G98, G99).
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
