@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armcontour.study import Job
 
-YAML = (".yaml", ".yml")
 Told = Callable[[float], None]
 
 
@@ -59,7 +58,7 @@ def open_job(file: FilePath, cell: str | None, overrides: Overrides, told: Told)
     """
     from armcontour.errors import InvalidInput
     from armcontour.io import parse_job
-    from armcontour.io.cell import cell_names, read_cell
+    from armcontour.io.cell import YAML, cell_names, read_cell
     from armcontour.io.job_file import job_text
 
     def changes(data: dict[str, Any]) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from armcontour.io.job_model import (
     given,
     given_limits,
 )
-from armcontour.io.job_path import Reading, path_of
+from armcontour.io.job_path import Told, path_of
 from armcontour.io.job_process import with_process
 from armcontour.io.problems import first_problem
 from armcontour.io.units import parse
@@ -47,7 +47,7 @@ PUBLISHED_UNITS = {
 }
 
 
-def read_job(file: str | FilePath, *, reading: Reading | None = None) -> Job:
+def read_job(file: str | FilePath, *, reading: Told | None = None) -> Job:
     """The job in a YAML file.
 
     Args:
@@ -81,7 +81,7 @@ def parse_job(
     source: str = "job",
     folder: FilePath | None = None,
     changes: Changes | None = None,
-    reading: Reading | None = None,
+    reading: Told | None = None,
 ) -> Job:
     """The job in YAML text.
 
@@ -118,7 +118,7 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _job(model: JobModel, folder: FilePath, reading: Reading | None) -> Job:
+def _job(model: JobModel, folder: FilePath, reading: Told | None) -> Job:
     arm = arm_of(model.arm, folder)
     path, process = with_process(
         path_of(model.path, folder, arm.dimension, reading), model.process, model.path

@@ -33,12 +33,12 @@ ONLY_OF_FILES = frozenset(
         "unknown",
     }
 )
-Reading = Callable[[float], None]
+Told = Callable[[float], None]
 WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
 def path_of(
-    model: PathModel, folder: FilePath, dimension: int, progress: Reading | None = None
+    model: PathModel, folder: FilePath, dimension: int, progress: Told | None = None
 ) -> Path | Program:
     """The objective path of a job, or its program, with the tool's orientation if it has one.
 
@@ -68,7 +68,7 @@ def path_of(
 
 
 def _drawn(
-    model: PathModel, file: str, folder: FilePath, dimension: int, progress: Reading | None
+    model: PathModel, file: str, folder: FilePath, dimension: int, progress: Told | None
 ) -> Program:
     """The program in a file, where it is to lie."""
     if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):

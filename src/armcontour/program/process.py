@@ -135,9 +135,6 @@ class Process:
         return any(x is not None and x.length is None for x in (self.lead_in, self.lead_out))
 
 
-NOTHING = Process()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leads:
     """Lengths of the leads of one contour [m]."""
