@@ -641,3 +641,24 @@ def test_a_rapid_in_arcs_keeps_them_where_leads_move_its_ends() -> None:
     np.testing.assert_allclose(rapid([0.0, rapid.length]), [[0.36, 0.1], [0.44, 0.1]], atol=1e-15)
     assert rapid.length == pytest.approx(arc.length + 0.02)
     np.testing.assert_allclose(rapid(rapid.length / 2), [0.4, 0.15], atol=1e-15)
+
+
+def test_resuming_where_something_is_switched_tells_its_last_state_only():
+    path = ac.Path.polyline([(0, 0), (0.1, 0)])
+    events = (
+        ac.Event(name="spindle"),
+        ac.Event(name="speed", value=200.0, s=0.02),
+        ac.Event(name="speed", value=0.0, s=0.05),
+    )
+    program = ac.Program(moves=(ac.Contour(path=path, events=events),))
+    (rest,) = ac.prepared(program, ac.Process(from_s=0.05)).contours
+    assert [(x.name, x.value, x.s) for x in rest.events] == [
+        ("spindle", True, 0.0),
+        ("speed", 0.0, 0.0),
+    ]
+    (rest,) = ac.prepared(program, ac.Process(from_s=0.03)).contours
+    assert [(x.value, pytest.approx(x.s)) for x in rest.events] == [
+        (True, 0.0),
+        (200.0, 0.0),
+        (0.0, 0.02),
+    ]

@@ -21,12 +21,14 @@ class CornerDeviation:
         rounding: Cornering round-off CR: smallest distance between corner and tool [m].
         overshoot: Cornering overshoot CO: how far the tool went beyond the line that leaves the
             corner, on the far side of it [m].
+        contour: Of a program, the number of the corner's contour, from 1.
     """
 
     joint: int
     point: tuple[float, ...]
     rounding: float
     overshoot: float
+    contour: int | None = None
 
 
 def corner_deviations(

@@ -6,7 +6,7 @@ Shares only geometry and arms with what it judges.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -147,7 +147,7 @@ def evaluate(
         tracking_error=ErrorProfile.joined([x.tracking_error for x in pieces]),
         objective_error=_of_all([x.objective_error for x in pieces]),
         orientation_error=_of_all([x.orientation_error for x in pieces]),
-        corners=tuple(x for piece in pieces for x in piece.corners),
+        corners=_corners(pieces, isinstance(path, Program)),
         speed=fastest,
         speed_ratio=fastest / (np.nan if bounds.speed is None else bounds.speed),
         speed_overshoot=max(_overshoot(x, bounds) for x in pieces),
@@ -164,6 +164,16 @@ def evaluate(
 def _of_all(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     found = [x for x in profiles if x is not None]
     return ErrorProfile.joined(found) if found else None
+
+
+def _corners(pieces: Sequence[Piece], numbered: bool) -> tuple[CornerDeviation, ...]:
+    if not numbered:
+        return tuple(x for piece in pieces for x in piece.corners)
+    return tuple(
+        replace(x, contour=number)
+        for number, piece in enumerate(pieces, start=1)
+        for x in piece.corners
+    )
 
 
 def _overshoot(piece: Piece, limits: Limits) -> float:

@@ -273,6 +273,7 @@ def _judged(e: Evaluation) -> dict[str, Any]:
         "cornering": [
             {
                 "joint": c.joint,
+                **({} if c.contour is None else {"contour": c.contour}),
                 "point": c.point,
                 "rounding": c.rounding,
                 "overshoot": c.overshoot,

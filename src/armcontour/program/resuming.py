@@ -60,10 +60,16 @@ def _behind(contour: Contour, place: float, run_in: bool) -> Contour:
         return contour
     last: dict[str, Event] = {}
     for x in contour.events:
-        if x.s < place:
+        if x.s <= place + REPEATED_POINT:
+            # In the order in which it was switched last.
+            last.pop(x.name, None)
             lead = x.lead_time if run_in else 0.0
             last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
-    later = [dataclasses.replace(x, s=x.s - place) for x in contour.events if x.s >= place]
+    later = [
+        dataclasses.replace(x, s=x.s - place)
+        for x in contour.events
+        if x.s > place + REPEATED_POINT
+    ]
     return dataclasses.replace(
         contour,
         path=part(contour.path, place, contour.path.length),

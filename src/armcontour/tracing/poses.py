@@ -56,10 +56,14 @@ def asked_of(path: Path, arm: SerialArm) -> int:
             if beside_an_arc
             else "round a sharp corner: round the corner, with an angular tolerance"
         )
+        why = (
+            f", as it follows the tangent {helps}"
+            if orientation.follows
+            else ": make it turn evenly"
+        )
         raise InvalidInput(
             f"At {s:.6g} m along the path the tool's orientation jumps by "
-            f"{np.degrees(jumps[i]):.3g}°, as it follows the tangent {helps}, or leave the "
-            "orientation fixed there.",
+            f"{np.degrees(jumps[i]):.3g}°{why}, or leave the orientation fixed there.",
             s=s,
             point=point,
         )

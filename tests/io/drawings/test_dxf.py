@@ -445,7 +445,7 @@ def test_what_is_no_contour_is_refused_by_kind_handle_and_layer(refuses):
     document, space = drawing()
     space.add_line((0, 0), (10, 0))
     x = space.add_text("gasket", dxfattribs={"layer": "notes"})
-    words = ("part.dxf has a TEXT", f"handle {x.dxf.handle}", "'notes'", "skipped")
+    words = ("part.dxf has a TEXT", f"handle {x.dxf.handle}", "'notes'", "--skip-unknown")
     refuses(lambda: read(document), ac.InvalidInput, *words)
     block = document.blocks.new("b")
     point = block.add_point((0, 0))

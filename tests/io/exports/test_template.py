@@ -97,8 +97,14 @@ def test_ours_refuse_arms_of_other_joints_and_values_on_digital_outputs(
     table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None], name: str
 ) -> None:
     refuses(lambda: made(table(2), tmp_path, name), InvalidInput, f"{name}.", "6", "has 2")
+    good, bad = (1, 0) if name == "kuka" else ("doGas", 1)
     refuses(
-        lambda: made(table(6), tmp_path, name, outputs={"gas": 1}), InvalidInput, "the event gas"
+        lambda: made(table(6), tmp_path, name, outputs={"gas": good}), InvalidInput, "the event gas"
+    )
+    refuses(
+        lambda: made(table(6), tmp_path, name, outputs={"tool": bad}),
+        InvalidInput,
+        f"controller are {'numbers from 1' if name == 'kuka' else 'signals by their names'}",
     )
 
 

@@ -13,7 +13,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.drawings._dxf_document import said
 from armcontour.io.drawings._dxf_entities import SHAPES, grid, insertions, refuse_missing
 from armcontour.io.drawings._dxf_shapes import Affine, Shape, Unreadable
-from armcontour.io.drawings.reading import FARTHEST
+from armcontour.io.drawings.reading import FARTHEST, SKIP
 
 # Blocks in blocks: more is a document made to do harm, as are more copies of entities.
 DEEPEST = 50
@@ -178,7 +178,7 @@ class Walk:
         if not self.skip:
             raise InvalidInput(
                 f"{self.source} has a {kind} ({name}, layer {layer!r}), which is no contour to "
-                "follow: take it out, or have unknown entities skipped."
+                f"follow: take it out, or {SKIP}."
             )
         self.unknown[kind] += 1
 

@@ -19,6 +19,7 @@ from armcontour.io.drawings._svg_units import (
     transform_of,
     view_box,
 )
+from armcontour.io.drawings.reading import SKIP
 
 # These draw nothing themselves.
 SILENT = (
@@ -173,7 +174,7 @@ class Walk:
 
     def _unknown(self, element: Element, what: str) -> None:
         if not self.skip:
-            element.refuse(f"{what}: change it in the drawing, or leave it out with unknown: skip")
+            element.refuse(f"{what}: change it in the drawing, or {SKIP}")
         self.leave_out(what, element)
 
     def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:

@@ -68,6 +68,8 @@ def read_path(
     Raises:
         InvalidInput: A file that cannot be read; names the line, the element or the row.
     """
+    if not isinstance(file, str | FilePath):
+        raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
     place = FilePath(file)
     suffix = place.suffix.lower()
     if suffix not in READERS:

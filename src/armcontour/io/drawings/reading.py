@@ -14,6 +14,8 @@ LARGEST = 64_000_000
 # unit rather than a drawing.
 FARTHEST = 1e6
 UNKNOWN = ("refuse", "skip")
+# What sentences say of the latter.
+SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

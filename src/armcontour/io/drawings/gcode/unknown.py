@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.words import Block, Fault
+from armcontour.io.drawings.reading import SKIP
 
 # Words that mean something with codes that are not carried out only.
 OTHER_LETTERS = "ABCDEHLTUVW"
-SKIP = 'say "unknown: skip" to have it left out'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
