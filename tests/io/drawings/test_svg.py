@@ -9,6 +9,7 @@ import svgpathtools
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import TANGENT_TOLERANCE
 from armcontour.io.drawings import svg
@@ -559,3 +560,20 @@ def test_broken_bytes_give_a_program_or_a_refusal():
             read(bytes(data))
         except InvalidInput as error:
             assert str(error).startswith("a.svg")
+
+
+def test_a_text_on_a_layer_that_is_not_chosen_is_no_matter(tmp_path, refuses):
+    file = tmp_path / "part.svg"
+    file.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="10mm" viewBox="0 0 20 10">'
+        '<g id="CUT"><line x1="0" y1="10" x2="20" y2="10"/></g>'
+        '<g id="FRAME"><text x="1" y="1">title</text></g></svg>'
+    )
+    assert len(ac.read_path(file, layers=["CUT"]).contours) == 1
+    for layers in (None, ["CUT", "FRAME"]):
+        refuses(
+            lambda layers=layers: ac.read_path(file, layers=layers),
+            ac.InvalidInput,
+            "text is not read",
+            "--skip-unknown",
+        )

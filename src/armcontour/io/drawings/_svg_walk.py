@@ -82,11 +82,13 @@ class Walk:
     Args:
         root: The outermost element.
         skip: Whether what is not known is left out; else it is refused.
+        wanted: Layers that count: an element that is not read is no matter on others. None is all.
         left_out: What was left out, by the reason, in order.
     """
 
     root: Element
     skip: bool
+    wanted: frozenset[str] | None = None
     left_out: dict[str, list[str]] = field(default_factory=dict)
     _ids: dict[str, Element] = field(default_factory=dict)
     _repeated: int = 0
@@ -144,6 +146,8 @@ class Walk:
                     break
             return None
         if tag not in (*SHAPES, *HOLDING):
+            if self.wanted is not None and around.layer not in self.wanted:
+                return None
             self._unknown(element, f"{tag[:40]} is not read")
             return None
         if element.style("display") == "none":

@@ -57,7 +57,7 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
-    walk = Walk(root=root, skip=reading.unknown == "skip")
+    walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
     pieces: list[Piece] = []
     spent = _Budget()
     for shape in walk.shapes(page, view):
