@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
@@ -121,10 +121,12 @@ def rehearse(job: Job, x: Exports) -> None:
             event that the job has not.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import write_table
+    from armcontour.io.exports import refuse_unknown_outputs, write_table
 
     events = _events_of(job)
-    _refuse_unknown_outputs(x.outputs or {}, events)
+    refuse_unknown_outputs(
+        x.outputs or {}, (event.name for event in events), option="--output", owner="the job"
+    )
     for period in dict.fromkeys(run.period for run in job.runs):
         table = _two_points(job, period, events)
         with tempfile.TemporaryDirectory() as folder:
@@ -149,16 +151,6 @@ def _events_of(job: Job) -> list[Event]:
         elif isinstance(move, Contour):
             found += move.events
     return list({(x.name, type(x.value), x.value): x for x in found}.values())
-
-
-def _refuse_unknown_outputs(outputs: Mapping[str, int | str], events: Sequence[Event]) -> None:
-    from armcontour.errors import InvalidInput
-
-    known = sorted({x.name for x in events})
-    for name in outputs:
-        if name not in known:
-            has = f"its events are {', '.join(known)}" if known else "it switches nothing"
-            raise InvalidInput(f"--output names the event {name!r}, which the job has not: {has}.")
 
 
 def _two_points(job: Job, period: float, events: Sequence[Event]) -> Table:

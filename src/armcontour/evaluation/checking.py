@@ -5,7 +5,7 @@ Shares only geometry and arms with what planned it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
-from armcontour.arms.limits import TOOL_LIMITS
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_samples import Log, judge_samples
@@ -149,10 +149,10 @@ def check(
             f"check compares with a Path, not with a {type(path).__name__}: give the path of one "
             "contour, or none."
         )
-    spans = [x for x in getattr(samples, "spans", ()) if x.trajectory is not None]
-    if spans and path is None:
+    spans: Any = getattr(samples, "spans", ())
+    if path is None and spans:
         more: dict[str, Any] = {"velocity_step": velocity_step, "points": points, "seed": seed}
-        return _of_program(samples, spans, arm, limits, tolerance, more)
+        return _of_program(samples, arm, limits, tolerance=tolerance, **more)
     dof = arm.dof
     _refuse_path(arm, path, deviation, orientation_deviation)
     bounds = (arm.limits if limits is None else limits).for_joints(dof)
@@ -174,24 +174,17 @@ def check(
     )
 
 
-def _of_program(
-    law: Any,
-    spans: Sequence[Any],
-    arm: Arm,
-    limits: Limits | None,
-    tolerance: float,
-    more: dict[str, Any],
-) -> Check:
-    """Every move by itself, and the joints from one to the next."""
+def _of_program(law: Any, arm: Arm, limits: Limits | None, **options: Any) -> Check:
+    """Limits of the joints all along, and those of the tool contour by contour."""
     bounds = arm.limits if limits is None else limits
-    free = bounds.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    whole = check(replace(law, spans=()), arm, free, tolerance=tolerance, **more)
+    joints = bounds.replace(**dict.fromkeys(TOOL_LIMITS, None))
+    tool = bounds.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))
+    whole = check(replace(law, spans=()), arm, joints, **options)
     uses = {x.name: x for x in whole.uses}
-    left: dict[str, None] = dict.fromkeys(whole.not_judged)
-    for span in spans:
-        if span.kind != "contour":
-            continue
-        found = check(span.trajectory, arm, bounds, tolerance=tolerance, **more)
+    left = dict.fromkeys(whole.not_judged)
+    limited = any(getattr(tool, name) is not None for name in TOOL_LIMITS)
+    for span in law.contour_spans if limited else ():
+        found = check(span.trajectory, arm, tool, **options)
         left |= dict.fromkeys(found.not_judged)
         for use in found.uses:
             known = uses.get(use.name)

@@ -13,7 +13,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
-from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
+from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
 from armcontour.evaluation.corners import CornerDeviation
@@ -21,7 +21,7 @@ from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
 from armcontour.geometry import Path
-from armcontour.motion import Execution, Trajectory
+from armcontour.motion import Execution
 from armcontour.program import Program
 
 # The tool is at rest below this speed [m/s].
@@ -209,21 +209,10 @@ def _torque(executed: Execution) -> FloatArray | None:
 
 
 def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
-    """Largest share of every limit that the planned motion takes; a rapid has none of the tool."""
+    """Largest share of every limit that the planned motion takes."""
     trajectory = executed.taught.trajectory
-    free = limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    judged: list[tuple[Trajectory, Limits]] = [
-        (x.trajectory, limits if x.kind == "contour" else free)
-        for x in trajectory.spans
-        if x.trajectory is not None
-    ]
-    judged = judged or [(trajectory, limits)]
-    intervals = sum(len(law.breaks) for law, _ in judged)
+    intervals = len(trajectory.breaks)
     points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
-    ratios: dict[str, float] = {}
-    for law, bounds in judged:
-        for use in check(law, executed.arm, bounds, points=points).uses:
-            if use.name not in Limits.__dataclass_fields__:
-                continue  # steps at breaks are no limits
-            ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
-    return ratios
+    found = check(trajectory, executed.arm, limits, points=points)
+    # Steps at breaks are no limits.
+    return {x.name: x.ratio for x in found.uses if x.name in Limits.__dataclass_fields__}

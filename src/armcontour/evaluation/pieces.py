@@ -126,7 +126,7 @@ def pieces_of(
     Raises:
         InvalidInput: A program that was not planned, or an objective that does not belong to it.
     """
-    spans = [x for x in executed.taught.trajectory.spans if x.kind == "contour"]
+    spans = executed.taught.trajectory.contour_spans
     if isinstance(path, Path) and not isinstance(objective, Program) and len(spans) < 2:
         return [
             Piece(

@@ -141,6 +141,11 @@ class Trajectory:
         return int(self(0.0).shape[-1])
 
     @property
+    def contour_spans(self) -> tuple[Span, ...]:
+        """Those of its spans that are contours of a program, in order."""
+        return tuple(x for x in self.spans if x.kind == "contour")
+
+    @property
     def breaks(self) -> FloatArray:
         """All times between which the motion is smooth, 0 and the end included [s]."""
         inner = [

@@ -77,6 +77,16 @@ class Run:
     reserve: float = 0.0
     experiment: Experiment | None = None
 
+    @property
+    def plan_options(self) -> dict[str, Any]:
+        """How `plan` is to time its path."""
+        return {
+            "method": self.timing,
+            "ignore_jerk": self.ignore_jerk,
+            "reserve": self.reserve,
+            **self.timing_options,
+        }
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Published:

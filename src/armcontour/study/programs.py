@@ -171,13 +171,10 @@ def planned(job: Job, this: Run, program: Program, progress: Any = None) -> Traj
         program,
         job.arm,
         this.limits,
-        method=this.timing,
         branch=job.branch,
         start=job.start,
-        ignore_jerk=this.ignore_jerk,
-        reserve=this.reserve,
         progress=progress,
-        **this.timing_options,
+        **this.plan_options,
     )
 
 
@@ -189,7 +186,7 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
         trajectory: Its plan.
         this: The run.
     """
-    spans = [x for x in trajectory.spans if x.kind == "contour"]
+    spans = trajectory.contour_spans
     found = []
     for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
         law = None if span.trajectory is None else span.trajectory.laws[0]

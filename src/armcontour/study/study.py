@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,8 @@ RESOLUTION = 1e-3
 # Set-points farther apart than this share of the motion are said to be coarse.
 COARSE = 0.1
 Progress = Callable[[str, str], None]
+Done = Callable[[float], None] | None
+Result = TypeVar("Result", bound="RunPlan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,7 +123,7 @@ def run(
     job: Job,
     *,
     progress: Progress | None = None,
-    done: Callable[[float], None] | None = None,
+    done: Done = None,
 ) -> Study:
     """Do a job: every run from the objective path to its evaluation.
 
@@ -136,19 +138,14 @@ def run(
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    results: dict[str, RunResult] = {}
-    telling = progress or (lambda run, step: None)
-    for x in job.runs:
-        with _named(f"Run {x.name}"):
-            results[x.name] = _run(job, x, telling, done, results.values())
-    return Study(job=job, runs=MappingProxyType(results))
+    return Study(job=job, runs=_every(job, _run, progress, done))
 
 
 def teach(
     job: Job,
     *,
     progress: Progress | None = None,
-    done: Callable[[float], None] | None = None,
+    done: Done = None,
 ) -> Mapping[str, RunPlan]:
     """Plan and compensate every run of a job, without simulating what the servo makes of it.
 
@@ -163,12 +160,21 @@ def teach(
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    plans: dict[str, RunPlan] = {}
-    telling = progress or (lambda run, step: None)
+    return _every(job, _taught, progress, done)
+
+
+def _every(
+    job: Job,
+    do: Callable[[Job, Run, Progress, Done, Iterable[Result]], Result],
+    progress: Progress | None,
+    done: Done,
+) -> Mapping[str, Result]:
+    """What every run of a job comes to, by its name; each is told of those before it."""
+    found: dict[str, Result] = {}
     for x in job.runs:
         with _named(f"Run {x.name}"):
-            plans[x.name] = _taught(job, x, telling, done, plans.values())
-    return MappingProxyType(plans)
+            found[x.name] = do(job, x, progress or (lambda run, step: None), done, found.values())
+    return MappingProxyType(found)
 
 
 def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
@@ -204,7 +210,7 @@ def _run(
     job: Job,
     this: Run,
     progress: Progress,
-    done: Callable[[float], None] | None,
+    done: Done,
     earlier: Iterable[RunResult],
 ) -> RunResult:
     plan = _taught(job, this, progress, done, earlier)
@@ -240,7 +246,7 @@ def _taught(
     job: Job,
     this: Run,
     progress: Progress,
-    done: Callable[[float], None] | None,
+    done: Done,
     earlier: Iterable[RunPlan],
 ) -> RunPlan:
     """A run from its objective to its taught data."""
@@ -287,20 +293,11 @@ def _planned_path(
     if joint_path is None:
         joint_path = traced(job, this, path)
     progress(this.name, "timing")
-    trajectory = plan(
-        joint_path,
-        job.arm,
-        this.limits,
-        method=this.timing,
-        ignore_jerk=this.ignore_jerk,
-        reserve=this.reserve,
-        **this.timing_options,
-    )
-    return path, joint_path, trajectory
+    return path, joint_path, plan(joint_path, job.arm, this.limits, **this.plan_options)
 
 
 def _planned_program(
-    job: Job, this: Run, progress: Progress, done: Callable[[float], None] | None
+    job: Job, this: Run, progress: Progress, done: Done
 ) -> tuple[Program, Program, Trajectory]:
     """The program of a run before and after rounding, and its plan."""
     progress(this.name, "rounding")

@@ -112,7 +112,7 @@ def explain(
         InvalidInput: A plan of another method.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    planned = [(x.t[0], x.s[0], x.trajectory) for x in trajectory.spans if x.kind == "contour"]
+    planned = [(x.t[0], x.s[0], x.trajectory) for x in trajectory.contour_spans]
     laws: list[tuple[float, float, PathLaw]] = []
     for t, s, found in planned or [(0.0, 0.0, trajectory)]:
         law = None if found is None else found.laws[0]

@@ -1,6 +1,12 @@
 """Writers of what robots take: each turns joint set-points and events into one format."""
 
-from armcontour.io.exports.exporting import chosen_format, export, formats, write_table
+from armcontour.io.exports.exporting import (
+    chosen_format,
+    export,
+    formats,
+    refuse_unknown_outputs,
+    write_table,
+)
 from armcontour.io.exports.table import Table, tabulated
 from armcontour.io.exports.template import templates
 from armcontour.io.exports.text import csv_text
@@ -11,6 +17,7 @@ __all__ = [
     "csv_text",
     "export",
     "formats",
+    "refuse_unknown_outputs",
     "tabulated",
     "templates",
     "write_table",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -85,7 +85,9 @@ def export(
         period=period,
         derivatives=derivatives,
     )
-    _refuse_unknown_outputs(table, outputs or {})
+    refuse_unknown_outputs(
+        outputs or {}, (x.name for x in table.events), option="outputs", owner=repr(table.name)
+    )
     put(
         place,
         lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
@@ -93,14 +95,25 @@ def export(
     )
 
 
-def _refuse_unknown_outputs(table: Table, outputs: Mapping[str, int | str]) -> None:
-    known = sorted({x.name for x in table.events})
+def refuse_unknown_outputs(
+    outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
+) -> None:
+    """Refuse outputs of events that there are not.
+
+    Args:
+        outputs: Outputs by names of events.
+        events: The names that there are.
+        option: What the outputs were given as.
+        owner: Whose events these are.
+
+    Raises:
+        InvalidInput: There is such an output.
+    """
+    known = sorted(set(events))
     for name in outputs:
         if name not in known:
             has = f"its events are {', '.join(known)}" if known else "it switches nothing"
-            raise InvalidInput(
-                f"outputs names the event {name!r}, which {table.name!r} has not: {has}."
-            )
+            raise InvalidInput(f"{option} names the event {name!r}, which {owner} has not: {has}.")
 
 
 def write_table(

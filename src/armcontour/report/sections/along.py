@@ -56,7 +56,7 @@ def _followed(result: RunResult) -> list[Followed]:
     plan = result.trajectory
     if isinstance(result.path, Path):
         return [(result.path, _law(plan), (0.0, plan.duration), 0.0)]
-    spans = [x for x in plan.spans if x.kind == "contour"]
+    spans = plan.contour_spans
     return [
         (x.path, _law(span.trajectory), span.t, span.s[0])
         for x, span in zip(result.path.contours, spans, strict=True)

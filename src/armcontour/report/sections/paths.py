@@ -103,7 +103,7 @@ def _executed(result: RunResult) -> FloatArray:
         if len(path) > DRAWN_PLACES:
             return outlines([done.tool])
         return done.tool[:: max(1, len(done.t) // MOST_TOOL)]
-    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    spans = result.trajectory.contour_spans
     ends = [np.searchsorted(done.t, x.t).tolist() for x in spans]
     last = len(done.t) - 1
     tool = done.tool

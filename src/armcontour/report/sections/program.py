@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from armcontour.evaluation import ErrorProfile
@@ -46,7 +48,7 @@ def program(study: Study) -> Section | None:
 def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
     program = _of(result)
     spans, duration = result.trajectory.spans, result.trajectory.duration
-    contours = [x for x in spans if x.kind == "contour"]
+    contours = result.trajectory.contour_spans
     rapids = [x for x in spans if x.kind == "rapid"]
     dwells = [x for x in spans if x.kind == "dwell"]
     at_work = sum(_work(x) for x in program.contours)
@@ -104,7 +106,7 @@ def _work(x: Contour) -> float:
     return end - begin
 
 
-def _time(spans: list[Span]) -> float:
+def _time(spans: Sequence[Span]) -> float:
     return float(sum(x.t[1] - x.t[0] for x in spans))
 
 
@@ -118,7 +120,7 @@ def _names(result: RunResult) -> str:
 def _table(name: str, result: RunResult) -> Table:
     """A row for every contour, or for the worst ones, worst first."""
     program, errors = _of(result), result.evaluation.contours
-    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    spans = result.trajectory.contour_spans
     order = np.arange(len(spans))
     caption = f"Run {name}: contours in order"
     if len(spans) > MOST_ROWS:
@@ -193,7 +195,7 @@ def _assigned(contour: Contour, span: Span, most: float) -> str:
 def _rest(
     which: list[int],
     program: Program,
-    spans: list[Span],
+    spans: Sequence[Span],
     errors: tuple[ErrorProfile, ...],
     header: list[str],
 ) -> tuple[str, ...]:

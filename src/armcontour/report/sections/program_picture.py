@@ -148,7 +148,7 @@ def _starts(
     result: RunResult, program: Program
 ) -> tuple[list[tuple[FloatArray, FloatArray, str]], str]:
     """Places with an arrow: the point, the direction [m, -], and what to say of it."""
-    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    spans = result.trajectory.contour_spans
     every = -(-len(spans) // MOST_MARKERS)
     found = []
     for k in range(0, len(spans), every):

@@ -153,7 +153,7 @@ def _followed(execution: Execution, path: Path | Program) -> list[tuple[Path, in
     """The paths that were followed, and from which to which of the results."""
     if isinstance(path, Path):
         return [(path, 0, len(execution.t))]
-    spans = [x for x in execution.taught.trajectory.spans if x.kind == "contour"]
+    spans = execution.taught.trajectory.contour_spans
     found = []
     for x, span in zip(path.contours, spans, strict=True):
         begin, end = np.searchsorted(execution.t, span.t).tolist()
@@ -194,7 +194,7 @@ def _along(result: RunResult) -> FloatArray:
     """Joint positions at places along the path, or at times along every contour, (n, dof)."""
     if result.joint_path is not None and isinstance(result.path, Path):
         return result.joint_path(np.linspace(0, result.path.length, STICKS))
-    spans = [x for x in result.trajectory.spans if x.kind == "contour"]
+    spans = result.trajectory.contour_spans
     spans = spans[:: -(-len(spans) // STICKS)]
     each = max(2, STICKS // len(spans))
     return result.trajectory(np.concatenate([np.linspace(*x.t, each) for x in spans]))
