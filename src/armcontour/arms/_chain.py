@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def turned(axis: FloatArray, angle: float, out: FloatArray) -> None:
     """Write the rotation by `angle` about a unit vector into `out`, (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
@@ -21,7 +21,7 @@ def turned(axis: FloatArray, angle: float, out: FloatArray) -> None:
     out[2, 0], out[2, 1], out[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def times(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Write the product of two matrices of 3 by 3 into `out`, which is neither of them."""
     for i in range(3):
@@ -29,7 +29,7 @@ def times(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def place(
     rotations: FloatArray,
     positions: FloatArray,
@@ -79,7 +79,7 @@ def place(
         pose[i, 3] = along + (x if i == 0 else y if i == 1 else z)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def jacobian(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, out: FloatArray
 ) -> None:
@@ -97,7 +97,7 @@ def jacobian(
         out[3, k], out[4, k], out[5, k] = a[0], a[1], a[2]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def drift(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
 ) -> None:
@@ -135,7 +135,7 @@ def drift(
     out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, e0, e1, e2
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def poses(
     rotations: FloatArray,
     positions: FloatArray,
@@ -165,7 +165,7 @@ def poses(
     return found, origins, directions
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def jacobians(origins: FloatArray, directions: FloatArray, pose: FloatArray) -> FloatArray:
     """Jacobians of velocity and angular velocity, (n, 6, dof)."""
     n, dof = origins.shape[0], origins.shape[1]
@@ -175,7 +175,7 @@ def jacobians(origins: FloatArray, directions: FloatArray, pose: FloatArray) -> 
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def drifts(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
 ) -> FloatArray:
@@ -187,7 +187,7 @@ def drifts(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def twists(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
 ) -> FloatArray:

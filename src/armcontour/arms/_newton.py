@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._kernels import compiled
 from armcontour.arms._chain import drift, jacobian, place
 
 # Newton's method has arrived when its step is below this: the next one would be its square, times
@@ -29,7 +29,7 @@ MOST_HALVINGS = 12
 SINGULAR = 1e-11
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     """Solve a x = b in place by elimination; the solution is left in b.
 
@@ -72,7 +72,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     return least / most
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def missing(pose: FloatArray, target: FloatArray, asked: int, out: FloatArray) -> None:
     """Write what is missing to a target pose into `out`, (asked,): metres, then radians.
 
@@ -108,7 +108,7 @@ def missing(pose: FloatArray, target: FloatArray, asked: int, out: FloatArray) -
             out[3 + j] = scale * (v0 * target[0, j] + v1 * target[1, j] + v2 * target[2, j])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def asked_rows(full: FloatArray, target: FloatArray, asked: int, out: FloatArray) -> None:
     """Write the rows of the Jacobian that a target asks for into `out`, (asked, dof)."""
     dof = full.shape[1]
@@ -127,7 +127,7 @@ def asked_rows(full: FloatArray, target: FloatArray, asked: int, out: FloatArray
                 )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def newton(
     rotations: FloatArray,
     positions: FloatArray,
@@ -194,7 +194,7 @@ def newton(
     return found, off
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def path_derivatives(
     rotations: FloatArray,
     positions: FloatArray,
@@ -301,7 +301,7 @@ def path_derivatives(
     return first, second, apart
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def free_motions(
     rotations: FloatArray,
     positions: FloatArray,
@@ -363,7 +363,7 @@ def free_motions(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def least_step(
     full: FloatArray,
     target: FloatArray,
@@ -400,7 +400,7 @@ def least_step(
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def approach(
     rotations: FloatArray,
     positions: FloatArray,
@@ -484,7 +484,7 @@ def approach(
     return left
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def between(first: FloatArray, second: FloatArray, share: float, out: FloatArray) -> None:
     """Write a pose between two that are near each other into `out`, (3, 4)."""
     for i in range(3):
@@ -504,7 +504,7 @@ def between(first: FloatArray, second: FloatArray, share: float, out: FloatArray
     out[2, 1] = out[0, 2] * out[1, 0] - out[1, 2] * out[0, 0]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def follow(
     rotations: FloatArray,
     positions: FloatArray,
@@ -576,7 +576,7 @@ def follow(
     return len(targets)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def distinct(solutions: FloatArray, apart: float) -> IntArray:
     """Indices of joint positions that differ from all before them by more than `apart` [rad].
 

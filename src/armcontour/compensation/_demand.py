@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def states(
     command: FloatArray, parts: int, width: float, own: FloatArray, driven: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 # A Taylor series of the filter's state over a step of at most this many of its shortest time
 # constants ...
@@ -14,7 +14,7 @@ LARGEST_STEP = 0.25
 TERMS = 22
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def filtered(
     width: FloatArray,
     coefficients: FloatArray,

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._kernels import compiled
 from armcontour.execution._servo import (
     LARGEST_STEP,
     SHORTEST_STAY,
@@ -23,13 +23,13 @@ from armcontour.execution._servo import (
 TERMS = 16
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _cubic(c: FloatArray, t: float) -> float:
     value: float = c[0] + t * (c[1] + t * (c[2] + t * c[3]))
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _bends(c: FloatArray, end: float) -> tuple[float, float]:
     """Places in (0, end) where a cubic has a zero slope, in order; `end` for each there is not."""
     a, b, d = 3 * c[3], c[2], c[1]  # slope = a t² + 2 b t + d
@@ -47,7 +47,7 @@ def _bends(c: FloatArray, end: float) -> tuple[float, float]:
     return min(one, two), max(one, two)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _stay(c: FloatArray, end: float) -> float:
     """First time in [0, end] behind which a cubic, not below zero at 0, falls below; else `end`."""
     low = 0.0
@@ -67,7 +67,7 @@ def _stay(c: FloatArray, end: float) -> float:
     return end
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _excess(
     kp: float, kv: float, mode: float, bound: float, u: FloatArray, q: float, w: float
 ) -> FloatArray:
@@ -80,7 +80,7 @@ def _excess(
     return c
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _moved(
     kp: float, kv: float, u: FloatArray, q: float, w: float, t: float
 ) -> tuple[float, float]:
@@ -104,14 +104,14 @@ def _moved(
     return x, v / t
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _demand(
     kp: float, kv: float, alpha: float, beta: float, h: float, dh: float, t: float
 ) -> float:
     return alpha + beta * t + _free(kp, kv, h, dh, t)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _turns(kp: float, kv: float, beta: float, h: float, dh: float, end: float) -> FloatArray:
     """Times in [0, end] between which `beta t + h(t)`, h a free response, is monotone, and `end`.
 
@@ -141,7 +141,7 @@ def _turns(kp: float, kv: float, beta: float, h: float, dh: float, end: float) -
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _shifted(a: FloatArray, t: float) -> FloatArray:
     """A cubic in powers of the time behind t."""
     u = np.empty(4)
@@ -152,7 +152,7 @@ def _shifted(a: FloatArray, t: float) -> FloatArray:
     return u
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _entry(
     kp: float,
     kv: float,
@@ -201,7 +201,7 @@ def _entry(
     return t, 0.0, lowest, highest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _advance_bent(
     kp: float,
     kv: float,
@@ -249,7 +249,7 @@ def _advance_bent(
     return q, w, saturated, lowest, highest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _lagged(kp: float, u: FloatArray, q: float, t: float) -> float:
     """Position of a joint of first order after a short `t`, by its Taylor series."""
     this = q
@@ -263,7 +263,7 @@ def _lagged(kp: float, u: FloatArray, q: float, t: float) -> float:
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float, float, float]:
     """Run a joint of first order for `span` under a cubic command; its acceleration's range."""
     a = 1 / kp
@@ -287,7 +287,7 @@ def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float
     return q, lowest, highest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _advance_any(
     kp: float,
     kv: float,
@@ -307,7 +307,7 @@ def _advance_any(
     return _advance_bent(kp, kv, lower, upper, u, q, w, span)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def run_joint(
     command: FloatArray,
     begin: int,

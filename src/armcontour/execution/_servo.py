@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 # Steps are at most this many of the servo's shortest time constants, so that the acceleration has
 # at most one extremum in a step.
@@ -16,7 +16,7 @@ LARGEST_STEP = 0.5
 SHORTEST_STAY = 1e-9
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
     """`exp(decay t) cosh(w t)` and `exp(decay t) sinh(w t) / w`, `w² = discriminant`."""
     x = discriminant * t * t
@@ -32,14 +32,14 @@ def _modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
     return e * (1 + x / 2 + x * x / 24), e * t * (1 + x / 6 + x * x / 120)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _free(kp: float, kv: float, y: float, dy: float, t: float) -> float:
     """`y(t)` of `y'' + kv y' + kp kv y = 0`."""
     c, s = _modes(kv * kv / 4 - kp * kv, -kv / 2, t)
     return y * c + (dy + kv / 2 * y) * s
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _extremum(kp: float, kv: float, z: float, dz: float) -> float:
     """First time above 0 at which the free response z has a zero slope; infinity if never."""
     ddz = -kv * dz - kp * kv * z
@@ -58,7 +58,7 @@ def _extremum(kp: float, kv: float, z: float, dz: float) -> float:
     return t if t > 0.0 else t + math.pi / w
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _crossing(
     kp: float, kv: float, z: float, dz: float, limit: float, low: float, high: float
 ) -> float:
@@ -75,14 +75,14 @@ def _crossing(
     return high
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _slope(kp: float, kv: float, q: float, w: float, u: float, r: float, t: float) -> float:
     """Velocity after a linear motion of `t` under the command `u + r t`."""
     c, s = _modes(kv * kv / 4 - kp * kv, -kv / 2, t)
     return r + (w - r) * c - (kp * kv * (q - u + r / kp) + kv / 2 * (w - r)) * s
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _advance(
     kp: float,
     kv: float,
@@ -161,7 +161,7 @@ def _advance(
     return q, w, saturated, lowest, highest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def simulate(
     commands: FloatArray,
     period: float,

@@ -6,13 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._kernels import compiled
 from armcontour.geometry._nearest import _on_segment
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _place(g: FloatArray, u: float, axis: int) -> Any:
     """Coordinate of the point at distance u along segment g."""
     k = g[9]
@@ -22,7 +22,7 @@ def _place(g: FloatArray, u: float, axis: int) -> Any:
     return g[axis] + math.sin(k * u) / k * g[3 + axis] + 2 * half * half / k * g[6 + axis]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def fill_cells(
     geometry: FloatArray, low: FloatArray, size: float, columns: int, rows: int
 ) -> tuple[IntArray, IntArray]:
@@ -78,7 +78,7 @@ def fill_cells(
     return first, entries
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def nearest_in_cells(
     queries: FloatArray,
     geometry: FloatArray,

@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._kernels import compiled
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -> Any:
     """Squared distance from a point to box `node`."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
@@ -20,7 +20,7 @@ def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
     """Squared distance from `p` to the point at distance `u` along segment `g`."""
     k = g[9]
@@ -39,7 +39,7 @@ def _point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
     """Squared distance to segment `g`, and the distance along it of the nearest point."""
     along = 0.0
@@ -71,7 +71,7 @@ def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
     return at_start, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def nearest(
     queries: FloatArray, geometry: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

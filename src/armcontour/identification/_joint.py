@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 COLUMNS = 7
 KP, KV, DELAY, Q0, DQ0, LIMIT = range(1, COLUMNS)
@@ -31,7 +31,7 @@ TOUCH = 1e-12
 SERIES = 0.1
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _modes(d: float, decay: float, t: float) -> tuple[float, float, float]:
     """`C = e cosh(w t)`, `S = e sinh(w t) / w` and `dS/dd`; `w² = d`, `e = exp(decay t)`."""
     x = d * t * t
@@ -55,7 +55,7 @@ def _modes(d: float, decay: float, t: float) -> tuple[float, float, float]:
     return c, s, (t * c - s) / (2 * d)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _transition(kp: float, kv: float, t: float, out: FloatArray) -> None:
     """Fill (3, 4): the transition matrix by rows, its derivative by kp, and by kv."""
     c, s, sd = _modes(kv * kv / 4 - kp * kv, -kv / 2, t)
@@ -76,7 +76,7 @@ def _transition(kp: float, kv: float, t: float, out: FloatArray) -> None:
     out[2, 3] = cv - s / 2 - kv / 2 * sv
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _free(
     x: FloatArray,
     columns: int,
@@ -106,7 +106,7 @@ def _free(
         x[0, DELAY] -= r
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _extremum(kp: float, kv: float, z: float, dz: float) -> float:
     """First time above 0 at which the free demand z has a zero slope; infinity if never."""
     slope = -kv * dz / 2 - kp * kv * z
@@ -124,14 +124,14 @@ def _extremum(kp: float, kv: float, z: float, dz: float) -> float:
     return t if t > 0.0 else t + math.pi / w
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _at(kp: float, kv: float, z: float, dz: float, t: float) -> float:
     """The free demand after `t`."""
     c, s, _ = _modes(kv * kv / 4 - kp * kv, -kv / 2, t)
     return (c + kv / 2 * s) * z + s * dz
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _crossing(
     kp: float, kv: float, z: float, dz: float, limit: float, low: float, high: float
 ) -> float:
@@ -147,7 +147,7 @@ def _crossing(
     return high
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _entry(kp: float, kv: float, z: float, dz: float, limit: float, t: float) -> float:
     """When within `t` the free demand leaves the limits; infinity if it does not."""
     if abs(z) + t * abs(dz) <= limit:
@@ -162,7 +162,7 @@ def _entry(kp: float, kv: float, z: float, dz: float, limit: float, t: float) ->
     return math.inf
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _saturated(x: FloatArray, columns: int, acceleration: float, t: float) -> None:
     """Advance the state by `t` at a constant acceleration, which is one limit or the other."""
     x[0, 0] += t * (x[1, 0] + acceleration * t / 2)
@@ -175,7 +175,7 @@ def _saturated(x: FloatArray, columns: int, acceleration: float, t: float) -> No
         x[1, LIMIT] += sign * t
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _limited(
     x: FloatArray,
     columns: int,
@@ -237,12 +237,12 @@ def _limited(
     seen[0] = max(seen[0], abs(z))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _clipped(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def second_order(
     t: FloatArray,
     u: FloatArray,
@@ -341,7 +341,7 @@ def second_order(
     return out, seen
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def first_order(
     t: FloatArray,
     u: FloatArray,
@@ -393,7 +393,7 @@ def first_order(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def scan(
     t: FloatArray,
     u: FloatArray,
@@ -438,7 +438,7 @@ def scan(
     return sums
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def normal_equations(
     jacobian: FloatArray, residuals: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:

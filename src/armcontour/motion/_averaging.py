@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 # Terms of the series below; they end at rounding for `|slope| t²` up to 10, which is more than half
 # a turn of the circular law.
@@ -14,7 +14,7 @@ TERMS = 18
 STEPS = 110
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def moved(rates: FloatArray, u: float) -> tuple[float, float, float, float, float]:
     """A law of path acceleration linear in s, `u` seconds after its interval began.
 
@@ -50,7 +50,7 @@ def moved(rates: FloatArray, u: float) -> tuple[float, float, float, float, floa
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def whole(breaks: FloatArray, rates: FloatArray) -> FloatArray:
     """First and second integral of the way over every interval, from its begin, (n, 2)."""
     found = np.empty((len(rates), 2))
@@ -59,7 +59,7 @@ def whole(breaks: FloatArray, rates: FloatArray) -> FloatArray:
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _from(
     breaks: FloatArray,
     s: FloatArray,
@@ -105,7 +105,7 @@ def _from(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _advanced(
     breaks: FloatArray,
     s: FloatArray,
@@ -131,7 +131,7 @@ def _advanced(
     return one + add + here * u, two + one * u + more + here * u * u / 2
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def averaged(
     t: FloatArray,
     breaks: FloatArray,
@@ -181,7 +181,7 @@ def averaged(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def crossings(
     target: FloatArray,
     low: FloatArray,

@@ -13,9 +13,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._kernels import compiled
 from armcontour.execution._pieces import _advance_bent
 from armcontour.execution._servo import _modes
 
@@ -43,7 +43,7 @@ CORNER = 1e-3
 INTEGRAL, SQUARE, X, Y, Z, PEAK, END, END_INTEGRAL, END_PEAK, DX, DY, DZ, COLUMNS = range(13)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
     """Squared distance to segment i: start, tangent, inward, curvature, length; turn; end."""
     gx, gy, gz = x - g[i, 0], y - g[i, 1], z - g[i, 2]
@@ -69,14 +69,14 @@ def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
     return min(_to_joint(x, y, z, g, i, 0), _to_joint(x, y, z, g, i, 15))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _to_joint(x: float, y: float, z: float, g: FloatArray, i: int, first: int) -> float:
     """Squared distance to an end of segment i, in its columns from `first` on."""
     gx, gy, gz = x - g[i, first], y - g[i, first + 1], z - g[i, first + 2]
     return float(gx * gx + gy * gy + gz * gz)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _march(
     x: float,
     y: float,
@@ -123,7 +123,7 @@ def _march(
     return best, found
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _nearest(
     x: float,
     y: float,
@@ -153,7 +153,7 @@ def _nearest(
     return best, found
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _turned(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
     """Sine and cosine of joint j's angle, from those of an angle near by, which are kept."""
     x = q - anchors[j, 0]
@@ -166,7 +166,7 @@ def _turned(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
     return anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _tool_in_plane(
     planar: FloatArray, places: FloatArray, row: int, anchors: FloatArray
 ) -> tuple[float, float]:
@@ -176,7 +176,7 @@ def _tool_in_plane(
     return planar[0] + planar[1] * s + planar[2] * s2, planar[1] * c + planar[2] * c2
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _tool_in_space(
     rotations: FloatArray,
     positions: FloatArray,
@@ -211,7 +211,7 @@ def _tool_in_space(
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def transition(kp: float, kv: float, t: float, out: FloatArray, row: int) -> None:
     """Write the free motion over `t` into a row: [[a, b], [c, d]], then t; (n, 5).
 
@@ -226,14 +226,14 @@ def transition(kp: float, kv: float, t: float, out: FloatArray, row: int) -> Non
     out[row, 2], out[row, 3] = -kp * kv * s, c - kv / 2 * s
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _hermite(z: float, dz: float, end: float, dend: float, h: float, x: float) -> float:
     """The cubic through values and slopes at both ends of a step h, at the share x of it."""
     a, b = h * dz, h * dend
     return z + x * (a + x * (3 * (end - z) - 2 * a - b + x * (2 * (z - end) + a + b)))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _turn(z: float, dz: float, end: float, dend: float, h: float) -> float:
     """Share of a step at which that cubic turns, if its slopes differ in sign; else 1."""
     if dz * dend >= 0.0:
@@ -248,7 +248,7 @@ def _turn(z: float, dz: float, end: float, dend: float, h: float) -> float:
     return x if 0.0 < x < 1.0 else 0.5
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _crossing(
     z: float, dz: float, end: float, dend: float, h: float, limit: float, low: float, high: float
 ) -> float:
@@ -276,7 +276,7 @@ def _crossing(
     return x
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _entry(
     z: float, dz: float, end: float, dend: float, t: float, lower: float, upper: float
 ) -> tuple[float, float, float]:
@@ -300,14 +300,14 @@ def _entry(
     return t, 0.0, peak
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _freely(kp: float, kv: float, e: float, de: float, t: float) -> tuple[float, float]:
     """A free motion after the time t."""
     c, s = _modes(kv * kv / 4 - kp * kv, -kv / 2, t)
     return e * c + (de + kv / 2 * e) * s, de * c - (kp * kv * e + kv / 2 * de) * s
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _saturating(
     kp: float,
     kv: float,
@@ -363,7 +363,7 @@ def _saturating(
     return q, w, saturated, peak
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _straight(
     kp: float,
     kv: float,
@@ -409,7 +409,7 @@ def _straight(
     return _saturating(kp, kv, lower, upper, u, r, q, w, t)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _bent(
     kp: float,
     kv: float,
@@ -441,7 +441,7 @@ def _bent(
     return q, w, time, max(-low, high)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _lag(
     kp: float, u: FloatArray, q: float, free: FloatArray, i: int
 ) -> tuple[float, float, float, float]:
@@ -457,7 +457,7 @@ def _lag(
     return end, w, 0.0, max(peak, abs(kp * (d1 - w)))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _step(
     kp: float,
     kv: float,
@@ -478,7 +478,7 @@ def _step(
     return _bent(kp, kv, lower, upper, u, q, w, free, i)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _parts(
     period: float,
     steps: int,
@@ -517,7 +517,7 @@ def _parts(
     return count
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _even(
     joint: Any,
     drive: Any,
@@ -568,7 +568,7 @@ def _even(
     state[0], state[1], state[2], state[3] = q, w, saturated, most
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _seen(command: FloatArray, i: int, rate: float, t: float, u: FloatArray) -> None:
     """Write the cubic of interval i, played at a rate, in powers of the time behind t into u."""
     b, c, d = command[i, 1] * rate, command[i, 2] * rate**2, command[i, 3] * rate**3
@@ -578,7 +578,7 @@ def _seen(command: FloatArray, i: int, rate: float, t: float, u: FloatArray) -> 
     u[3] = d
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _uneven(
     joint: Any,
     drive: Any,
@@ -626,12 +626,12 @@ def _uneven(
     state[0], state[1] = q, w
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _keep(acc: FloatArray, t: float) -> None:
     acc[END], acc[END_INTEGRAL], acc[END_PEAK] = t, acc[INTEGRAL], acc[PEAK]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _sharpen(
     table: FloatArray,
     around: float,
@@ -668,7 +668,7 @@ def _sharpen(
         acc[PEAK] = max(acc[PEAK], found)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _measure(
     robot: Any,
     line: Any,
@@ -733,7 +733,7 @@ def _measure(
     return segment
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _begin(robot: Any, line: Any, places: FloatArray, anchors: FloatArray, acc: FloatArray) -> int:
     """Put the tool where it stands at first into the sums; the segment of its nearest place."""
     table, around, low, high = line
@@ -748,7 +748,7 @@ def _begin(robot: Any, line: Any, places: FloatArray, anchors: FloatArray, acc: 
     return segment
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _rest(kp: FloatArray, kv: FloatArray, goal: FloatArray, state: FloatArray) -> float:
     """Sum of the largest rates that joints can still take on, once the command rests [rad/s]."""
     total = 0.0
@@ -759,7 +759,7 @@ def _rest(kp: FloatArray, kv: FloatArray, goal: FloatArray, state: FloatArray) -
     return total
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _execute(
     i: int,
     robot: Any,
@@ -805,7 +805,7 @@ def _execute(
             return False
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _prepared(i: int, clock: Any, values: Any, dof: int) -> Any:
     """What one sample's joints need beside their state: parts of an interval, and arrival times."""
     _, period, steps, _, _ = clock
@@ -823,7 +823,7 @@ def _prepared(i: int, clock: Any, values: Any, dof: int) -> Any:
     return count, width, local, kind, free, u, late
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED)
+@compiled(fastmath=FUSED)
 def _advance_joints(
     i: int,
     clock: Any,
@@ -853,7 +853,7 @@ def _advance_joints(
             _even(joint, own, parts, payload[i], done, end, state[j], places[j])
 
 
-@njit(cache=True, error_model="numpy", fastmath=FUSED, nogil=True)
+@compiled(fastmath=FUSED)
 def run(
     first: int,
     last: int,

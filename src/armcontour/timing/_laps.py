@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 # A joint that moves less than this part of the fastest one does not tell the speed on the path.
 HARDLY_MOVING = 0.01
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:

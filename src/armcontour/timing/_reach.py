@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 # The search for the best y of a stage takes a few cuts; this many would mean it is broken.
 MOST_CUTS = 80
@@ -32,7 +32,7 @@ BELOW_CEILING = 1 - 1e-6
 LARGEST_CHANGE = 0.1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def _of_x(
     y: float,
     half: float,
@@ -100,7 +100,7 @@ def _of_x(
     return upper, upper_slope, lower, lower_slope
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _largest_y(
     half: float,
     a: FloatArray,
@@ -135,7 +135,7 @@ def _largest_y(
     return max(y, 0.0)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def _of_y(
     x: float,
     half: float,
@@ -184,7 +184,7 @@ def _of_y(
     return upper, lower
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def reach(
     width: FloatArray,
     a: FloatArray,
@@ -302,7 +302,7 @@ def reach(
     return x, most, -1
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def skews(
     width: FloatArray,
     a: FloatArray,

@@ -6,15 +6,15 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._kernels import compiled
 
 # Differences of x carry this much rounding of x itself.
 ROUNDING = 2e-15
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def derivatives(
     coefficients: FloatArray,
     breaks: FloatArray,
@@ -65,7 +65,7 @@ def derivatives(
             fourth[i, j] = (f4 + half * f5) * scale**4
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def acceleration_bulge(
     width: FloatArray,
     first: FloatArray,
@@ -96,7 +96,7 @@ def acceleration_bulge(
             bulge[i, j] += ROUNDING * x[i] / width[i] * slope
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def path_acceleration_bound(
     first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray, x: FloatArray
 ) -> FloatArray:
@@ -114,7 +114,7 @@ def path_acceleration_bound(
     return bound
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _over_square(room: float, slope: float) -> Any:
     """`room / slope²`, zero without room, infinite without slope."""
     if room <= 0.0:
@@ -122,7 +122,7 @@ def _over_square(room: float, slope: float) -> Any:
     return room / (slope * slope) if slope != 0.0 else math.inf
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray:
     """Largest x at both ends of each interval under joint velocity limits there, (2, n)."""
     n, dof = first.shape[1], first.shape[2]
@@ -137,7 +137,7 @@ def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray
     return ceiling
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def velocity_ceiling(
     width: FloatArray,
     first: FloatArray,
@@ -191,7 +191,7 @@ def velocity_ceiling(
     return ceiling, lost
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def margin_lost(
     low: FloatArray, high: FloatArray, margin: FloatArray, a: FloatArray, change: FloatArray
 ) -> FloatArray:

@@ -1,0 +1,22 @@
+"""The decorator of every compiled function: cached, and without the interpreter's lock.
+
+While a compiled function runs, other threads go on. The command line needs that: its main thread
+answers signals while the work is done in another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+
+def compiled(**options: Any) -> Callable[[Any], Any]:
+    """A decorator that compiles a function at its first call, and keeps the result on disk.
+
+    Args:
+        options: More options of `numba.njit`, such as `inline="always"`.
+    """
+    decorate: Callable[[Any], Any] = njit(cache=True, error_model="numpy", nogil=True, **options)
+    return decorate
