@@ -7,16 +7,20 @@ answers signals while the work is done in another.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from numba import njit
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-def compiled(**options: Any) -> Callable[[Any], Any]:
+
+def compiled(**options: Any) -> Callable[[Function], Function]:
     """A decorator that compiles a function at its first call, and keeps the result on disk.
 
     Args:
         options: More options of `numba.njit`, such as `inline="always"`.
     """
-    decorate: Callable[[Any], Any] = njit(cache=True, error_model="numpy", nogil=True, **options)
+    decorate: Callable[[Function], Function] = njit(
+        cache=True, error_model="numpy", nogil=True, **options
+    )
     return decorate
