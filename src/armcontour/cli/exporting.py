@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -113,8 +112,13 @@ def _refuse_same_files(targets: list[Target]) -> None:
         taken[x.ending] = x.asked
 
 
-def rehearse(job: Job, x: Exports) -> None:
-    """Write a table of two points in every format that is asked for, and throw it away.
+def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
+    """Write a table of two points in every format that the user chose, and throw it away.
+
+    Args:
+        job: The job.
+        x: The formats.
+        scratch: A folder for the files.
 
     Raises:
         InvalidInput: What cannot be exported whatever the run will come to, or an output of an
@@ -129,13 +133,12 @@ def rehearse(job: Job, x: Exports) -> None:
     )
     for period in dict.fromkeys(run.period for run in job.runs):
         table = _two_points(job, period, events)
-        with tempfile.TemporaryDirectory() as folder:
-            for target in _targets(x.formats, x.templates):
-                place = FilePath(folder) / f"rehearsal{target.ending}"
-                try:
-                    write_table(table, place, **target.options(x))
-                except OSError as error:
-                    raise InvalidInput(f"Cannot try {target.asked}: {error.strerror}.") from None
+        for target in _targets(x.formats, x.templates):
+            place = scratch / f"rehearsal{target.ending}"
+            try:
+                write_table(table, place, **target.options(x))
+            except OSError as error:
+                raise InvalidInput(f"Cannot try {target.asked}: {error.strerror}.") from None
 
 
 def _events_of(job: Job) -> list[Event]:

@@ -56,7 +56,7 @@ def run_job(
         job = read(progress.share)
         if exports:
             # What cannot be exported is refused before the run.
-            rehearse(job, exports)
+            rehearse(job, exports, folder.scratch)
         from armcontour.study import run, steps_of, teach
 
         def begin(name: str, what: str) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
+from armcontour import _staging
 from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 from armcontour.report import sections
@@ -100,13 +99,6 @@ def write_report(study: Study, file: str | FilePath) -> None:
     place = FilePath(file)
     page = render_report(study)
     try:
-        handle, temporary = tempfile.mkstemp(prefix=".armcontour-", dir=place.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write(page)
-            os.replace(temporary, place)
-        except OSError:
-            FilePath(temporary).unlink(missing_ok=True)
-            raise
+        _staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))
     except OSError as error:
         raise InvalidInput(f"Cannot write the report {place}: {error.strerror}.") from None

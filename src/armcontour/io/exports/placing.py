@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
+from armcontour import _staging
 from armcontour.errors import InvalidInput
 
 # What the folder of a bag holds; nothing else may be lost when one is replaced.
@@ -27,16 +25,7 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
     """
     try:
         _refuse_in_the_way(file, folder)
-        beside = FilePath(tempfile.mkdtemp(prefix=".armcontour-", dir=file.parent))
-        try:
-            fresh = beside / file.name
-            write(fresh)
-            if folder and file.exists():
-                _swap(fresh, file, beside / f"{file.name}.old")
-            else:
-                os.replace(fresh, file)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+        _staging.put_in_place(file, write)
     except OSError as error:
         raise InvalidInput(f"Cannot write {file}: {error.strerror or error}.") from None
 
@@ -55,13 +44,3 @@ def _refuse_in_the_way(file: FilePath, folder: bool) -> None:
         raise InvalidInput(
             f"Cannot write {file}: that folder holds other things than a bag, such as {other[0]}."
         )
-
-
-def _swap(fresh: FilePath, file: FilePath, old: FilePath) -> None:
-    """Folders cannot be replaced in one step: the old one comes back if the second step fails."""
-    os.replace(file, old)
-    try:
-        os.replace(fresh, file)
-    except OSError:
-        os.replace(old, file)
-        raise
