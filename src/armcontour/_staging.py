@@ -23,7 +23,8 @@ LONGEST_NAME = 40
 
 # Whoever moves results into place holds this lock, and whoever ends the program waits for it.
 _placing = threading.Lock()
-_open: dict[FilePath, str] = {}
+# By staging folder: the destination, and folders that were made for it.
+_open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
 
 
 class Staging:
@@ -32,6 +33,7 @@ class Staging:
     Args:
         place: The folder itself; `beside` and `inside` give its name for a destination.
         destination: What is made in it, for messages.
+        parents: Whether to make the folders above it; those that stay empty are removed.
 
     Attributes:
         left: Whether a killed run had left the folder, with what it holds.
@@ -41,10 +43,13 @@ class Staging:
         OSError: The folder cannot be made.
     """
 
-    def __init__(self, place: FilePath, destination: FilePath) -> None:
+    def __init__(self, place: FilePath, destination: FilePath, *, parents: bool = False) -> None:
         self.place = place
-        self.left, self._handle = _take(place, destination)
-        _open[place] = str(destination)
+        # Nobody may end the program between the two steps.
+        with moving():
+            self._made = _make_parents(place) if parents else []
+            self.left, self._handle = _take(place, destination)
+            _open[place] = (destination, self._made)
 
     def __enter__(self) -> Staging:
         return self
@@ -63,6 +68,7 @@ class Staging:
     def remove(self) -> None:
         """Remove the folder with what it holds, and give up the lock."""
         shutil.rmtree(self.place, ignore_errors=True)
+        _remove_empty(self._made)
         _open.pop(self.place, None)
         if self._handle is not None:
             os.close(self._handle)
@@ -82,7 +88,7 @@ def inside(folder: FilePath) -> FilePath:
 
 @contextmanager
 def moving() -> Iterator[None]:
-    """While results are moved into place: the program does not end by a signal until that is done.
+    """While results are moved into place: no signal ends the program until that is done.
 
     Keep it short: renames only.
     """
@@ -127,14 +133,29 @@ def abandon(patience: float) -> list[str]:
         # What was moved in part is completed by the next run: the staging folder must stay.
         return []
     unwritten = []
-    for place, destination in list(_open.items()):
+    for place, (destination, made) in list(_open.items()):
         # The thread that writes may add a file meanwhile.
         for _ in range(3):
             shutil.rmtree(place, ignore_errors=True)
             if not place.exists():
                 break
-        unwritten.append(destination)
+        _remove_empty(made)
+        unwritten.append(str(destination))
     return unwritten
+
+
+def _make_parents(place: FilePath) -> list[FilePath]:
+    """Make the folders above a place; gives those that were not there, the lowest first."""
+    missing = [x for x in place.parents if not x.exists()]
+    place.parent.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def _remove_empty(folders: list[FilePath]) -> None:
+    """Remove folders in which nothing came to be."""
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _swap(fresh: FilePath, file: FilePath, old: FilePath) -> None:

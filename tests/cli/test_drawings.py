@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour.cli.main import main
+from armcontour.cli import main
+from armcontour.io import ResultFolder
 from armcontour.cli.opening import Overrides
 from armcontour.cli.opening import _changed as changed
 
@@ -99,7 +100,7 @@ def test_runs_g_code_in_a_cell_with_exports(folder: FilePath) -> None:
     taught = table(folder / "out" / "taught" / "taught.csv")
     np.testing.assert_allclose(np.diff(taught[:, 0]), 4e-3, atol=1e-12)
     assert summary["runs"]["taught"]["contour_error"]["max"] < 1e-4
-    assert not list(folder.glob(".armcontour-*")) and not list((folder / "out").glob(".arm*"))
+    assert not list(folder.rglob(".armcontour-*"))
 
 
 def test_resumes_and_replaces_only_with_force(folder: FilePath, call: Call) -> None:
@@ -239,10 +240,10 @@ def test_an_interrupted_run_leaves_what_was_there_and_nothing_else(
     lines = [f"G0 X0 Y{y}\nG1 X80 Y{y}\nG1 X80 Y{y}.5" for y in range(0, 80)]
     (folder / "long.ngc").write_text("G21 F3000\n" + "\n".join(lines) + "\n")
     out = folder / "out"
-    out.mkdir()
-    earlier = {"summary.json": json.dumps({"files": ["old.txt"]}), "old.txt": "old"}
-    for name, text in earlier.items():
-        (out / name).write_text(text)
+    with ResultFolder(out) as results:
+        results.write("old.txt", "old")
+        results.write("summary.json", "{}")
+    earlier = {x.name: x.read_text() for x in out.iterdir()}
     command = [sys.executable, "-m", "armcontour", "run", "long.ngc", "--cell", "ur5e"]
     process = subprocess.Popen(
         [*command, "--out", "out", "--force", "--export", "csv"],
@@ -280,9 +281,8 @@ def test_without_simulation_what_is_asked_for_is_written(folder: FilePath, call:
         "taught/export/reference.csv",
         "summary.json",
     ]
-    assert sorted(x.name for x in (folder / "out").rglob("*") if x.is_file()) == sorted(
-        FilePath(x).name for x in found["files"]
-    )
+    written = {x.relative_to(folder / "out").as_posix() for x in (folder / "out").rglob("*.*")}
+    assert written == {*found["files"], ".armcontour.json"}
     run = found["runs"]["taught"]
     assert run["duration"] > 0 and run["moves"] and "contour_error" not in run
     # The same set-points as with it.

@@ -1,16 +1,13 @@
-"""`armcontour`: its commands, their help, and how errors end."""
+"""The commands of `armcontour`, and their help."""
 
 from __future__ import annotations
 
-import signal
-import sys
 from pathlib import Path as FilePath
 from typing import Annotated
 
 import typer
 
 from armcontour._version import __version__
-from armcontour.errors import ArmContourError
 
 app = typer.Typer(
     name="armcontour",
@@ -322,31 +319,3 @@ def schema() -> None:
     from armcontour.io import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2))
-
-
-def main() -> None:
-    """Run the command line; an error ends with its sentence and its exit code."""
-    # So that a terminated run, like an interrupted one, leaves nothing half-written.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    try:
-        app()
-    except ArmContourError as error:
-        typer.echo(f"Error: {error}", err=True)
-        sys.exit(error.exit_code)
-    except SystemError as error:
-        # Compiled code that is just being loaded makes an error of its own of what a signal raises.
-        code = _interrupted(error)
-        if code is None:
-            raise
-        sys.exit(code)
-
-
-def _interrupted(error: BaseException | None) -> int | None:
-    """The exit code of a signal that an error comes from; None if it comes from none."""
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return 128 + signal.SIGINT
-        if isinstance(error, SystemExit):
-            return error.code if isinstance(error.code, int) else 1
-        error = error.__cause__ or error.__context__
-    return None

@@ -119,8 +119,7 @@ class ResultFolder:
                 # A killed run began before the folder was there.
                 _staging.Staging(outer, self.folder).remove()
             return _staging.Staging(_staging.inside(self._target), self.folder)
-        self._target.parent.mkdir(parents=True, exist_ok=True)
-        return _staging.Staging(outer, self.folder)
+        return _staging.Staging(outer, self.folder, parents=True)
 
     def _refuse_occupied(self) -> None:
         """Refuse a destination with anything in it that must not be replaced."""

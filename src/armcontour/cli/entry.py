@@ -1,0 +1,65 @@
+"""The program `armcontour` at its outer end: signals, errors, and output that cannot be written."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+
+from armcontour.cli.interrupts import run_interruptibly
+from armcontour.cli.text import printable
+from armcontour.errors import ArmContourError
+
+# A pipe whose reader has gone, as in `armcontour arms | head -1`.
+BROKEN_PIPE = 128 + 13
+
+
+def main() -> None:
+    """Run the command line; an error ends with its sentence and its exit code."""
+    sys.exit(run_interruptibly(_command))
+
+
+def _command() -> int:
+    """Run the command that the user typed: its exit code."""
+    try:
+        code = _run()
+        sys.stdout.flush()
+        return code
+    except ArmContourError as error:
+        _complain(str(error))
+        return error.exit_code
+    except MemoryError:
+        _complain("There is not enough memory for this: close other programs, or ask for less.")
+        return 1
+    except BrokenPipeError:
+        _mute()
+        return BROKEN_PIPE
+    except OSError as error:
+        _mute()
+        place = f" {error.filename}" if error.filename is not None else ""
+        _complain(f"The system refused to write or read{place}: {error.strerror or error}.")
+        return 1
+
+
+def _run() -> int:
+    # typer takes a tenth of a second, in which signals are to be answered already.
+    from armcontour.cli.main import app
+
+    try:
+        app()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    return 0
+
+
+def _complain(text: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):
+        print(f"Error: {printable(text)}", file=sys.stderr, flush=True)
+
+
+def _mute() -> None:
+    """Throw away output that cannot be written, so that Python does not try again at its end."""
+    with suppress(OSError, ValueError, AttributeError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
