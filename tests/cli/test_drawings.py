@@ -16,9 +16,9 @@ import pytest
 import yaml
 
 from armcontour.cli import main
-from armcontour.io import ResultFolder
 from armcontour.cli.opening import Overrides
 from armcontour.cli.opening import _changed as changed
+from armcontour.io import ResultFolder
 
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"

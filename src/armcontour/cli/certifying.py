@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from armcontour.cli.console import Console, open_page
+
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
     from armcontour.study import Certificate
-
-# Columns of text where the output goes to a file or another program.
-WIDTH = 120
 
 
 def certify_file(
@@ -64,9 +63,7 @@ def certify_file(
     else:
         _print(found, None if out is None else out / "report.html")
     if open_report and out is not None:
-        import webbrowser
-
-        webbrowser.open((out / "report.html").resolve().as_uri())
+        open_page(out / "report.html")
 
 
 def _lengths(**given: str | None) -> dict[str, float]:
@@ -106,24 +103,12 @@ def _write(found: Certificate, folder: Any) -> None:
 
 
 def _print(found: Certificate, report: FilePath | None) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(
-        title=escape(f"Certified: {found.job.title}, run {found.run.name}"), title_justify="left"
-    )
-    table.add_column("")
-    table.add_column("", justify="right")
-    for name, value in certified_rows(found):
-        table.add_row(name, value)
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
-    console.print(f"Holds for: {found.model}.", soft_wrap=True, highlight=False, markup=False)
+    title = f"Certified: {found.job.title}, run {found.run.name}"
+    console.show_table(["", ""], certified_rows(found), title=title)
+    console.say(f"Holds for: {found.model}.")
     if report is not None:
-        console.print(f"Report: {report.resolve().as_uri()}", soft_wrap=True, highlight=False)
+        console.say(f"Report: {report.resolve().as_uri()}")
 
 
 def certified_rows(found: Certificate) -> list[tuple[str, str]]:

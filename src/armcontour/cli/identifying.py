@@ -6,13 +6,12 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from armcontour.cli.console import Console, open_page
 
+if TYPE_CHECKING:
     from armcontour.identification import Estimate, Identification
 
-# Columns of text where the output goes to a file or another program.
-WIDTH = 120
+QUALITIES = ("value", "standard deviation", "95 % interval")
 
 
 def identify_file(
@@ -71,9 +70,7 @@ def identify_file(
     else:
         _print(found, out, refusal)
     if out is not None and open_report:
-        import webbrowser
-
-        webbrowser.open((out / "report.html").resolve().as_uri())
+        open_page(out / "report.html")
     return found.determined
 
 
@@ -97,30 +94,31 @@ def _write(found: Identification, out: FilePath, *, force: bool) -> str:
 
 
 def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=escape(f"Servo identified from {found.log.source}"), title_justify="left")
-    table.add_column("joint")
-    table.add_column("parameter")
-    for name in ("value", "standard deviation", "95 % interval"):
-        table.add_column(name, justify="right")
-    table.add_column("unit")
-    table.add_column("determined")
-    for joint in found.joints:
-        for x in joint.estimates:
-            table.add_row(escape(joint.name), x.name.replace("_", " "), *_cells(x))
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
+    console.show_table(
+        [
+            "joint",
+            "parameter",
+            "value",
+            "standard deviation",
+            "95 % interval",
+            "unit",
+            "determined",
+        ],
+        [
+            [joint.name, x.name.replace("_", " "), *_cells(x)]
+            for joint in found.joints
+            for x in joint.estimates
+        ],
+        title=f"Servo identified from {found.log.source}",
+        left=(0, 1, 5, 6),
+    )
     _say(console, found)
     if out is not None:
         what = (
             f"report.html, but no servo.yaml: {refusal}" if refusal else "servo.yaml, report.html"
         )
-        console.print(f"Written to {out}: {what}", soft_wrap=True, highlight=False, markup=False)
+        console.say(f"Written to {out}: {what}")
 
 
 def _say(console: Console, found: Identification) -> None:
@@ -140,7 +138,7 @@ def _say(console: Console, found: Identification) -> None:
             lines.append(f"{joint.name}, {names}: {advice}")
         lines += [f"{joint.name}: {note}" for note in joint.notes]
     for line in lines:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        console.say(line)
 
 
 def _cells(x: Estimate) -> list[str]:

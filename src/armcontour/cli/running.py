@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.progress import job_progress
 
@@ -14,9 +15,6 @@ if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
     from armcontour.io import ResultFolder
     from armcontour.study import Job, RunPlan, RunResult, Study
-
-# Columns of text where the output goes to a file or another program.
-WIDTH = 120
 
 
 def built_in_job() -> Job:
@@ -87,9 +85,7 @@ def run_job(
     report = (out / "report.html").resolve()
     _print_results(study, report)
     if open_report:
-        import webbrowser
-
-        webbrowser.open(report.as_uri())
+        open_page(report)
 
 
 def _write_motions(
@@ -120,31 +116,25 @@ def _write_exports(
 
 def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
     """What was taught, of runs that are not simulated."""
+    console = Console()
     for name, x in plans.items():
-        print(
+        console.say(
             f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
             f"{x.run.period:g} s; not simulated."
         )
         for warning in x.warnings:
-            print(f"Warning: {warning}")
-    print(f"Taught data: {out.resolve()}")
+            console.say(f"Warning: {warning}")
+    console.say(f"Taught data: {out.resolve()}")
 
 
 def _print_results(study: Study, report: FilePath) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
     from armcontour.study.quantities import assumed
 
     tried = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
     if tried:
         headings += ["experiment: RMS error [mm]", "largest [mm]"]
-    table = Table(title=escape(study.job.title), title_justify="left")
-    table.add_column("run")
-    for name in headings:
-        table.add_column(escape(name), justify="right")
+    rows = []
     for name, result in study.runs.items():
         e = result.evaluation
         cells = [
@@ -155,11 +145,9 @@ def _print_results(study: Study, report: FilePath) -> None:
         ]
         if tried:
             cells += _tried(result)
-        table.add_row(name, *cells)
+        rows.append([name, *cells])
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
+    console.show_table(["run", *headings], rows, title=study.job.title)
     lines = []
     for name, result in study.runs.items():
         if result.failure is not None:
@@ -168,7 +156,7 @@ def _print_results(study: Study, report: FilePath) -> None:
     if tried and (rests_on := assumed(study.job.arm)):
         lines.append(f"Masses: {rests_on}")
     for text in (*lines, f"Report: {report.as_uri()}"):
-        console.print(text, soft_wrap=True, highlight=False, markup=False)
+        console.say(text)
 
 
 def _tried(result: RunResult) -> list[str]:

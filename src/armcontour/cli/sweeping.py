@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour.cli.console import Console, open_page
+
 if TYPE_CHECKING:
     from armcontour.study import Sweep, SweepPoint
-
-# Columns of text where the output goes to a file or another program.
-WIDTH = 120
 
 
 def sweep_file(
@@ -52,9 +51,7 @@ def sweep_file(
     report = (out / "report.html").resolve()
     _print(found, report)
     if open_report:
-        import webbrowser
-
-        webbrowser.open(report.as_uri())
+        open_page(report)
 
 
 def _listed(name: str, text: str | None, unit: str) -> list[float] | None:
@@ -70,23 +67,18 @@ def _listed(name: str, text: str | None, unit: str) -> list[float] | None:
 
 
 def _print(found: Sweep, report: FilePath) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    table = Table(title=escape(f"{found.job.title}, run {found.run.name}"), title_justify="left")
-    for name in ("tolerance [mm]", "speed [m/s]", "optimum [s]", "certified [s]", "error [mm]"):
-        table.add_column(escape(name), justify="right")
-    for x in (*found.tolerances, *found.speeds):
-        table.add_row(*cells(x))
-    console.print(table)
-    for x in (*found.tolerances, *found.speeds):
+    points = (*found.tolerances, *found.speeds)
+    console.show_table(
+        ["tolerance [mm]", "speed [m/s]", "optimum [s]", "certified [s]", "error [mm]"],
+        [cells(x) for x in points],
+        title=f"{found.job.title}, run {found.run.name}",
+        left=(),
+    )
+    for x in points:
         if x.refusal is not None:
-            console.print(f"{', '.join(cells(x)[:2])}: {x.refusal}", markup=False, soft_wrap=True)
-    console.print(f"Report: {report.as_uri()}", soft_wrap=True, highlight=False)
+            console.say(f"{', '.join(cells(x)[:2])}: {x.refusal}")
+    console.say(f"Report: {report.as_uri()}")
 
 
 def cells(x: SweepPoint) -> list[str]:

@@ -1,0 +1,273 @@
+"""Signals, kills and races at random moments of every command.
+
+    python -m soak.interrupts [--signals 300] [--kills 50] [--races 50] [--seed 1]
+
+A command that gets a signal must end within a second, with the old result, the new one or none,
+and nothing else left. After `kill -9` the same command gives a clean result. Of two runs at once
+into one folder one succeeds and one is refused. Prints each case that fails, with its seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+JOB = """
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 2 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+certificate: {servo: 0.1 mm, saturation: report}
+runs:
+  only: {compensation: {method: pole_placement}}
+"""
+COMMANDS = {
+    "run": ["run", "job.yaml", "--out", "out"],
+    "demo": ["demo", "--out", "out"],
+    "check": ["check", "planned.csv", "--path", "job.yaml"],
+    "certify": ["certify", "job.yaml", "--out", "out"],
+    "sweep": ["sweep", "job.yaml", "--out", "out", "--speeds", "50 mm/s, 0.1 m/s"],
+    "identify": ["identify", "log.csv", "--out", "out"],
+    "export": [
+        *("run", "job.yaml", "--out", "out", "--no-simulation"),
+        *("--export", "csv", "--export", "npz", "--export", "ros-yaml"),
+    ],
+}
+# A signal is answered within this [s].
+BAR = 1.0
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended: its exit code, what it said, and how long it took after a signal."""
+
+    code: int
+    said: str
+    after: float
+
+
+def begin(folder: FilePath, arguments: list[str]) -> subprocess.Popen[str]:
+    """Start a command."""
+
+    def listen() -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
+    return subprocess.Popen(
+        [sys.executable, "-m", "armcontour", *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=listen,
+    )
+
+
+def call(
+    folder: FilePath, arguments: list[str], number: int | None = None, wait: float = 0.0
+) -> Ended:
+    """Run a command; after `wait` seconds it gets a signal, if there is one."""
+    with begin(folder, arguments) as process:
+        if number is not None:
+            try:
+                process.wait(wait)
+            except subprocess.TimeoutExpired:
+                process.send_signal(number)
+        sent = time.monotonic()
+        _, said = process.communicate(timeout=600)
+        return Ended(process.returncode, said, time.monotonic() - sent)
+
+
+def state(folder: FilePath) -> dict[str, str]:
+    """All files below a folder, and their checksums."""
+    return {
+        str(x.relative_to(folder)): hashlib.sha256(x.read_bytes()).hexdigest()
+        for x in sorted(folder.rglob("*"))
+        if x.is_file() and "__pycache__" not in x.parts
+    }
+
+
+def result(files: dict[str, str]) -> dict[str, str]:
+    """The result among them, without what differs from run to run."""
+    return {x: y for x, y in files.items() if x.startswith("out/")}
+
+
+class Bench:
+    """A folder with a job and its inputs, in which commands are tried."""
+
+    def __init__(self, root: FilePath) -> None:
+        self.root = root
+        self.folder = root / "work"
+        self.folder.mkdir()
+        (self.folder / "job.yaml").write_text(JOB, encoding="utf-8")
+        first = call(self.folder, COMMANDS["run"])
+        assert first.code == 0, first.said
+        shutil.copy(self.folder / "out/only/planned.csv", self.folder / "planned.csv")
+        self._write_log()
+        shutil.rmtree(self.folder / "out")
+        self.inputs = state(self.folder)
+        self.whole: dict[str, dict[str, str]] = {}
+        self.durations: dict[str, float] = {}
+        for name, arguments in COMMANDS.items():
+            call(self.folder, arguments)
+            shutil.rmtree(self.folder / "out", ignore_errors=True)
+            begun = time.monotonic()
+            ended = call(self.folder, arguments)
+            self.durations[name] = time.monotonic() - begun
+            assert ended.code in (0, 1, 7), (name, ended.said)
+            self.whole[name] = result(state(self.folder))
+            if self.whole[name]:
+                shutil.copytree(self.folder / "out", root / name)
+            shutil.rmtree(self.folder / "out", ignore_errors=True)
+
+    def _write_log(self) -> None:
+        """A log of the run: the set-points, and what a servo made of them."""
+        import numpy as np
+
+        from armcontour.execution import ServoPlant, execute
+        from armcontour.io import read_job
+        from armcontour.study import teach
+
+        job = read_job(self.folder / "job.yaml")
+        plan = teach(job)["only"]
+        plant = ServoPlant(job.arm, job.servo)
+        done = execute(plan.taught, plant)
+        commands = np.column_stack(
+            [np.interp(done.t, plan.taught.t, plan.taught.q[:, k]) for k in range(job.arm.dof)]
+        )
+        table = np.column_stack([done.t, commands, done.q])
+        np.savetxt(self.folder / "log.csv", table, "%.9f", ",", header="t,u1,u2,q1,q2", comments="")
+
+    def prepare(self, name: str, earlier: bool) -> list[str]:
+        """Put an earlier result there, or none; gives the command."""
+        shutil.rmtree(self.folder / "out", ignore_errors=True)
+        if not earlier or not self.whole[name]:
+            return COMMANDS[name]
+        shutil.copytree(self.root / name, self.folder / "out")
+        return [*COMMANDS[name], "--force"]
+
+    def wrong(self, name: str, earlier: bool) -> str:
+        """What is wrong with what is there; empty if it is the old result, the new one or none."""
+        found = state(self.folder)
+        others = {x: y for x, y in found.items() if x not in result(found)}
+        if others != self.inputs:
+            return f"left: {sorted(set(others) ^ set(self.inputs))}"
+        present = set(result(found))
+        allowed = [set(self.whole[name])] + ([] if earlier else [set()])
+        if present not in allowed:
+            return f"neither whole nor none: {sorted(present ^ set(self.whole[name]))}"
+        folders = [str(x) for x in self.folder.rglob(".armcontour-*")]
+        if folders or (not present and (self.folder / "out").exists()):
+            return f"left: {folders or 'an empty folder'}"
+        return ""
+
+
+def try_signals(bench: Bench, count: int, seed: int) -> int:
+    """Signals at random moments: how many cases failed."""
+    failed = 0
+    latencies: list[float] = []
+    codes: Counter[str] = Counter()
+    for i in range(count):
+        draw = random.Random(f"{seed} signal {i}")
+        name = draw.choice(list(COMMANDS))
+        number = draw.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+        earlier = draw.random() < 0.5
+        arguments = bench.prepare(name, earlier)
+        ended = call(
+            bench.folder, arguments, number, draw.uniform(0.0, 1.05 * bench.durations[name])
+        )
+        wrong = bench.wrong(name, earlier)
+        # Python's own start-up, before any line of this program, ends by the signal itself.
+        if ended.code not in (0, 1, 7, 128 + number, -number):
+            wrong = f"exit code {ended.code}: {ended.said}"
+        if "Traceback" in ended.said and "site-packages" not in ended.said.partition("Trace")[2]:
+            codes["interrupted in Python's own start-up"] += 1
+        latencies.append(ended.after)
+        if ended.after > BAR:
+            wrong = wrong or f"ended {ended.after:.2f} s after the signal"
+        codes["by signal" if ended.code == 128 + number else "ended before"] += 1
+        if wrong:
+            failed += 1
+            print(f"seed {seed}, signal {i}: {name}, {number.name}, {earlier=}: {wrong}")
+    latencies.sort()
+    print(f"{count} signals: {failed} failed; {dict(codes)}; longest {latencies[-1]:.2f} s")
+    return failed
+
+
+def try_kills(bench: Bench, count: int, seed: int) -> int:
+    """`kill -9`, then the same command without and with --force: how many cases failed."""
+    failed = 0
+    for i in range(count):
+        draw = random.Random(f"{seed} kill {i}")
+        name = draw.choice([x for x in COMMANDS if bench.whole[x]])
+        earlier = draw.random() < 0.5
+        arguments = bench.prepare(name, earlier)
+        wait = draw.uniform(0.2, 1.0) * bench.durations[name]
+        call(bench.folder, arguments, signal.SIGKILL, wait)
+        plain = call(bench.folder, COMMANDS[name])
+        wrong = "" if plain.code in (0, 2) else f"without --force: {plain.code} {plain.said}"
+        wrong = wrong or bench.wrong(name, earlier)
+        forced = call(bench.folder, [*COMMANDS[name], "--force"])
+        wrong = wrong or ("" if forced.code == 0 else f"with --force: {forced.code} {forced.said}")
+        wrong = wrong or bench.wrong(name, earlier=True)
+        if wrong:
+            failed += 1
+            print(f"seed {seed}, kill {i}: {name}, {earlier=}: {wrong}")
+    print(f"{count} kills: {failed} failed")
+    return failed
+
+
+def try_races(bench: Bench, count: int, seed: int) -> int:
+    """Two runs at once into one folder: how many cases failed."""
+    failed = 0
+    for i in range(count):
+        draw = random.Random(f"{seed} race {i}")
+        name = draw.choice(["run", "export", "demo"])
+        arguments = bench.prepare(name, earlier=draw.random() < 0.5)
+        first = begin(bench.folder, arguments)
+        time.sleep(draw.uniform(0.0, 0.2))
+        second = begin(bench.folder, arguments)
+        said = [x.communicate(timeout=600)[1] for x in (first, second)]
+        codes = sorted((first.returncode, second.returncode))
+        wrong = bench.wrong(name, earlier=True)
+        if codes != [0, 2]:
+            wrong = f"exit codes {codes}: {said}"
+        if wrong:
+            failed += 1
+            print(f"seed {seed}, race {i}: {name}: {wrong}")
+    print(f"{count} races: {failed} failed")
+    return failed
+
+
+def main() -> None:
+    """Try all three; the exit code tells whether a case failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--signals", type=int, default=300)
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--races", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1)
+    x = parser.parse_args()
+    os.environ["PYTHONIOENCODING"] = "utf-8"
+    with tempfile.TemporaryDirectory() as root:
+        bench = Bench(FilePath(root))
+        failed = try_signals(bench, x.signals, x.seed)
+        failed += try_kills(bench, x.kills, x.seed)
+        failed += try_races(bench, x.races, x.seed)
+    sys.exit(bool(failed))
+
+
+if __name__ == "__main__":
+    main()

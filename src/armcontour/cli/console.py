@@ -1,0 +1,63 @@
+"""What commands show on the terminal: tables, lines, the report in a browser.
+
+All text goes through `printable`, since names come from files that somebody else wrote.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path as FilePath
+
+from armcontour.cli.text import printable
+
+# Columns of text where the output goes to a file or another program.
+WIDTH = 120
+
+
+class Console:
+    """The standard output, as wide as the terminal."""
+
+    def __init__(self) -> None:
+        from rich.console import Console as Rich
+
+        self._rich = Rich()
+        if not self._rich.is_terminal:
+            self._rich = Rich(width=WIDTH)
+
+    def show_table(
+        self,
+        headings: Sequence[str],
+        rows: Iterable[Sequence[str]],
+        *,
+        title: str | None = None,
+        left: Collection[int] = (0,),
+    ) -> None:
+        """Print a table.
+
+        Args:
+            headings: One for each column.
+            rows: Cells.
+            title: A line above it.
+            left: Columns whose cells begin at the left; numbers stand at the right.
+        """
+        from rich.markup import escape
+        from rich.table import Table
+
+        shown = None if title is None else escape(printable(title))
+        table = Table(title=shown, title_justify="left")
+        for i, heading in enumerate(headings):
+            table.add_column(escape(heading), justify="left" if i in left else "right")
+        for row in rows:
+            table.add_row(*(escape(printable(x)) for x in row))
+        self._rich.print(table)
+
+    def say(self, text: str) -> None:
+        """Print a line, which the terminal may break but no markup changes."""
+        self._rich.print(printable(text), soft_wrap=True, highlight=False, markup=False)
+
+
+def open_page(page: FilePath) -> None:
+    """Show a page in the browser."""
+    import webbrowser
+
+    webbrowser.open(page.resolve().as_uri())

@@ -1,0 +1,75 @@
+"""Text of files on a terminal: no control sequence gets through."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path as FilePath
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour.cli
+from armcontour.cli.console import Console
+from armcontour.cli.text import printable
+
+CLIPBOARD = "x\x1b]52;c;cHduZWQ=\x1b\\y"
+
+
+@given(st.text())
+def test_whatever_is_said_is_printable(text: str) -> None:
+    assert printable(text).isprintable()
+    if text.isprintable() and len(text) < 1000:
+        assert printable(text) == text
+
+
+def test_a_sentence_is_bounded() -> None:
+    assert len(printable("x" * 100_000)) < 5000
+
+
+def test_tables_and_lines_escape_what_a_terminal_would_obey(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    console = Console()
+    console.show_table(["a"], [[CLIPBOARD], ["[bold]plain[/bold]"]], title=CLIPBOARD)
+    console.say(CLIPBOARD)
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown and shown.count(r"\x1b]52") == 3
+    assert "[bold]plain[/bold]" in shown
+
+
+def test_errors_escape_names_of_files(tmp_path: FilePath) -> None:
+    name = f"{CLIPBOARD}.yaml"
+    command = [sys.executable, "-m", "armcontour", "run", name, "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "\x1b" not in done.stderr and r"\x1b]52" in done.stderr
+
+
+def test_output_that_cannot_be_written_is_one_sentence(tmp_path: FilePath) -> None:
+    full = FilePath("/dev/full")
+    if not full.exists():
+        pytest.skip("this system has no /dev/full")
+    with full.open("w") as stream:
+        done = subprocess.run(
+            [sys.executable, "-m", "armcontour", "schema"],
+            stdout=stream,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
+
+
+def test_commands_print_only_through_the_console() -> None:
+    """`print` may write what this program made itself: JSON, which escapes control characters."""
+    for file in FilePath(armcontour.cli.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                if node.func.id != "print" or file.name == "entry.py":
+                    continue
+                shown = ast.unparse(node.args[0])
+                assert "json" in shown, f"{file.name}: print({shown})"
