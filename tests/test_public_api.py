@@ -1,7 +1,10 @@
 """The public names: they exist, they are sorted, and importing the package costs nothing."""
 
+import ast
 import subprocess
 import sys
+from collections import Counter
+from pathlib import Path
 
 import armcontour as ac
 
@@ -10,6 +13,27 @@ def test_every_public_name_exists() -> None:
     for name in ac.__all__:
         assert getattr(ac, name) is not None
     assert ac.__all__ == sorted(ac.__all__)
+
+
+def test_every_public_name_is_in_each_list_once() -> None:
+    tree = ast.parse(Path(ac.__file__).read_text(encoding="utf-8"))
+    homes = next(
+        ast.literal_eval(statement.value)
+        for statement in tree.body
+        if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Dict)
+    )
+    loaded = Counter(name for names in homes.values() for name in names)
+    assert set(loaded.values()) == {1}
+    typed = Counter(
+        alias.name
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for statement in block.body
+        if isinstance(statement, ast.ImportFrom)
+        for alias in statement.names
+    )
+    assert loaded == typed
+    assert {*loaded, "__version__"} == set(ac.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -96,7 +96,6 @@ _HOME = {
         "Arc",
         "Demand",
         "Line",
-        "Log",
         "Orientation",
         "Path",
         "RoundedPath",

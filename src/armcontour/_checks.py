@@ -13,6 +13,18 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
+# Kinds of arrays that are numbers; an array of objects is one if each of them is.
+NUMERIC = "iufO"
+NOT_NUMERIC = {
+    "b": "truth values",
+    "U": "text",
+    "S": "bytes",
+    "c": "complex numbers",
+    "M": "dates",
+    "m": "spans of time",
+    "V": "records",
+}
+
 
 def locked(values: npt.ArrayLike) -> FloatArray:
     """A read-only copy of `values` as a float array."""
@@ -32,11 +44,19 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     """`values` as a new float array, all finite.
 
     Raises:
-        InvalidInput: Not numbers, or not finite; names the first offending index.
+        InvalidInput: Not numbers (text and truth values are none), or not finite; names the first
+            offending index.
     """
     try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asarray(values)
+        if given.dtype.kind not in NUMERIC:
+            raise InvalidInput(
+                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
+            )
+        array = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        if isinstance(error, InvalidInput):
+            raise
         # The library's first sentence says what is wrong.
         said = str(error).split(". ")[0].rstrip(".")
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {said}.") from None

@@ -16,7 +16,8 @@ waypoints, corners, items of a list in a file. The attribute `index` counts from
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 class ArmContourError(Exception):
@@ -58,6 +59,29 @@ class ArmContourError(Exception):
         self.limit = limit
         self.needed = needed
         self.allowed = allowed
+
+    def at(self, where: str) -> ArmContourError:
+        """The same error with the same data, whose sentence begins with a place."""
+        return type(self)(
+            f"{where}: {self}",
+            point=self.point,
+            index=self.index,
+            s=self.s,
+            t=self.t,
+            joint=self.joint,
+            limit=self.limit,
+            needed=self.needed,
+            allowed=self.allowed,
+        )
+
+
+@contextmanager
+def named(where: str) -> Iterator[None]:
+    """Begin the sentence of an error that occurs inside with a place, such as a run's name."""
+    try:
+        yield
+    except ArmContourError as error:
+        raise error.at(where).with_traceback(error.__traceback__) from None
 
 
 class InvalidInput(ArmContourError, ValueError):

@@ -14,6 +14,7 @@ from armcontour.study.quantities import Torques, planned_torques, torques_at
 MOST_RUNS = 16
 # Breaks of a plan at which torques are looked at; of more, this many. The others differ little.
 MOST_BREAKS = 20_000
+SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 
 
 @lru_cache(maxsize=MOST_RUNS)
@@ -32,8 +33,8 @@ def torques_of(result: RunResult) -> Torques | None:
 def looked_at(results: Iterable[RunResult]) -> list[str]:
     """Sentences on plans whose torques are not looked at at every break."""
     return [
-        f"Run {x.run.name}: torques are computed at every {skipped(x)}th of the plan's "
-        f"{len(x.trajectory.breaks)} breaks; those in summary.json at all."
+        f"Run {x.run.name}: torques are computed at every {ordinal(skipped(x))} of the plan's "
+        f"{len(x.trajectory.breaks)} breaks; summary.json has the largest of all breaks."
         for x in results
         if skipped(x) > 1
     ]
@@ -42,6 +43,12 @@ def looked_at(results: Iterable[RunResult]) -> list[str]:
 def skipped(result: RunResult) -> int:
     """Torques are looked at at every so many-th break of the plan."""
     return -(-len(result.trajectory.breaks) // MOST_BREAKS)
+
+
+def ordinal(n: int) -> str:
+    """A number as a place in a row: 1st, 2nd, 3rd, 4th."""
+    last = 0 if 10 < n % 100 < 14 else n % 10
+    return f"{n}{SUFFIXES.get(last, 'th')}"
 
 
 def forget() -> None:

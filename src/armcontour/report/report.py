@@ -24,6 +24,14 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         study: The study.
         certificate: Of its only run; comes first.
     """
+    try:
+        return _page(study.job, _sections(study, certificate))
+    finally:
+        forget()
+
+
+def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
+    """The sections that have something to show."""
     found = [
         *([] if certificate is None else [sections.certificate(certificate)]),
         sections.overview(study),
@@ -46,8 +54,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         found.insert(
             1, sections.robustness(drawn, corners, budget=allowed, run=certificate.run.name)
         )
-    forget()
-    return _page(study.job, [x for x in found if x is not None])
+    return [x for x in found if x is not None]
 
 
 def render_sweep(sweep: Sweep) -> str:

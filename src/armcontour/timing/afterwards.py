@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import JOINT_LIMITS, TOOL_LIMITS
-from armcontour.errors import NotRealizable
+from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.motion import Law, PathLaw
 from armcontour.timing.common import law_places, law_states
 from armcontour.timing.constraints.angular import oriented
@@ -89,8 +89,12 @@ def amounts(name: str, arm: Arm, q: FloatArray, dq: FloatArray, ddq: FloatArray)
     if name == "joint_torque":
         return np.abs(arm.torque(q, dq, ddq))
     turning = oriented(arm)
-    twist = turning.tool_twist(q, dq) if name == "angular_speed" else None
-    found = turning.tool_twist_rate(q, dq, ddq) if twist is None else twist
+    if name == "angular_speed":
+        found = turning.tool_twist(q, dq)
+    elif name == "angular_acceleration":
+        found = turning.tool_twist_rate(q, dq, ddq)
+    else:
+        raise InvalidInput(f"There is no limit of the name {name!r} to look at along a law.")
     return np.asarray(np.linalg.norm(found[:, 3:], axis=1))
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.arms.limits import TOOL_LIMITS
-from armcontour.errors import ArmContourError, InvalidInput, Unreachable
+from armcontour.errors import ArmContourError, InvalidInput, Unreachable, named
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import reversed_path
@@ -105,13 +105,10 @@ class _Chain:
 
     def contour(self, i: int, move: Contour, number: int) -> None:
         called = contour_called(move, number)
-        try:
+        with named(called):
             joint_path = self._traced(move.path)
             self._bridge(joint_path(0.0))
             planned = self.ways.contour(joint_path)
-        except ArmContourError as error:
-            error.args = (f"{called}: {error}",)
-            raise
         self.method = planned.method
         begun, offset = self.t, self.length
         ends = (0.0, move.path.length) if move.work is None else move.work
@@ -137,14 +134,11 @@ class _Chain:
         if move.path is None:
             return
         path = self._held(i, move.path)
-        try:
+        with named(self._rapid_called(i)):
             first = self.q is None and self.ways.start is None
             joint_path = self._led(i, path) if first else self._traced(path)
             self._bridge(joint_path(0.0))
             planned = self.ways.rapid(joint_path)
-        except ArmContourError as error:
-            error.args = (f"{self._rapid_called(i)}: {error}",)
-            raise
         self._append_rapid(i, planned)
 
     def still(self, i: int, move: Event | Dwell) -> None:

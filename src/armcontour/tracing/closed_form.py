@@ -36,7 +36,9 @@ class ClosedForm(Solver[PlanarTwoLink]):
         super().__init__(path, arm)
         self.branch, self.tolerance = branch, tolerance
 
-    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+    def ends(
+        self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
+    ) -> Ends:
         """q, dq_ds and d2q_ds2 at places `u` on the knots' segments."""
         try:
             q = self.arm.inverse(self.path.on_segment(knots.segment, u), self.branch)

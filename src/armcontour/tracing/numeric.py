@@ -56,14 +56,16 @@ class Numeric(Solver[SerialArm]):
             s = np.append(knots.s0, path.length)
             self._guide = Guide.through(s, way.q, w, path.stops)
 
-    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+    def ends(
+        self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
+    ) -> Ends:
         """q, dq_ds and d2q_ds2 at places `u` on the knots' segments.
 
         Raises:
             Unreachable: A singular place, with its arc length.
         """
         if guess is None:
-            guess = self._way.q[:-1] if u is knots.u0 else self._way.q[1:]
+            guess = self._way.q[1:] if at_end else self._way.q[:-1]
         poses = poses_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         q = np.array(guess, order="C")

@@ -30,7 +30,8 @@ def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
     Raises:
         Unreachable: A place out of reach or singular, with its arc length.
     """
-    begin, end = (solver.ends(knots, u, None) for u in (knots.u0, knots.u1))
+    begin = solver.ends(knots, knots.u0, None)
+    end = solver.ends(knots, knots.u1, None, at_end=True)
     settled = np.zeros(len(knots), dtype=bool)
     while True:
         begin, end = solver.continuous(begin, end)

@@ -30,13 +30,16 @@ class Solver(ABC, Generic[A]):
         self.arm = arm
 
     @abstractmethod
-    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+    def ends(
+        self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
+    ) -> Ends:
         """q, dq_ds and d2q_ds2 at places `u` on the knots' segments, one per knot.
 
         Args:
             knots: The intervals that the places lie in.
             u: Places on their segments [m], (n,).
             guess: Joint positions near to those wanted; None for the first knots.
+            at_end: Whether the places of the first knots are the ends of the intervals.
 
         Raises:
             Unreachable: A place out of reach or singular, with its arc length.
