@@ -23,6 +23,9 @@ app = typer.Typer(
 
 Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+Memory = Annotated[
+    str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
+]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
 
 
@@ -109,6 +112,7 @@ def run(
             "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
         ),
     ] = True,
+    memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
 ) -> None:
@@ -129,6 +133,7 @@ def run(
         speed=speed,
         tolerance=tolerance,
         from_s=from_s,
+        memory=memory,
     )
     run_job(
         lambda told: open_job(job, cell, overrides, told),
@@ -219,6 +224,7 @@ def certify(
     force: Force = False,
     open_report: Open = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    memory: Memory = None,
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
@@ -232,6 +238,7 @@ def certify(
         force=force,
         open_report=open_report,
         as_json=as_json,
+        memory=memory,
     )
 
 
@@ -246,6 +253,7 @@ def sweep(
     speeds: Annotated[
         str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")
     ] = None,
+    memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
 ) -> None:
@@ -258,6 +266,7 @@ def sweep(
         out,
         tolerances=tolerances,
         speeds=speeds,
+        memory=memory,
         force=force,
         open_report=open_report,
     )
