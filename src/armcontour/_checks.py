@@ -10,6 +10,12 @@ import numpy.typing as npt
 from armcontour.errors import InvalidInput
 
 FloatArray = npt.NDArray[np.float64]
+# No length, time, speed or torque of a robot is larger than this in SI units, and its powers up to
+# the twenty-fifth are numbers; of larger ones squares, cubes and their products overflow.
+LARGEST = 1e12
+# A number that must be above zero must not be less than this: its reciprocal's powers up to the
+# tenth are numbers. Of a tolerance or a time it is nothing in any unit.
+SMALLEST = 1e-30
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -41,11 +47,11 @@ def locked_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """`values` as a new float array, all finite.
+    """`values` as a new float array, all finite and within LARGEST.
 
     Raises:
-        InvalidInput: Not numbers (text and truth values are none), or not finite; names the first
-            offending index.
+        InvalidInput: Not numbers (text and truth values are none), not finite or too large; names
+            the first offending index.
     """
     try:
         given = np.asarray(values)
@@ -60,13 +66,15 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         # The library's first sentence says what is wrong.
         said = str(error).split(". ")[0].rstrip(".")
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {said}.") from None
-    bad = ~np.isfinite(array)
+    bad = ~(np.abs(array) <= LARGEST)
     if bad.any():
         where = np.argwhere(bad)[0]
         place = f" at index {', '.join(str(i) for i in where)}" if array.ndim else ""
-        value = array[tuple(where)] if array.ndim else array
+        value = float(array[tuple(where)] if array.ndim else array)
+        range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
+        needed = range_ if np.isfinite(value) else "finite"
         raise InvalidInput(
-            f"{name} must be finite, but is {float(value)}{place}.",
+            f"{name} must be {needed}, but is {value:g}{place}.",
             index=int(where[0]) if array.ndim else None,
         )
     return array
@@ -99,14 +107,35 @@ def number(name: str, value: Any, unit: str = "") -> float:
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float above zero.
+    """`value` as a finite float above zero, at least SMALLEST.
 
     Raises:
-        InvalidInput: Not one finite number above zero.
+        InvalidInput: Not one such number.
     """
     checked = number(name, value, unit)
     if checked <= 0:
         raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
+    if checked < SMALLEST:
+        raise InvalidInput(
+            f"{name} must be at least {SMALLEST:g}{suffix(unit)}, but is {checked:g}{suffix(unit)}."
+        )
+    return checked
+
+
+def between(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
+    """`value` as a float from `low` to `high`.
+
+    Raises:
+        InvalidInput: Not one finite number in that range.
+    """
+    checked = not_negative(name, value, unit) if low == 0 else number(name, value, unit)
+    if low > 0 >= checked:
+        raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
+    if not low <= checked <= high:
+        raise InvalidInput(
+            f"{name} must be from {low:g} to {high:g}{suffix(unit)}, but is "
+            f"{checked:g}{suffix(unit)}."
+        )
     return checked
 
 

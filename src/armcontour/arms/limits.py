@@ -77,11 +77,19 @@ class Limits:
             if values is None:
                 continue
             # Of jerk, which files give for some joints only, infinity is no limit.
-            finite = values if name != "joint_jerk" else np.nan_to_num(values, nan=np.nan)
+            finite = values
+            if name == "joint_jerk":
+                finite = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
             array = _checks.numbers(name, finite, unit)
             if array.ndim > 1 or (array <= 0).any():
                 raise InvalidInput(
                     f"{name} must be above zero for every joint, but is {array.tolist()} {unit}.",
+                    limit=name,
+                )
+            if (array < _checks.SMALLEST).any():
+                raise InvalidInput(
+                    f"{name} must be at least {_checks.SMALLEST:g} {unit} for every joint, but is "
+                    f"{array.tolist()} {unit}.",
                     limit=name,
                 )
             object.__setattr__(self, name, _checks.locked(values))
@@ -114,6 +122,12 @@ class Limits:
             array = _checks.locked(np.nan)
         if array.ndim > 1 or np.isnan(array).any():
             raise InvalidInput(f"{name} must be one angle per joint in rad.")
+        far = np.isfinite(array) & (np.abs(array) > _checks.LARGEST)
+        if far.any():
+            raise InvalidInput(
+                f"{name} must be between -{_checks.LARGEST:g} and {_checks.LARGEST:g} rad, or "
+                f"infinite where there is none, but is {float(array[far].flat[0]):g} rad."
+            )
         object.__setattr__(self, name, array)
 
     def replace(self, **changes: Any) -> Limits:
@@ -143,7 +157,9 @@ class Limits:
             values = getattr(self, name)
             if values is not None and values.shape != (dof,):
                 if values.ndim and values.shape != (dof,):
-                    _checks.per_joint(name, np.nan_to_num(values), dof, "rad")
+                    _checks.per_joint(
+                        name, np.nan_to_num(values, posinf=0.0, neginf=0.0), dof, "rad"
+                    )
                 changes[name] = np.full(dof, values)
         return self.replace(**changes) if changes else self
 

@@ -9,7 +9,7 @@ from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
-    from armcontour.study import Certificate
+    from armcontour.study import Certificate, Job
 
 
 def certify_file(
@@ -22,6 +22,7 @@ def certify_file(
     force: bool = False,
     open_report: bool = False,
     as_json: bool = False,
+    memory: str | None = None,
 ) -> None:
     """Certify a job, print the certificate, and write it with its taught data.
 
@@ -34,6 +35,7 @@ def certify_file(
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
         as_json: Whether to print the summary and not a table.
+        memory: What the program may take, in the place of the job's.
 
     Raises:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
@@ -47,7 +49,7 @@ def certify_file(
 
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    job = read_job(job_file)
+    job = with_memory(read_job(job_file), memory)
     overrides = _lengths(tolerance=tolerance, servo=servo)
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.study import certify
@@ -84,6 +86,25 @@ def _lengths(**given: str | None) -> dict[str, float]:
         except ValueError as error:
             raise InvalidInput(f"--{name}: {error}.") from None
     return found
+
+
+def with_memory(job: Job, text: str | None) -> Job:
+    """The job with another bound of its memory, as text with a unit.
+
+    Raises:
+        InvalidInput: Text that is no amount of memory.
+    """
+    from dataclasses import replace
+
+    from armcontour.errors import InvalidInput
+    from armcontour.io.units import parse
+
+    if text is None:
+        return job
+    try:
+        return replace(job, memory=parse(text, "byte"))
+    except ValueError as error:
+        raise InvalidInput(f"--memory: {str(error).rstrip('.')}.") from None
 
 
 def _write(found: Certificate, folder: Any) -> None:

@@ -20,6 +20,9 @@ app = typer.Typer(
 
 Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+Memory = Annotated[
+    str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
+]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
 
 
@@ -106,6 +109,7 @@ def run(
             "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
         ),
     ] = True,
+    memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
 ) -> None:
@@ -126,6 +130,7 @@ def run(
         speed=speed,
         tolerance=tolerance,
         from_s=from_s,
+        memory=memory,
     )
     run_job(
         lambda told: open_job(job, cell, overrides, told),
@@ -216,6 +221,7 @@ def certify(
     force: Force = False,
     open_report: Open = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    memory: Memory = None,
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
@@ -229,6 +235,7 @@ def certify(
         force=force,
         open_report=open_report,
         as_json=as_json,
+        memory=memory,
     )
 
 
@@ -243,6 +250,7 @@ def sweep(
     speeds: Annotated[
         str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")
     ] = None,
+    memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
 ) -> None:
@@ -255,6 +263,7 @@ def sweep(
         out,
         tolerances=tolerances,
         speeds=speeds,
+        memory=memory,
         force=force,
         open_report=open_report,
     )

@@ -29,6 +29,7 @@ class Overrides:
         speed: Assigned velocity where the drawing gives none, of runs with one of their own too.
         tolerance: Largest corner error, likewise; runs that keep corners sharp do.
         from_s: Where to resume.
+        memory: What the program may take.
     """
 
     units: str | None = None
@@ -42,6 +43,7 @@ class Overrides:
     speed: str | None = None
     tolerance: str | None = None
     from_s: str | None = None
+    memory: str | None = None
 
 
 def open_job(file: FilePath, cell: str | None, overrides: Overrides, told: Told) -> Job:
@@ -92,6 +94,8 @@ def _changed(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
     found |= _changed_runs(data, x)
     if x.from_s is not None:
         found["process"] = _merged(data.get("process"), {"from_s": _quantity(x.from_s)})
+    if x.memory is not None:
+        found["memory"] = _quantity(x.memory)
     return found
 
 

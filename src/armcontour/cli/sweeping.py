@@ -18,6 +18,7 @@ def sweep_file(
     *,
     tolerances: str | None = None,
     speeds: str | None = None,
+    memory: str | None = None,
     force: bool = False,
     open_report: bool = False,
 ) -> None:
@@ -29,16 +30,18 @@ def sweep_file(
         out: Folder for summary.json and report.html.
         tolerances: Corner tolerances as text with units, separated by commas.
         speeds: Assigned velocities, likewise.
+        memory: What the program may take, in the place of the job's.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
 
     Raises:
         ArmContourError: A job that cannot be used; nothing is written then.
     """
+    from armcontour.cli.certifying import with_memory
     from armcontour.cli.progress import shown
     from armcontour.io import ResultFolder, read_job, sweep_json
 
-    job = read_job(job_file)
+    job = with_memory(read_job(job_file), memory)
     asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
     with ResultFolder(out, force=force) as folder:
         from armcontour.report import render_sweep

@@ -1,5 +1,5 @@
 """Compensation of the servo's delay: one file per method, one door to them."""
 
-from armcontour.compensation.compensator import METHODS, compensate
+from armcontour.compensation.compensator import METHODS, compensate, set_point_count
 
-__all__ = ["METHODS", "compensate"]
+__all__ = ["METHODS", "compensate", "set_point_count"]

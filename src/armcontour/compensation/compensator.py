@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, _memory
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Limits
 from armcontour.compensation.command_limits import refuse_commands
 from armcontour.compensation.set_points import (
+    SETTLING,
     SetPointTimes,
     inverse_servo,
     leads,
@@ -18,9 +19,12 @@ from armcontour.compensation.set_points import (
     set_point_times,
 )
 from armcontour.errors import InvalidInput
-from armcontour.motion import TaughtData, Trajectory
+from armcontour.motion import TaughtData, Trajectory, checked_interval
 from armcontour.servo import ServoModel
 
+# What a set-point of one joint takes while it is computed [bytes], measured: most of it are the
+# states of the compensator's filter and the polynomials that it is fed with.
+SET_POINT = {"pole_placement": 230.0, "inverse": 100.0, "none": 60.0}
 METHODS = ("inverse", "pole_placement", "none")
 
 
@@ -31,6 +35,7 @@ def compensate(
     method: str = "pole_placement",
     period: float = 4e-3,
     limits: Limits | None = None,
+    memory: float = _memory.DEFAULT,
     **options: Any,
 ) -> TaughtData:
     """Set-points with which the servo shall make the joints follow `trajectory`.
@@ -48,15 +53,17 @@ def compensate(
         period: Command interval [s].
         limits: What the controller takes: set-points within joint_lower and joint_upper, and from
             one to the next not faster than joint_velocity. By default they are not looked at.
+        memory: What the program may take while it computes them [bytes].
         options: For "pole_placement": `poles` [1/s].
 
     Raises:
-        InvalidInput: An unknown method or option, or gains that do not fit the joints.
+        InvalidInput: An unknown method or option, gains that do not fit the joints or the interval,
+            or more set-points than the memory takes.
         CompensationError: Unstable poles, pole placement for a servo of first order, or set-points
             beyond the limits.
     """
     _checks.choice("method", method, METHODS)
-    interval = _checks.positive("command interval", period, "s")
+    interval = checked_interval(period)
     known = ("poles",) if method == "pole_placement" else ()
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -65,6 +72,15 @@ def compensate(
             f"not {unknown[0]}."
         )
     model = servo.for_joints(trajectory.dof)
+    model.refuse_too_fast(interval)
+    count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
+    _memory.refuse_above(
+        memory,
+        count * trajectory.dof * SET_POINT[method],
+        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s, {count:.3g} "
+        "set-points,",
+        "take a longer command interval or a higher speed",
+    )
     if method == "pole_placement":
         from armcontour.compensation.pole_placement import pole_placement
 
@@ -79,6 +95,35 @@ def compensate(
     if limits is not None:
         refuse_commands(taught, limits.for_joints(trajectory.dof))
     return taught
+
+
+def set_point_count(
+    duration: float, servo: ServoModel, period: float, method: str, poles: Any | None = None
+) -> float:
+    """How many set-points a motion takes, about.
+
+    Args:
+        duration: Of the motion [s].
+        servo: The model whose delay is compensated, with values per joint.
+        period: Command interval [s].
+        method: As in `compensate`.
+        poles: Likewise.
+
+    Raises:
+        InvalidInput: Poles that are none.
+        CompensationError: Poles that are not stable.
+    """
+    total = duration
+    if method != "none":
+        total += float(servo.dead_time.max()) + period
+    if method == "pole_placement" and servo.kv is not None:
+        from armcontour.compensation.pole_placement import checked_poles
+
+        slowest = float(servo.kv.min())
+        if poles is not None:
+            slowest = float(np.abs(checked_poles(poles, len(servo.kv)).real).min())
+        total += SETTLING / slowest
+    return total / period + 1
 
 
 def _as_planned(trajectory: Trajectory, period: float) -> FloatArray:

@@ -15,13 +15,12 @@ import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour.compensation._filter import filtered
-from armcontour.compensation.set_points import SetPointTimes, inverse_servo, leads, led
+from armcontour.compensation.set_points import SETTLING, SetPointTimes, inverse_servo, leads, led
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import Trajectory, quintic
 from armcontour.servo import ServoModel
+from armcontour.servo.model import GAINS, MOST_TIME_CONSTANTS
 
-# The set-points end when what is left of the motion has decayed by this many time constants.
-SETTLING = 36.0
 ComplexArray = npt.NDArray[np.complex128]
 
 
@@ -62,7 +61,7 @@ def pole_placement(
 
     Raises:
         CompensationError: Poles that are not stable, or a servo of first order.
-        InvalidInput: Poles of a wrong shape, or not conjugate.
+        InvalidInput: Poles of a wrong shape, not conjugate, or too fast for the interval.
     """
     if servo.kv is None:
         raise CompensationError(
@@ -70,6 +69,7 @@ def pole_placement(
             "velocity loop whose gain it could be placed for; take the method inverse."
         )
     placed = default_poles(servo) if poles is None else checked_poles(poles, trajectory.dof)
+    _refuse_too_fast(placed, period)
     return led(
         trajectory,
         leads(servo, period),
@@ -138,7 +138,7 @@ def checked_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
 
     Raises:
         CompensationError: Poles that are not stable.
-        InvalidInput: Poles of a wrong shape, or not conjugate.
+        InvalidInput: Poles of a wrong shape, not conjugate, or outside GAINS of servos.
     """
     try:
         placed = np.array(poles, dtype=np.complex128)
@@ -169,4 +169,26 @@ def checked_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
             "have negative real parts, or the set-points grow without bound.",
             joint=j + 1,
         )
+    low, high = GAINS
+    if (-placed.real < low).any() or (np.abs(placed) > high).any():
+        j = int(np.flatnonzero(((-placed.real < low) | (np.abs(placed) > high)).any(axis=1))[0])
+        raise InvalidInput(
+            f"The poles of joint {j + 1} must lie between -{high:g} and -{low:g} 1/s, as gains of "
+            f"servos do, but are {placed[j].tolist()} 1/s."
+        )
     return placed
+
+
+def _refuse_too_fast(placed: ComplexArray, period: float) -> None:
+    """Refuse poles of more time constants in a command interval than gains may have.
+
+    Raises:
+        InvalidInput: More.
+    """
+    fastest = float(np.abs(placed).max())
+    if fastest * period > MOST_TIME_CONSTANTS:
+        raise InvalidInput(
+            f"A pole of {fastest:g} 1/s is {fastest * period:.3g} time constants in a command "
+            f"interval of {period:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take "
+            f"poles up to {MOST_TIME_CONSTANTS / period:g} 1/s, or a shorter command interval."
+        )

@@ -15,7 +15,7 @@ from armcontour.compensation._demand import states
 from armcontour.compensation._filter import filtered
 from armcontour.compensation.pole_placement import checked_poles, pole_placement, transfer
 from armcontour.errors import CompensationError, InvalidInput
-from armcontour.motion import Trajectory
+from armcontour.motion import Trajectory, checked_interval
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
 
@@ -115,7 +115,7 @@ def fastest_poles(
             saturate; or a servo of first order.
         InvalidInput: No limit of joint acceleration.
     """
-    interval = _checks.positive("command interval", period, "s")
+    interval = checked_interval(period)
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The fastest poles are those that do not saturate: give joint_acceleration.",

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.errors import InvalidInput
 from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
 
 # A set-point this close to a break of the trajectory, in periods, is taken at the break.
 SNAP = 1e-9
-# More set-points than this do not fit in memory with all that is computed from them.
-MOST_SET_POINTS = 20_000_000
+# The set-points end when what is left of the motion has decayed by this many time constants.
+SETTLING = 36.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +33,8 @@ class SetPointTimes:
 
 
 def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) -> SetPointTimes:
-    """`offset`, not above 0, and every period behind it, up to the end of the motion.
-
-    Raises:
-        InvalidInput: There would be too many of them.
-    """
+    """`offset`, not above 0, and every period behind it, up to the end of the motion."""
     duration = trajectory.duration
-    if (duration - offset) / period > MOST_SET_POINTS:
-        raise InvalidInput(
-            f"{duration:g} s of motion at a command interval of {period:g} s would be "
-            f"{duration / period:.3g} set-points, more than {MOST_SET_POINTS:g}: take a longer "
-            "interval or a higher speed."
-        )
     count = int(np.ceil((duration - offset) / period * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * period
     breaks = trajectory.breaks

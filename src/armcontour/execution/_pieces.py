@@ -13,6 +13,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.execution._servo import (
     LARGEST_STEP,
+    MOST_STEPS,
     SHORTEST_STAY,
     _advance,
     _extremum,
@@ -217,8 +218,12 @@ def _advance_bent(
     saturated = 0.0
     lowest = highest = kv * (kp * (command[0] - q) - w)
     mode = 0.0
+    count = 0
     fast = kv if kv >= 4 * kp else math.sqrt(kp * kv)
     while now < span:
+        count += 1
+        if count > MOST_STEPS:
+            return math.nan, math.nan, math.nan, lowest, highest
         left = span - now
         u = _shifted(command, now)
         z = kv * (kp * (u[0] - q) - w)
@@ -280,6 +285,8 @@ def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float
         if 0.0 < turn < span:
             most = alpha + beta * turn + beta / kp
             lowest, highest = min(lowest, most), max(highest, most)
+    if not kp * span <= LARGEST_STEP * MOST_STEPS:
+        return math.nan, lowest, highest
     steps = int(math.ceil(kp * span / LARGEST_STEP))
     t = span / steps
     for i in range(steps):
@@ -342,9 +349,9 @@ def run_joint(
 
     Returns:
         q, dq, demand and ddq at the results, (number, 4); time in saturation [s]; lowest and
-        highest demand.
+        highest demand. Where the motion comes to no end, q is NaN and nothing follows.
     """
-    states = np.empty((count * int(result.sum()), 4))
+    states = np.zeros((count * int(result.sum()), 4))
     saturated = lowest = highest = 0.0
     row = 0
     last = len(command) - 1
@@ -355,6 +362,10 @@ def run_joint(
             u = _shifted(command[which], local[i] if 0 < which < last else 0.0)
             span = width[i]
             q, w, time, low, high = _advance_any(kp, kv, lower, upper, u, q, w, span)
+            if math.isnan(q):
+                # This part may end without a result, which is due behind a later one.
+                states[row, 0] = math.nan
+                return states, saturated, lowest, highest
             saturated += time
             lowest, highest = min(lowest, low), max(highest, high)
             if result[i]:

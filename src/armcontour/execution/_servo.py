@@ -14,6 +14,8 @@ from armcontour._kernels import compiled
 LARGEST_STEP = 0.5
 # Saturation that would last less than this part of a step is not entered.
 SHORTEST_STAY = 1e-9
+# More steps than this in one span come to no end: they round to nothing, or are not numbers.
+MOST_STEPS = 100_000
 
 
 @compiled()
@@ -99,15 +101,20 @@ def _advance(
     The lower one must be below 0 and the upper one above it.
 
     Returns:
-        Position, velocity, time in saturation, lowest and highest demand.
+        Position, velocity, time in saturation, lowest and highest demand. The first three are NaN
+        where the motion comes to no end in MOST_STEPS.
     """
     now = 0.0
+    count = 0
     saturated = 0.0
     lowest = highest = kv * (kp * (u - q) - w)
     fast = kv if kv >= 4 * kp else math.sqrt(kp * kv)
     z = kv * (kp * (u - q) - w)
     mode = 0.0 if lower <= z <= upper else math.copysign(1.0, z)
     while now < span:
+        count += 1
+        if count > MOST_STEPS:
+            return math.nan, math.nan, math.nan, lowest, highest
         left = span - now
         command = u + r * now
         z = kv * (kp * (command - q) - w)
@@ -188,13 +195,14 @@ def simulate(
 
     Returns:
         q, dq and demand at n * steps times, the first one step behind the first command,
-        (n * steps, dof); time in saturation, (dof,); lowest and highest demand, (2, dof).
+        (n * steps, dof); time in saturation, (dof,); lowest and highest demand, (2, dof). A joint
+        whose motion comes to no end has a NaN there, and the joints behind it are not run.
     """
     n = len(commands) - 1
     dof = len(kp)
-    position = np.empty((n * steps, dof))
-    velocity = np.empty((n * steps, dof))
-    demand = np.empty((n * steps, dof))
+    position = np.zeros((n * steps, dof))
+    velocity = np.zeros((n * steps, dof))
+    demand = np.zeros((n * steps, dof))
     saturated = np.zeros(dof)
     extremes = np.zeros((2, dof))
     span = period / steps
@@ -208,6 +216,9 @@ def simulate(
                 x, w, time, low, high = _advance(
                     kp[j], kv[j], -limit[j], limit[j], begin, r, x, w, span
                 )
+                if math.isnan(x):
+                    position[k * steps + i, j] = math.nan
+                    return position, velocity, demand, saturated, extremes
                 saturated[j] += time
                 extremes[0, j] = min(extremes[0, j], low)
                 extremes[1, j] = max(extremes[1, j], high)

@@ -16,12 +16,14 @@ from armcontour.execution import _mujoco
 from armcontour.execution.dead_time import values
 from armcontour.execution.plant import (
     PATIENCE,
+    RESULT,
     RUNAWAY,
     Plant,
     intervals,
     patience,
     refuse_other_joints,
     refuse_too_heavy,
+    results,
 )
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
@@ -30,6 +32,15 @@ from armcontour.servo.command import polynomials
 # Cycle of a drive's velocity loop: 4 kHz is usual, goes into every usual command interval, and
 # delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
 STEP = 2.5e-4
+# Cycles that drives have [s]: each is a step of the simulation, which takes some microseconds; in a
+# longer one than the other end no arm is controlled.
+STEPS = (1e-6, 0.1)
+# No encoder is worse than this [rad].
+LARGEST_NOISE = 0.1
+# What a result of one joint takes, torques too, beside RESULT of all of them; and what a step takes
+# while its block of commands is run [bytes], measured.
+OF_JOINT = 200.0
+AT_A_STEP = 120.0
 # Behind the last set-point, the joints are at rest when for this time [s], and for the slowest
 # position loop's time constant, each one stays within this range [rad], within steps too: a micron
 # at 1 m. Where they stop is up to friction and gravity; so it is no part of the test.
@@ -77,7 +88,7 @@ class RigidBodyPlant(Plant):
 
     Raises:
         InvalidInput: An arm without masses, gains or limits that do not fit it, a servo of order
-            first, or mujoco is not installed.
+            first, a step outside STEPS, too much noise, or mujoco is not installed.
     """
 
     def __init__(
@@ -101,10 +112,10 @@ class RigidBodyPlant(Plant):
                 "second, with the gain kv."
             )
         self.kv = self.servo.kv
-        self.step = _checks.positive("step", step, "s")
+        self.step = checked_step(step)
         self.gravity_feedforward = gravity_feedforward
         self.friction = friction
-        self.noise = _checks.not_negative("noise", noise, "rad")
+        self.noise = checked_noise(noise)
         self.seed = _checks.whole("seed", seed, 0, 2**63 - 1)
         self.reference = _checks.locked(_middle(arm.limits, arm.dof))
         self.nominal_inertia = _checks.locked(_nominal(self.chain, self.reference))
@@ -112,6 +123,10 @@ class RigidBodyPlant(Plant):
         self.torque_limit = _checks.locked(_torques(own, arm.limits, self.chain))
         # An acceleration limit is what a joint has left for moving; a torque limit holds for all.
         self._on_top = own.joint_torque is None
+
+    def memory(self, span: float, period: float, resolution: float) -> float:
+        """What an execution takes, about [bytes]: its results, and a block of steps."""
+        return bytes_of(self.servo, self.step, span, period, resolution)
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data, from the equilibrium at its first set-point.
@@ -155,7 +170,7 @@ class RigidBodyPlant(Plant):
     def _come_to_rest(
         self, robot: _Robot, taught: TaughtData, steps: int, every: int
     ) -> list[_Log]:
-        window = min(max(REST_TIME, 1 / self.servo.kp.min()), PATIENCE)
+        window = rest_window(self.servo)
         commands = np.tile(taught.q[-1], (int(np.ceil(window / taught.period)) * steps, 1))
         begin = robot.now
         longest = patience(begin - taught.start_time)
@@ -396,6 +411,48 @@ class _Robot:
             t=t,
             joint=j + 1,
         )
+
+
+def bytes_of(
+    servo: ServoModel, step: float, span: float, period: float, resolution: float
+) -> float:
+    """What an execution takes, about [bytes]: its results, and a block of steps.
+
+    Args:
+        servo: With values per joint.
+        step: Cycle of the drives [s].
+        span: Time between the first and the last set-point [s].
+        period: Command interval [s].
+        resolution: Largest time between two results [s].
+    """
+    window = rest_window(servo)
+    late = float(servo.dead_time.max())
+    rows = results(span + late + 2 * window, period, resolution)
+    steps = max(BLOCK, period, window) / min(step, period)
+    return rows * RESULT + (rows * OF_JOINT + steps * AT_A_STEP) * len(servo.kp)
+
+
+def rest_window(servo: ServoModel) -> float:
+    """For how long a joint is seen to be at rest [s]."""
+    return min(max(REST_TIME, 1 / float(servo.kp.min())), PATIENCE)
+
+
+def checked_step(step: float) -> float:
+    """A cycle of the drives [s].
+
+    Raises:
+        InvalidInput: Not a number, or outside STEPS.
+    """
+    return _checks.between("step of the experiment's drives", step, *STEPS, "s")
+
+
+def checked_noise(noise: float) -> float:
+    """A standard deviation of measured positions [rad].
+
+    Raises:
+        InvalidInput: Not a number, negative, or above LARGEST_NOISE.
+    """
+    return _checks.between("noise of measured positions", noise, 0.0, LARGEST_NOISE, "rad")
 
 
 def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:

@@ -9,7 +9,16 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.execution.plant import Plant, intervals, patience, refuse_other_joints
+from armcontour.execution.plant import (
+    OF_JOINT,
+    RESULT,
+    SETTLED,
+    Plant,
+    intervals,
+    patience,
+    refuse_other_joints,
+    results,
+)
 from armcontour.execution.servo_run import Part, PiecedRun, PlainRun, TorqueBounds, joined
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
@@ -20,6 +29,8 @@ REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
 # The tail is run in chunks of this time [s].
 CHUNK = 0.25
+# A command's polynomial between two set-points, of one joint [bytes].
+POLYNOMIAL = 64.0
 
 
 class ServoPlant(Plant):
@@ -77,14 +88,25 @@ class ServoPlant(Plant):
             # It refuses an arm without masses.
             _ = arm.dynamics
 
+    def memory(self, span: float, period: float, resolution: float) -> float:
+        """What an execution takes, about [bytes]: until the last set-point is met, and rest."""
+        still = min(SETTLED / self.servo.slowest, patience(span)) + CHUNK
+        late = float(self.servo.dead_time.max())
+        rows = results(span + late + still, period, resolution)
+        # Where commands are late or bend, each has its polynomial.
+        commands = (span / period + 1) * POLYNOMIAL
+        return rows * RESULT + (rows * OF_JOINT + commands) * self.arm.dof
+
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data; exact between the instants where saturation starts or ends.
 
         Raises:
-            InvalidInput: Taught data for another number of joints.
+            InvalidInput: Taught data for another number of joints, or gains too large for its
+                command interval.
             ExecutionError: The joints do not come to rest, or a drive is too weak to hold its arm.
         """
         refuse_other_joints(taught, self.arm)
+        self.servo.refuse_too_fast(taught.period)
         steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
         run = self._begin(taught, steps)
         first, last = taught.q[0], taught.q[-1]

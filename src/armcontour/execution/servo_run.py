@@ -46,6 +46,34 @@ def joined(parts: list[Part]) -> Part:
     )
 
 
+def refuse_endless(part: Part, servo: ServoModel, start: float, span: float) -> None:
+    """Refuse a part of a run in which a joint's motion could not be computed to its end.
+
+    Args:
+        part: What the compiled functions gave.
+        servo: With values per joint.
+        start: When the part begins [s].
+        span: Time between two results [s].
+
+    Raises:
+        ExecutionError: A position that is not finite.
+    """
+    lost = ~np.isfinite(part.q)
+    if lost.any():
+        row, j = (int(x) for x in np.argwhere(lost)[0])
+        gains = f"kp = {servo.kp[j]:g} 1/s"
+        if servo.kv is not None:
+            gains += f" and kv = {servo.kv[j]:g} 1/s"
+        t = start + row * span
+        raise ExecutionError(
+            f"The motion of joint {j + 1} cannot be computed from t = {t:.4g} s on: its steps are "
+            f"too short or its numbers too large, with {gains}; take gains nearer to each other "
+            "and to those of a robot.",
+            t=t,
+            joint=j + 1,
+        )
+
+
 class PlainRun:
     """A servo of second order without dead time, whose command is straight between set-points.
 
@@ -60,11 +88,15 @@ class PlainRun:
         self, taught: TaughtData, steps: int, servo: ServoModel, limit: FloatArray
     ) -> None:
         assert servo.kv is not None
-        self.taught, self.steps, self.limit = taught, steps, limit
+        self.taught, self.steps, self.servo, self.limit = taught, steps, servo, limit
         self.kp, self.kv, self.linear = servo.kp, servo.kv, servo.interpolation == "linear"
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Run from command interval `begin` on."""
+        """Run from command interval `begin` on.
+
+        Raises:
+            ExecutionError: A joint's motion comes to no end.
+        """
         taught = self.taught
         commands = taught.q[begin : begin + count + 1]
         missing = count + 1 - len(commands)
@@ -82,7 +114,10 @@ class PlainRun:
             dq,
         )
         ddq = np.clip(demand, -self.limit, self.limit)
-        return Part(position, velocity, demand, ddq, saturated, extremes)
+        part = Part(position, velocity, demand, ddq, saturated, extremes)
+        start = taught.start_time + begin * taught.period
+        refuse_endless(part, self.servo, start, taught.period / self.steps)
+        return part
 
 
 class TorqueBounds:
@@ -148,6 +183,7 @@ class PiecedRun:
         torque: TorqueBounds | None,
     ) -> None:
         self.servo, self.accelerations, self.torque = servo, accelerations, torque
+        self.taught, self.steps = taught, steps
         self.commands = polynomials(taught.q, taught.period, servo.interpolation)
         self.patterns = [pattern(taught.period, steps, x) for x in servo.dead_time.tolist()]
 
@@ -155,7 +191,7 @@ class PiecedRun:
         """Run from command interval `begin` on.
 
         Raises:
-            ExecutionError: A joint runs away.
+            ExecutionError: A joint runs away, or its motion comes to no end.
         """
         if self.torque is None or count == 0:
             return self._run(begin, count, q, dq, self.accelerations)
@@ -196,4 +232,7 @@ class PiecedRun:
         position, velocity, demand, ddq = (states[:, i] for i in range(4))
         saturated = np.array([x[1] for x in joints])
         extremes = np.array([x[2:] for x in joints]).T
-        return Part(position, velocity, demand, ddq, saturated, extremes)
+        part = Part(position, velocity, demand, ddq, saturated, extremes)
+        start = self.taught.start_time + begin * self.taught.period
+        refuse_endless(part, self.servo, start, self.taught.period / self.steps)
+        return part

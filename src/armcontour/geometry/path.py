@@ -203,7 +203,11 @@ class Path:
         kept = _without_repeats(given)
         if len(kept) < 2:
             raise InvalidInput("A spline needs at least two different points.")
-        _checks.positive("spline tolerance", tolerance, "m")
+        if _checks.positive("spline tolerance", tolerance, "m") < REPEATED_POINT:
+            raise InvalidInput(
+                f"The spline tolerance must be at least {REPEATED_POINT:g} m, but is "
+                f"{tolerance:g} m."
+            )
         frames, waypoints = arcs_along(given[kept], tolerance, closed)
         n = len(frames.lengths)
         return Path(

@@ -12,6 +12,8 @@ from armcontour.geometry.biarcs import Arcs, distance, in_turn, pairs, unit
 PLACES = np.linspace(0, 1, 11)[1:-1]
 # An interval of more arcs than 2 ** this means a spline that is no smooth curve.
 MOST_HALVINGS = 30
+# More intervals than this are a tolerance that does not fit the curve, as for any curve.
+MOST_INTERVALS = 500_000
 
 
 def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> tuple[Arcs, IntArray]:
@@ -29,7 +31,8 @@ def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> tuple[Arcs
         The arcs, and which of their ends the points are, (n,).
 
     Raises:
-        InvalidInput: A closed spline whose ends differ, or one that turns back on the spot.
+        InvalidInput: A closed spline whose ends differ, one that turns back on the spot, points too
+            far apart for their distances to be numbers, or a tolerance that needs too many arcs.
     """
     from scipy.interpolate import CubicSpline
 
@@ -38,6 +41,12 @@ def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> tuple[Arcs
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    if not (np.diff(at) > 0).all():
+        far = float(np.abs(points).max())
+        raise InvalidInput(
+            f"The points of a spline lie as far as {far:g} m apart, so that the distances between "
+            "others are lost in rounding: look at their units."
+        )
     curve = CubicSpline(at, points, bc_type="periodic" if closed else "natural")
     begin, end = at[:-1], at[1:]
     for _ in range(MOST_HALVINGS):
@@ -49,6 +58,11 @@ def arcs_along(points: FloatArray, tolerance: float, closed: bool) -> tuple[Arcs
             missed = distance(between, first, second) > tolerance
         if not missed.any():
             return in_turn(first, second), 2 * np.searchsorted(begin, at)
+        if len(begin) + int(missed.sum()) > MOST_INTERVALS:
+            raise InvalidInput(
+                f"A spline would need more than {2 * MOST_INTERVALS} arcs to be within "
+                f"{tolerance:g} m: give it a larger tolerance."
+            )
         middle = (begin[missed] + end[missed]) / 2
         order = np.argsort(np.concatenate([begin, middle]), kind="stable")
         end = np.concatenate([np.where(missed, (begin + end) / 2, end), end[missed]])[order]

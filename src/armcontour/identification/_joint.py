@@ -21,6 +21,8 @@ KP, KV, DELAY, Q0, DQ0, LIMIT = range(1, COLUMNS)
 # Steps near saturation are at most this many of the shortest time constants, so that the
 # acceleration has at most one extremum in a step.
 LARGEST_STEP = 0.25
+# More steps than this in one span come to no end: they round to nothing, or are not numbers.
+MOST_STEPS = 100_000
 # Spans that differ by less [s] share a transition: rounding of time stamps, no more.
 SAME_SPAN = 1e-12
 # A limit that is never reached: with it the demands are looked at, and nothing else changes.
@@ -190,13 +192,19 @@ def _limited(
 ) -> None:
     """Advance the state by `span` under the command `v + r t`, the acceleration limited.
 
-    `seen` collects the largest demand [rad/s²] and the time in saturation [s].
+    `seen` collects the largest demand [rad/s²] and the time in saturation [s]. The position is NaN
+    where the motion comes to no end in MOST_STEPS.
     """
     now = 0.0
     longest = LARGEST_STEP / (kv if kv >= 4 * kp else math.sqrt(kp * kv))
     bend = kv * kp * limit / 2
     mode = 0.0
+    count = 0
     while now < span:
+        count += 1
+        if count > MOST_STEPS:
+            x[0, 0] = math.nan
+            return
         left = span - now
         command = v + r * now
         z = kv * (kp * (command - x[0, 0]) - x[1, 0])

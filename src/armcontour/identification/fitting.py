@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour.errors import ExecutionError
 from armcontour.identification import _joint
 
 # Gains and limits are looked for in here [1/s], [rad/s²].
@@ -176,9 +177,17 @@ def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST
         start: Where to start.
         enough: A sum of squares that is small enough to stop at [rad²].
         most: Largest number of iterations.
+
+    Raises:
+        ExecutionError: At the start the positions are not finite.
     """
     state, damping = start, 1e-3
     sse, residuals, jacobian, saturated = _errors(data, state)
+    if not math.isfinite(sse):
+        raise ExecutionError(
+            f"The log cannot be simulated with kp = {state.kp:g} 1/s and kv = {state.kv:g} 1/s: "
+            "its times or its positions are out of proportion to these gains; look at their units."
+        )
     names = state.free
     for _ in range(most):
         normal, slope, _ = _joint.normal_equations(jacobian, residuals)

@@ -140,6 +140,7 @@ def _job(model: JobModel, folder: FilePath, reading: Told | None) -> Job:
         runs=runs,
         published=None if model.published is None else _published(model.published, model),
         certificate=None if model.certificate is None else _goal(model.certificate, model),
+        memory=model.memory,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictInt
 
+from armcontour._memory import DEFAULT
 from armcontour.io.units import (
     Acceleration,
     Angle,
@@ -23,6 +24,7 @@ from armcontour.io.units import (
     JointVelocity,
     Length,
     Mass,
+    Memory,
     Pole,
     Ratio,
     Speed,
@@ -419,6 +421,7 @@ class JobModel(Model):
     runs: dict[RunName, RunModel] = Field(min_length=1)
     published: PublishedModel | None = None
     certificate: CertificateModel | None = None
+    memory: Memory = Field(default=DEFAULT, description="what the program may take for the job")
 
 
 def given(model: BaseModel) -> dict[str, Any]:

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
 
+from armcontour._checks import LARGEST
+
 # A number, then a unit: products, quotients and one-digit powers of names.
 QUANTITY = re.compile(
     r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*(1\s*/\s*)?[^\W\d_]\w*"
@@ -156,7 +158,16 @@ def _read(
         "anyOf": [{"type": "number", **bound}, {"type": "string"}],
         "examples": [example],
     }
-    return BeforeValidator(read), WithJsonSchema(schema)
+
+    def within(value: Any) -> float:
+        found = read(value)
+        if abs(found) > LARGEST:
+            raise ValueError(
+                f"must be between -{LARGEST:g} and {LARGEST:g} {unit}, but is {found:g} {unit}"
+            )
+        return found
+
+    return BeforeValidator(within), WithJsonSchema(schema)
 
 
 Length = Annotated[float, *quantity("m", "5 mm")]
@@ -176,6 +187,7 @@ JointJerk = Annotated[float, *_positive("rad/s^3", "4000 rad/s^3")]
 AngularSpeed = Annotated[float, *_positive("rad/s", "90 deg/s")]
 AngularAcceleration = Annotated[float, *_positive("rad/s^2", "720 deg/s^2")]
 Mass = Annotated[float, *quantity("kg", "2 kg")]
+Memory = Annotated[float, *_positive("byte", "4 GB")]
 Inertia = Annotated[float, *quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[
     float,

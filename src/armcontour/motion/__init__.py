@@ -4,7 +4,7 @@ from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath, quintic
 from armcontour.motion.laws import LapLaw, Law, PathLaw, interval_times
 from armcontour.motion.smoothing import SmoothedLaw, smoothed
-from armcontour.motion.taught import TaughtData
+from armcontour.motion.taught import TaughtData, checked_interval
 from armcontour.motion.trajectory import Samples, Span, Stretch, TimedEvent, Trajectory
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "TaughtData",
     "TimedEvent",
     "Trajectory",
+    "checked_interval",
     "interval_times",
     "quintic",
     "smoothed",

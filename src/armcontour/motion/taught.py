@@ -13,6 +13,18 @@ from armcontour.motion.trajectory import Trajectory
 
 # The plan begins at a set-point if that is off by less than this part of an interval.
 WHOLE = 1e-9
+# Command intervals that controllers have [s]: below, times of set-points run into their rounding;
+# above, nothing between two of them is told.
+INTERVALS = (1e-6, 10.0)
+
+
+def checked_interval(period: float) -> float:
+    """A command interval [s].
+
+    Raises:
+        InvalidInput: Not a number, or outside INTERVALS.
+    """
+    return _checks.between("command interval", period, *INTERVALS, "s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,7 +41,8 @@ class TaughtData:
             a command that leads it begins before.
 
     Raises:
-        InvalidInput: Not one finite set-point per time and joint, or a start behind the plan's.
+        InvalidInput: Not one finite set-point per time and joint, an interval outside
+            INTERVALS, or a start behind the plan's.
     """
 
     period: float
@@ -39,7 +52,7 @@ class TaughtData:
     start_time: float = 0.0
 
     def __post_init__(self) -> None:
-        _checks.positive("command interval", self.period, "s")
+        checked_interval(self.period)
         values = _checks.numbers("set-points", self.q, "rad")
         if values.ndim != 2 or len(values) == 0:
             raise InvalidInput("Taught data needs at least one row of set-points, one per joint.")

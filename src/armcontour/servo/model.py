@@ -13,6 +13,14 @@ from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
 ORDERS = ("second", "first")
+# Time constants from a microsecond to a quarter of an hour, as gains [1/s]: no joint of a robot is
+# faster or slower, and what is computed from gains in here stays within numbers.
+GAINS = (1e-3, 1e6)
+# Commands lead the plan by the dead time, so that a robot would wait for it [s].
+LONGEST_DEAD_TIME = 60.0
+# A servo of more time constants in a command interval has come to rest long before the next one:
+# there is nothing of it to be seen, and each half of one is a step of the simulation.
+MOST_TIME_CONSTANTS = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,8 +51,8 @@ class ServoModel:
         order: "second" or "first".
 
     Raises:
-        InvalidInput: A gain that is not above zero, missing or too many; a negative dead time; an
-            unknown interpolation or order.
+        InvalidInput: A gain that is missing, one too many, or outside GAINS; a dead time that is
+            negative or above LONGEST_DEAD_TIME; an unknown interpolation or order.
     """
 
     kp: FloatArray
@@ -79,6 +87,11 @@ class ServoModel:
                 "dead_time must not be negative, one for all joints or one per joint, but is "
                 f"{delay.tolist()} s."
             )
+        if (delay > LONGEST_DEAD_TIME).any():
+            raise InvalidInput(
+                f"dead_time must be at most {LONGEST_DEAD_TIME:g} s, for which the robot waits "
+                f"before it moves, but is {float(delay.max()):g} s."
+            )
         object.__setattr__(self, "dead_time", _checks.locked(delay))
         object.__setattr__(self, "order", order)
 
@@ -95,6 +108,39 @@ class ServoModel:
             dead_time=_checks.per_joint("dead_time", self.dead_time, dof, "s"),
             order=self.order,
         )
+
+    @property
+    def slowest(self) -> float:
+        """Smallest rate at which any joint comes to rest [1/s]."""
+        if self.kv is None:
+            return float(self.kp.min())
+        # Of s² + kv s + kp kv; the sum of a real pair's is kv, and their product kp kv.
+        root = np.sqrt(np.maximum(self.kv * self.kv / 4 - self.kp * self.kv, 0.0))
+        fast = self.kv / 2 + root
+        return float(np.where(root > 0, self.kp * self.kv / fast, self.kv / 2).min())
+
+    def refuse_too_fast(self, period: float) -> None:
+        """Refuse gains that are too large for a command interval.
+
+        Args:
+            period: Command interval [s].
+
+        Raises:
+            InvalidInput: More than MOST_TIME_CONSTANTS in it.
+        """
+        for name, values in (("kp", self.kp), ("kv", self.kv)):
+            largest = 0.0 if values is None else float(values.max())
+            if largest * period > MOST_TIME_CONSTANTS:
+                more = ", or take a servo of order first" if name == "kv" else ""
+                raise InvalidInput(
+                    f"servo gain {name} is {largest:g} 1/s, which is {largest * period:.3g} time "
+                    f"constants in a command interval of {period:g} s, but at most "
+                    f"{MOST_TIME_CONSTANTS:g} are simulated: lower {name} to "
+                    f"{MOST_TIME_CONSTANTS / period:g} 1/s, shorten the command interval{more}.",
+                    limit=name,
+                    needed=largest,
+                    allowed=MOST_TIME_CONSTANTS / period,
+                )
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """From command to joint, for each s; complex, (n, joints).
@@ -116,5 +162,12 @@ def _gain(name: str, values: npt.ArrayLike) -> FloatArray:
         raise InvalidInput(
             f"servo gain {name} must be above zero, one for all joints or one per joint, "
             f"but is {array.tolist()} 1/s."
+        )
+    low, high = GAINS
+    outside = (array < low) | (array > high)
+    if outside.any():
+        raise InvalidInput(
+            f"servo gain {name} must be from {low:g} to {high:g} 1/s, but is "
+            f"{float(array[outside].flat[0]):g} 1/s."
         )
     return _checks.locked(array)

@@ -172,7 +172,9 @@ class Search:
         setting, goal = self.setting, self.goal
         assert setting.box is not None
         shared = (best.trial.taught, setting.path, setting.arm, setting.servo, setting.limits)
-        drawn = spread(*shared, setting.box, samples=goal.samples, seed=goal.seed)
+        drawn = spread(
+            *shared, setting.box, samples=goal.samples, seed=goal.seed, memory=setting.memory
+        )
         worst = float(drawn.max.max())
         self.progress(f"{goal.samples} robots of the box")
         if worst <= setting.budget:
@@ -246,6 +248,7 @@ class Search:
             setting.model,
             method=this.compensation,
             period=this.period,
+            memory=setting.memory,
             **this.compensation_options,
         )
         execution = run(setting, taught)
@@ -296,7 +299,9 @@ class Search:
     def _fine_error(self, trial: Trial) -> float:
         """Largest contour error of the budget, or RMS of its largest, at a fine resolution."""
         setting = self.setting
-        executed = execute(trial.taught, setting.plant(), resolution=RESOLUTION)
+        executed = execute(
+            trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
+        )
         off = setting.path.project(executed.tool).distance
         rms = float(np.sqrt(np.trapezoid(off**2, executed.t) / np.ptp(executed.t)))
         return max(float(off.max()) / setting.budget, rms / (setting.rms or np.inf))

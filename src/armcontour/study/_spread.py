@@ -17,7 +17,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.execution._pieces import _advance_bent
-from armcontour.execution._servo import _modes
+from armcontour.execution._servo import MOST_STEPS, _modes
 
 # Products may be added without rounding in between, which is faster and no less exact.
 FUSED = {"contract"}
@@ -325,7 +325,11 @@ def _saturating(
     if not lower <= z <= upper:
         mode = math.copysign(1.0, z)
     longest = LONGEST_STEP / (kv if kv >= 4 * kp else math.sqrt(kp * kv))
+    count = 0
     while now < span:
+        count += 1
+        if count > MOST_STEPS:
+            return math.nan, math.nan, math.nan, peak
         left = span - now
         command = u + r * now
         z = kv * (kp * (command - q) - w)

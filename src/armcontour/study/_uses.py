@@ -8,10 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.execution import ServoPlant, execute
+from armcontour.execution.plant import refuse_too_long
 from armcontour.geometry import Path
 from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
 from armcontour.motion.laws import path_states
@@ -50,6 +52,7 @@ class Setting:
         budget: Largest contour error, over the box if there is one [m].
         rms: Its largest root mean square, without the box [m].
         box: How far the robot may be from its model.
+        memory: What the program may take [bytes].
     """
 
     arm: Arm
@@ -61,6 +64,7 @@ class Setting:
     budget: float
     rms: float | None
     box: Box | None
+    memory: float = _memory.DEFAULT
 
     def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> ServoPlant:
         """The robot, or one that never saturates."""
@@ -108,7 +112,7 @@ def run(setting: Setting, taught: TaughtData, resolution: float | None = None) -
     """Execute on the robot; on one that never saturates where saturation is refused."""
     every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
     plant = setting.plant(ideal=not setting.saturated)
-    return execute(taught, plant, resolution=resolution or every)
+    return execute(taught, plant, resolution=resolution or every, memory=setting.memory)
 
 
 def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
@@ -266,7 +270,11 @@ def _over_box(setting: Setting, taught: TaughtData) -> list[_Group]:
             setting.plant(x, ideal=not setting.saturated)
             for x in _variants(servo, moved, box, apart)
         ]
-        runs = [execute(taught, x, resolution=resolution) for x in plants]
+        # All of them are there at once.
+        span = (len(taught.q) - 1) * taught.period
+        others = 2 * len(plants) * plants[0].memory(span, taught.period, resolution)
+        refuse_too_long(plants[0], span, taught.period, resolution, setting.memory, others)
+        runs = [execute(taught, x, resolution=resolution, memory=setting.memory) for x in plants]
         found.append(_Group(runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
     return found
 

@@ -321,6 +321,7 @@ class _Certifying:
             budget=budget,
             rms=goal.rms,
             box=goal.box,
+            memory=job.memory,
         )
         search = Search(setting, joint_path, this, goal, self.progress)
         kept = search.fastest()
@@ -333,7 +334,9 @@ class _Certifying:
         """The certificate: judged once more, finely, and compared."""
         self.progress("judging")
         job, this, setting, trial = self.job, found.this, found.setting, found.kept.trial
-        execution = execute(trial.taught, setting.plant(), resolution=RESOLUTION)
+        execution = execute(
+            trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
+        )
         result = evaluate(
             execution,
             setting.path,
@@ -400,7 +403,12 @@ class _Certifying:
             joint_path = traced(job, this, path)
         fastest = plan(joint_path, job.arm, setting.limits, ignore_jerk=this.ignore_jerk)
         taught = _compensated(setting, this, fastest, this.period)
-        executed = execute(taught, setting.plant(), resolution=min(1e-3, this.period))
+        executed = execute(
+            taught,
+            setting.plant(),
+            resolution=min(1e-3, this.period),
+            memory=setting.memory,
+        )
         off = path.project(executed.tool).distance
         box = None
         if setting.box is not None:
@@ -479,6 +487,7 @@ def _compensated(setting: Setting, this: Run, plan: Trajectory, period: float) -
         setting.model,
         method=this.compensation,
         period=period,
+        memory=setting.memory,
         **this.compensation_options,
     )
 

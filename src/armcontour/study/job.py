@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from armcontour import _checks
+from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
+from armcontour.execution.rigid_body_plant import checked_noise, checked_step
 from armcontour.geometry import Path
+from armcontour.motion import checked_interval
 from armcontour.program import Process, Program
 from armcontour.servo import ServoModel
 from armcontour.study.goal import Goal
+from armcontour.timing import refuse_endless
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +40,9 @@ class Experiment:
         friction: Whether the arm's friction acts.
         noise: Standard deviation of measured joint positions [rad].
         seed: Of the noise.
+
+    Raises:
+        InvalidInput: A step or a noise that no drive has.
     """
 
     step: float = 2.5e-4
@@ -43,6 +50,11 @@ class Experiment:
     friction: bool = True
     noise: float = 0.0
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        checked_step(self.step)
+        checked_noise(self.noise)
+        _checks.whole("seed", self.seed, 0, 2**63 - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +74,9 @@ class Run:
         ignore_jerk: Plan in spite of limits of jerk.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         experiment: How it is executed on the arm's rigid bodies too; None leaves that out.
+
+    Raises:
+        InvalidInput: A command interval that no controller has, or an end that is not above zero.
     """
 
     name: str
@@ -76,6 +91,11 @@ class Run:
     ignore_jerk: bool = False
     reserve: float = 0.0
     experiment: Experiment | None = None
+
+    def __post_init__(self) -> None:
+        checked_interval(self.period)
+        if self.until is not None:
+            _checks.positive("until", self.until, "s")
 
     @property
     def plan_options(self) -> dict[str, Any]:
@@ -126,9 +146,11 @@ class Job:
         runs: At least one, with different names.
         published: Figures to compare with.
         certificate: What a certified plan of it has to hold.
+        memory: What the program may take for it [bytes].
 
     Raises:
-        InvalidInput: No run, two of the same name, or a start for another number of joints.
+        InvalidInput: No run, two of the same name, a start for another number of joints, gains too
+            large for a command interval, or a speed at which the path takes for ever.
     """
 
     name: str
@@ -143,8 +165,15 @@ class Job:
     process: Process = field(default_factory=Process)
     published: Published | None = None
     certificate: Goal | None = None
+    memory: float = _memory.DEFAULT
 
     def __post_init__(self) -> None:
+        _memory.checked_bound(self.memory)
+        for x in self.runs:
+            with _of_run(x.name):
+                self.servo.refuse_too_fast(x.period)
+                self.plant_servo.refuse_too_fast(x.period)
+                refuse_endless(self.path, x.limits)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
@@ -171,3 +200,13 @@ class Job:
             f"contour{'s' if len(self.path.contours) != 1 else ''} with what belongs to it: "
             "certify, sweep and check --path take a job of a single path, without leads or events."
         )
+
+
+@contextmanager
+def _of_run(name: str) -> Iterator[None]:
+    """Say which run an error is of."""
+    try:
+        yield
+    except InvalidInput as error:
+        error.args = (f"run {name}: {error}",)
+        raise

@@ -174,6 +174,7 @@ def planned(job: Job, this: Run, program: Program, progress: Any = None) -> Traj
         branch=job.branch,
         start=job.start,
         progress=progress,
+        memory=job.memory,
         **this.plan_options,
     )
 

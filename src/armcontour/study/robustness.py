@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, _memory
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import ExecutionError, InvalidInput
@@ -36,6 +36,8 @@ FEWEST_PLACES = 4000
 # As in `ServoPlant`: time to come to rest behind the last set-point [s], or in durations.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
+# What an error of one sample's model takes [bytes], measured.
+SAMPLE = 40.0
 # Samples that a thread takes at a time.
 BATCH = 32
 # Largest errors that differ by this share are the same: they are sampled no finer.
@@ -202,6 +204,7 @@ def spread(
     seed: int = 0,
     until: float | None = None,
     threads: int | None = None,
+    memory: float = _memory.DEFAULT,
 ) -> Spread:
     """Execute taught data on robots drawn from a box, each as `ServoPlant` would.
 
@@ -219,12 +222,20 @@ def spread(
         until: End of the time that errors cover [s]; by default when the planned motion has ended
             and the tool is at rest.
         threads: Number of threads; by default as many as there are processors.
+        memory: What the program may take [bytes].
 
     Raises:
-        InvalidInput: A box, servo, path or taught data that do not fit the arm.
+        InvalidInput: A box, servo, path or taught data that do not fit the arm, or more samples
+            than the memory takes.
         ExecutionError: A joint does not come to rest.
     """
     number = _checks.whole("samples", samples, 1, 10**7)
+    _memory.refuse_above(
+        memory,
+        number * (3 * arm.dof + 1) * SAMPLE,
+        f"The spread over {number} samples",
+        "take fewer samples",
+    )
     started = _checks.whole("seed", seed, 0, 2**63 - 1)
     model = _Model(taught, path, arm, servo, limits, box, until)
     unit = np.random.default_rng(started).uniform(-1, 1, size=(number, 3 * arm.dof + 1))

@@ -19,6 +19,7 @@ from armcontour.geometry import Path, round_corners
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.study.job import Job, Run
+from armcontour.study.memory import RESOLUTION, refuse_too_large
 from armcontour.study.programs import planned, program_of, slow_ends
 from armcontour.timing import (
     Explanation,
@@ -32,8 +33,6 @@ from armcontour.timing import (
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:4]
 EXPERIMENT = "experiment"
-# Largest time between two results of an experiment [s], unless its drives are slower.
-RESOLUTION = 1e-3
 # Set-points farther apart than this share of the motion are said to be coarse.
 COARSE = 0.1
 Progress = Callable[[str, str], None]
@@ -213,9 +212,15 @@ def _run(
     done: Done,
     earlier: Iterable[RunResult],
 ) -> RunResult:
-    plan = _taught(job, this, progress, done, earlier)
+    earlier = list(earlier)
+    plan = _taught(job, this, progress, done, earlier, simulated=True)
     progress(this.name, "execution")
-    executed = execute(plan.taught, ServoPlant(job.arm, job.plant_servo, this.limits))
+    executed = execute(
+        plan.taught,
+        ServoPlant(job.arm, job.plant_servo, this.limits),
+        resolution=RESOLUTION,
+        memory=job.memory,
+    )
     progress(this.name, "evaluation")
     evaluation = evaluate(
         executed, plan.path, objective=plan.objective, limits=this.limits, until=this.until
@@ -248,10 +253,13 @@ def _taught(
     progress: Progress,
     done: Done,
     earlier: Iterable[RunPlan],
+    *,
+    simulated: bool = False,
 ) -> RunPlan:
     """A run from its objective to its taught data."""
     # Before tracing, which can take seconds.
     refuse_jerk(this.limits, this.ignore_jerk)
+    earlier = list(earlier)
     objective: Path | Program
     path: Path | Program
     joint_path: JointPath | None = None
@@ -260,12 +268,15 @@ def _taught(
     else:
         objective = job.path
         path, joint_path, trajectory = _planned_path(job, this, progress, earlier)
+    done_before = [(x.run, x.trajectory.duration) for x in earlier]
+    refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     progress(this.name, "compensation")
     taught = compensate(
         trajectory,
         job.servo,
         method=this.compensation,
         period=this.period,
+        memory=job.memory,
         **this.compensation_options,
     )
     return RunPlan(
@@ -293,7 +304,11 @@ def _planned_path(
     if joint_path is None:
         joint_path = traced(job, this, path)
     progress(this.name, "timing")
-    return path, joint_path, plan(joint_path, job.arm, this.limits, **this.plan_options)
+    return (
+        path,
+        joint_path,
+        plan(joint_path, job.arm, this.limits, memory=job.memory, **this.plan_options),
+    )
 
 
 def _planned_program(
@@ -339,7 +354,7 @@ def on_bodies(
     options = asdict(this.experiment)
     plant = RigidBodyPlant(job.arm, job.plant_servo, this.limits, **options)
     # Results closer than the drives' cycle there are none.
-    executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step))
+    executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
     return ExperimentResult(
         plant=plant,
         execution=executed,

@@ -2,7 +2,7 @@
 
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
-from armcontour.timing.planner import METHODS, plan, refuse_jerk, with_reserve
+from armcontour.timing.planner import METHODS, plan, refuse_endless, refuse_jerk, with_reserve
 
 __all__ = [
     "METHODS",
@@ -11,6 +11,7 @@ __all__ = [
     "Shortfall",
     "explain",
     "plan",
+    "refuse_endless",
     "refuse_jerk",
     "trace_fastest",
     "with_reserve",

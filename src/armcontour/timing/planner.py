@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
+from armcontour import _checks, _memory
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
@@ -28,6 +29,10 @@ OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # Of many contours each has fewer grid intervals: they are shorter, and all of them cost time.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
+# What an interval of the grid, or a lap of a line, takes of one joint [bytes], measured.
+AT_A_PLACE = {"intervals": 720.0, "knots": 720.0}
+# A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
+LONGEST_MOTION = 1e6
 OPTIONS = {
     "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
     "mac": ("knots", "period"),
@@ -46,6 +51,7 @@ def plan(
     ignore_jerk: bool = False,
     reserve: float = 0.0,
     progress: Progress | None = None,
+    memory: float = _memory.DEFAULT,
     **options: Any,
 ) -> Trajectory:
     """Time a path: the realizable trajectory.
@@ -63,13 +69,15 @@ def plan(
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         progress: For a program: called with the number of contours done, and of all.
+        memory: What the program may take [bytes].
         options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
             (see `plan_optimal`); a program takes neither grid nor speeds, and `intervals` hold for
             every contour, by default fewer the more contours there are. For "mac": `knots` per
             line, command `period` [s].
 
     Raises:
-        InvalidInput: An unknown method or option, or a limit that the method needs is missing.
+        InvalidInput: An unknown method or option, a limit that the method needs is missing, more
+            intervals than the memory takes, or a speed at which the path takes for ever.
         Unreachable: A place of the path is out of reach, out of a joint's range or singular.
         NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
     """
@@ -96,6 +104,14 @@ def plan(
         takes = f"the options {', '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
     kept = with_reserve(bounds, reserve)
+    if isinstance(path, Path | Program):
+        refuse_endless(path, bounds)
+    for name, size in AT_A_PLACE.items():
+        if options.get(name) is not None:
+            wanted = _checks.number(name, options[name])
+            _memory.refuse_above(
+                memory, wanted * size * arm.dof, f"A plan of {wanted:g} {name}", "take fewer"
+            )
     if isinstance(path, Program):
         for name in OF_ONE_PATH:
             if name in options:
@@ -114,8 +130,47 @@ def plan(
 
     if isinstance(path, Program):
         ways = Ways(arm=arm, limits=bounds, branch=branch, start=start, contour=timed, rapid=rapid)
-        return plan_program(path, ways, progress)
-    return timed(_joint_path(path, arm, bounds, branch, start))
+        return _ending(plan_program(path, ways, progress))
+    return _ending(timed(_joint_path(path, arm, bounds, branch, start)))
+
+
+def refuse_endless(path: Path | Program, limits: Limits) -> None:
+    """Refuse an assigned velocity at which a path takes longer than LONGEST_MOTION.
+
+    Raises:
+        InvalidInput: It does.
+    """
+    paths = [path] if isinstance(path, Path) else [x.path for x in path.contours]
+    total = 0.0
+    for x in paths:
+        speeds = np.fmin(x.speeds, np.inf if limits.speed is None else limits.speed)
+        # A segment without a speed of its own, and without a limit, takes no time that is known.
+        total += float(np.nansum(x.lengths / np.where(np.isnan(speeds), np.inf, speeds)))
+    if total > LONGEST_MOTION:
+        length = sum(x.length for x in paths)
+        raise InvalidInput(
+            f"At its assigned velocities the path of {length:.4g} m takes {total:.3g} s, but a "
+            f"motion lasts {LONGEST_MOTION:g} s at most: raise speed.",
+            limit="speed",
+            needed=total,
+            allowed=LONGEST_MOTION,
+        )
+
+
+def _ending(trajectory: Trajectory) -> Trajectory:
+    """A trajectory that takes no longer than LONGEST_MOTION.
+
+    Raises:
+        NotRealizable: It takes longer, or its duration is not a number.
+    """
+    if not trajectory.duration <= LONGEST_MOTION:
+        raise NotRealizable(
+            f"The motion would take {trajectory.duration:.3g} s, but lasts {LONGEST_MOTION:g} s at "
+            "most: raise the limits that hold it back.",
+            needed=trajectory.duration,
+            allowed=LONGEST_MOTION,
+        )
+    return trajectory
 
 
 def with_reserve(limits: Limits, reserve: float) -> Limits:

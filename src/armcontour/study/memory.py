@@ -1,0 +1,73 @@
+"""What a job's runs take of memory, before they take it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from armcontour import _memory
+from armcontour.compensation import set_point_count
+from armcontour.execution import ServoPlant
+from armcontour.execution.rigid_body_plant import bytes_of
+from armcontour.study.job import Job, Run
+
+# Largest time between two results of an execution [s], unless the drives on bodies are slower.
+RESOLUTION = 1e-3
+# What a set-point of one joint takes until it is written with the plan beside it [bytes], measured.
+SET_POINT = 230.0
+# Of a run that is done this share stays: its results, without what they were computed from.
+STAYS = 0.5
+
+
+def refuse_too_large(
+    job: Job, this: Run, duration: float, earlier: Iterable[tuple[Run, float]], simulated: bool
+) -> None:
+    """Refuse a run that takes more memory than its job may.
+
+    Args:
+        job: The job.
+        this: The run.
+        duration: Of its motion [s].
+        earlier: Runs that are done, and the durations of their motions [s].
+        simulated: Whether runs are executed.
+
+    Raises:
+        InvalidInput: It takes more; the sentence says how much, and what would mend it.
+    """
+    kept = sum(STAYS * needed_by(job, x, time, simulated) for x, time in earlier)
+    count = _count(job, this, duration)
+    words = (
+        f"{duration:.4g} s of motion at a command interval of {this.period:g} s, "
+        f"{count:.3g} set-points{' and their simulation' if simulated else ''},"
+    )
+    mend = "take a longer command interval or a higher speed"
+    if simulated:
+        mend += ", leave the simulation out (--no-simulation)"
+    needed = kept + needed_by(job, this, duration, simulated)
+    _memory.refuse_above(job.memory, needed, words, mend)
+
+
+def needed_by(job: Job, this: Run, duration: float, simulated: bool) -> float:
+    """Bytes that a run takes, about.
+
+    Args:
+        job: The job.
+        this: The run.
+        duration: Of its motion [s].
+        simulated: Whether it is executed.
+    """
+    count = _count(job, this, duration)
+    found = count * job.arm.dof * SET_POINT
+    if not simulated:
+        return found
+    span = count * this.period
+    plant = ServoPlant(job.arm, job.plant_servo, this.limits)
+    found += plant.memory(span, this.period, RESOLUTION)
+    if this.experiment is not None:
+        step = this.experiment.step
+        found += bytes_of(job.plant_servo, step, span, this.period, max(RESOLUTION, step))
+    return found
+
+
+def _count(job: Job, this: Run, duration: float) -> float:
+    poles = this.compensation_options.get("poles")
+    return set_point_count(duration, job.servo, this.period, this.compensation, poles)
