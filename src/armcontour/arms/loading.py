@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
 
-from armcontour.arms import text
+from armcontour import _files
 from armcontour.arms.arm import Arm
 from armcontour.arms.arm_file import read_arm
 from armcontour.arms.chain import Payload
@@ -91,7 +91,7 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
 
 def _read(name: str, payload: Payload | None) -> Arm:
     if name.endswith((".yaml", ".yml")):
-        arm = read_arm(name, text.read_bytes(FilePath(name), "arm file"), payload)
+        arm = read_arm(name, _files.read_bytes(name, "arm file"), payload)
         if arm.limits.joint_acceleration is None:
             arm.limits_hint = f"add joint_acceleration to the limits in {name}"
         return arm

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path as FilePath
 
-from armcontour.arms import text
+from armcontour import _files
 from armcontour.arms.description import Description
 from armcontour.arms.joint_limits import Table, limits_of, override
 from armcontour.arms.serial import SerialArm
@@ -79,7 +79,7 @@ def read_description(file: FilePath) -> Tree:
     Raises:
         InvalidInput: No such file, or no description.
     """
-    content: bytes | str = text.read_bytes(file, "robot description")
+    content: bytes | str = _files.read_bytes(file, "robot description")
     if file.suffix == ".xacro":
         content = _worked_out(file)
     return read_tree(str(file), content)
