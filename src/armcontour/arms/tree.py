@@ -151,7 +151,10 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         )
     refuse_unprintable(f"The robot of {file}", robot.get("name", ""))
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
-        raise InvalidInput(f"{file} holds xacro that is not expanded: name it .xacro to load it.")
+        raise InvalidInput(
+            f"{file} holds xacro that is not expanded: name it .xacro, and say "
+            "with --trust-xacro that you trust it, to load it."
+        )
     links: dict[str, ET.Element] = {}
     for element in robot.findall("link"):
         name = _name(file, element)

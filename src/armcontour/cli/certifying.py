@@ -23,6 +23,7 @@ def certify_file(
     force: bool = False,
     open_report: bool = False,
     as_json: bool = False,
+    trust_xacro: bool = False,
 ) -> None:
     """Certify a job, print the certificate, and write it with its taught data.
 
@@ -35,6 +36,7 @@ def certify_file(
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
         as_json: Whether to print the summary and not a table.
+        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
 
     Raises:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
@@ -48,7 +50,7 @@ def certify_file(
 
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    job = read_job(job_file)
+    job = read_job(job_file, trust_xacro=trust_xacro)
     overrides = _lengths(tolerance=tolerance, servo=servo)
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.study import certify

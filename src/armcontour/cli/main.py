@@ -24,6 +24,13 @@ app = typer.Typer(
 Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
+TrustXacro = Annotated[
+    bool,
+    typer.Option(
+        "--trust-xacro",
+        help="Load an arm from a .xacro file: such a file is a program that can run anything.",
+    ),
+]
 
 
 def _version(value: bool) -> None:
@@ -111,6 +118,7 @@ def run(
     ] = True,
     force: Force = False,
     open_report: Open = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
     from armcontour.cli.exporting import exports_of
@@ -131,7 +139,7 @@ def run(
         from_s=from_s,
     )
     run_job(
-        lambda told: open_job(job, cell, overrides, told),
+        lambda told: open_job(job, cell, overrides, told, trust_xacro=trust_xacro),
         out,
         force=force,
         open_report=open_report,
@@ -155,7 +163,8 @@ def check(
         str | None,
         typer.Option(
             "--arm",
-            help="Built-in arm, or an arm file (.yaml, .urdf, .xacro); by default the job's.",
+            help="Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by "
+            "default the job's.",
         ),
     ] = None,
     limits: Annotated[
@@ -180,6 +189,7 @@ def check(
         typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Judge any joint trajectory against limits; exit code 1 if one is violated."""
     from armcontour.cli.checking import check_file
@@ -194,6 +204,7 @@ def check(
         base=base,
         joint_limits=joint_limits,
         as_json=as_json,
+        trust_xacro=trust_xacro,
     )
     raise typer.Exit(0 if kept else 1)
 
@@ -219,6 +230,7 @@ def certify(
     force: Force = False,
     open_report: Open = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
@@ -232,6 +244,7 @@ def certify(
         force=force,
         open_report=open_report,
         as_json=as_json,
+        trust_xacro=trust_xacro,
     )
 
 
@@ -248,6 +261,7 @@ def sweep(
     ] = None,
     force: Force = False,
     open_report: Open = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Plot certified times against corner tolerance and against assigned velocity."""
     from armcontour.cli.sweeping import sweep_file
@@ -260,6 +274,7 @@ def sweep(
         speeds=speeds,
         force=force,
         open_report=open_report,
+        trust_xacro=trust_xacro,
     )
 
 
