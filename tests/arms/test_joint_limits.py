@@ -127,6 +127,7 @@ def test_it_says_what_the_description_leaves_out(tmp_path):
         ("joint_limits: {pan: {max_velocity: '${radians(90)}'}}",
          ("joint pan: max_velocity must be a number", "radians(90)", "!degrees 90")),
         ("joint_limits: {pan: {max_velocity: true}}", ("must be a number, not True",)),
+        ("joint_limits: {pan: {max_velocity: '1_0'}}", ("must be a number, not '1_0'",)),
         ("joint_limits: {pan: {max_velocity: .nan}}", ("must be a number, not nan",)),
         ("joint_limits: {pan: {has_velocity_limits: 1, max_velocity: 1}}",
          ("has_velocity_limits must be true or false", "not 1")),

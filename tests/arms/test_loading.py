@@ -231,3 +231,22 @@ def test_what_yaml_merges_is_no_key_twice():
     text = "y: &y {b: 1e-3, c: 2}\na: {in: &x {<<: *y, c: !degrees 180}}\nd: {<<: *x, b: 4}"
     found = load_yaml("x.yaml", text.encode())
     assert found["a"]["in"] == {"b": 1e-3, "c": np.pi} and found["d"] == {"b": 4, "c": np.pi}
+
+
+@pytest.mark.parametrize("number", ["'1_0'", "'١'", "true", ".inf", "1" + "0" * 400, "'1e999'"])
+def test_numbers_of_arm_files_are_plain_and_finite(number, tmp_path, refuses):
+    text = yaml.safe_dump(SERIAL)
+    file = tmp_path / "arm.yaml"
+    masses = yaml.safe_load(text)["masses"]["value"]
+    file.write_text(yaml.safe_dump({**SERIAL, "masses": {**SERIAL["masses"], "value": "HERE"}}))
+    values = ", ".join([number, *("1" for _ in masses[1:])])
+    file.write_text(file.read_text().replace("HERE", f"[{values}]"))
+    refuses(lambda: ac.load_arm(file), ac.InvalidInput, "masses in", "finite numbers in kg")
+
+
+@pytest.mark.parametrize("key", ["name", "joints"])
+def test_names_of_arm_files_can_be_printed(key, tmp_path, refuses):
+    bad = "a\x1b]52;c"
+    value = bad if key == "name" else [bad, *SERIAL["joints"][1:]]
+    file = write(tmp_path, SERIAL | {key: value})
+    refuses(lambda: ac.load_arm(file), ac.InvalidInput, r"'a\x1b]52;c'", "cannot be printed")

@@ -235,23 +235,33 @@ XACRO = TEXT.replace(
 ).replace('<origin xyz="0.4 0 0.02"/>', '<origin xyz="${reach} 0 0.02"/>')
 
 
-def test_xacro_is_worked_out(tmp_path):
+def test_xacro_is_expanded(tmp_path):
     pytest.importorskip("xacro")
     (tmp_path / "robot.urdf.xacro").write_text(XACRO)
-    arm = ac.load_arm(tmp_path / "robot.urdf.xacro", base="base_link", tip="tcp")
+    file = tmp_path / "robot.urdf.xacro"
+    arm = ac.load_arm(file, base="base_link", tip="tcp", trust_xacro=True)
     whole = ac.load_arm(ROBOT, base="base_link", tip="tcp")
     np.testing.assert_allclose(arm.forward(np.ones(4)), whole.forward(np.ones(4)), atol=1e-15)
     assert arm.source.endswith(".xacro")
 
 
-@pytest.mark.parametrize("wrong", ["${lost}", "$(find nowhere)", "${1 +}"])
-def test_xacro_that_cannot_be_worked_out_is_refused(tmp_path, wrong, refuses):
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ("${lost}", "robot.xacro cannot be expanded by xacro: name 'lost' is not defined"),
+        ("$(find nowhere)", "robot.xacro is not expanded: it needs the folder of the package"),
+        ("${1 +}", "robot.xacro cannot be expanded by xacro: invalid syntax"),
+    ],
+)
+def test_xacro_that_cannot_be_expanded_is_refused(tmp_path, wrong, words, refuses):
     pytest.importorskip("xacro")
     (tmp_path / "robot.xacro").write_text(XACRO.replace("${reach}", wrong))
     refuses(
-        lambda: ac.load_arm(tmp_path / "robot.xacro", base="base_link", tip="tcp"),
+        lambda: ac.load_arm(
+            tmp_path / "robot.xacro", base="base_link", tip="tcp", trust_xacro=True
+        ),
         ac.InvalidInput,
-        "robot.xacro cannot be worked out by xacro",
+        words,
     )
 
 
@@ -259,5 +269,14 @@ def test_xacro_missing_is_said(tmp_path, monkeypatch, refuses):
     (tmp_path / "robot.xacro").write_text(XACRO)
     monkeypatch.setitem(sys.modules, "xacro", None)
     refuses(
-        lambda: ac.load_arm(tmp_path / "robot.xacro"), ac.InvalidInput, "install armcontour[ros]"
+        lambda: ac.load_arm(tmp_path / "robot.xacro", trust_xacro=True),
+        ac.InvalidInput,
+        "install armcontour[ros]",
     )
+
+
+def test_endings_are_read_in_capitals_too(tmp_path, refuses):
+    (tmp_path / "ROBOT.URDF").write_text(TEXT)
+    assert ac.load_arm(tmp_path / "ROBOT.URDF", base="base_link", tip="tcp").dof == 4
+    (tmp_path / "ROBOT.XACRO").write_text(TEXT)
+    refuses(lambda: ac.load_arm(tmp_path / "ROBOT.XACRO"), ac.InvalidInput, "--trust-xacro")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+from armcontour._xacro.expanding import expand_xacro
 from armcontour.errors import InvalidInput
 from armcontour.frames import from_rpy
 from armcontour.io import json_schema, parse_job
@@ -29,9 +30,10 @@ GOOD = {
 }
 
 
-def job(folder: FilePath | None = None, **changes: object) -> Job:
+def job(folder: FilePath | None = None, *, trust_xacro: bool = False, **changes: object) -> Job:
     """The good job with some of its keys changed."""
-    return parse_job(yaml.safe_dump({**GOOD, **changes}), source="job.yaml", folder=folder)
+    text = yaml.safe_dump({**GOOD, **changes})
+    return parse_job(text, source="job.yaml", folder=folder, trust_xacro=trust_xacro)
 
 
 def path(**keys: object) -> dict[str, object]:
@@ -97,12 +99,47 @@ def test_a_sliding_joint_of_a_xacro_file_is_locked_at_a_length(folder: FilePath)
     pytest.importorskip("xacro")
     (folder / "robot.urdf").rename(folder / "robot.xacro")
     described = {"file": "robot.xacro", "tip": "tcp", "locked": {"lift": "100 mm"}}
-    found = job(folder, arm=described).arm
+    found = job(folder, arm=described, trust_xacro=True).arm
     assert "lift" not in found.joint_names
     with pytest.raises(InvalidInput, match="arm.locked.lift: must be a quantity in m, which '2 de"):
-        job(folder, arm={**described, "locked": {"lift": "2 deg"}})
+        job(folder, arm={**described, "locked": {"lift": "2 deg"}}, trust_xacro=True)
     with pytest.raises(InvalidInput, match="only the joints of a .urdf or .xacro file"):
         job(arm={"name": "ur5e", "locked": {"lift": 0}})
+
+
+def test_a_xacro_file_is_expanded_once(folder: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("xacro")
+    (folder / "robot.urdf").rename(folder / "robot.xacro")
+    expanded: list[FilePath] = []
+
+    def counting(file: FilePath) -> str:
+        expanded.append(file)
+        return expand_xacro(file)
+
+    monkeypatch.setattr("armcontour.arms.urdf.expand_xacro", counting)
+    described = {"file": "robot.xacro", "tip": "tcp", "locked": {"lift": "100 mm"}}
+    job(folder, arm=described, trust_xacro=True)
+    assert expanded == [folder / "robot.xacro"]
+
+
+@pytest.mark.parametrize(
+    ("arm", "words"),
+    [
+        ("robot.xacro", "--trust-xacro"),
+        ("robot.XACRO", "--trust-xacro"),
+        ({"file": "robot.xacro", "tip": "tcp"}, "--trust-xacro"),
+        ({"file": "robot.xacro", "tip": "tcp", "locked": {"lift": 0}}, "--trust-xacro"),
+        ({"file": "robot.xacro", "trust_xacro": True}, "unknown key arm.trust_xacro"),
+        ({"file": "robot.xacro", "trust-xacro": True}, "unknown key arm.trust-xacro"),
+    ],
+)
+def test_a_job_cannot_trust_a_xacro_file(folder: FilePath, arm: object, words: str) -> None:
+    for name in ("robot.xacro", "robot.XACRO"):
+        shutil.copy(folder / "robot.urdf", folder / name)
+    with pytest.raises(InvalidInput, match=words):
+        job(folder, arm=arm)
+    with pytest.raises(InvalidInput, match="unknown key trust_xacro"):
+        parse_job(yaml.safe_dump({**GOOD, "trust_xacro": True}))
 
 
 def test_a_description_may_be_named_alone(folder: FilePath) -> None:

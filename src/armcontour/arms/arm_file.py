@@ -114,6 +114,8 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     joints = data.get("joints")
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
+    for joint in joints:
+        text.refuse_unprintable(f"A joint of {file}", joint)
     n = len(joints)
     given = [key for key in BODIES if key in data]
     if given and len(given) < len(BODIES):
@@ -164,8 +166,10 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
         raise InvalidInput(
             f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
         )
+    name = str(data.get("name", file))
+    text.refuse_unprintable(f"The arm of {file}", name)
     return {
-        "name": str(data.get("name", file)),
+        "name": name,
         "source": str(data.get("source", "")),
         "limits": Limits(**{key: _value(file, key, limits) for key in limits}),
     }
@@ -189,4 +193,4 @@ def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
         raise InvalidInput(
             f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
         )
-    return quantity["value"]
+    return text.numbers(f"{key} in {file}", quantity["value"], UNITS[key])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,12 +10,17 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._numbers import parse_number
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
 from armcontour.arms.tree import Joint, Tree
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, exp
 
+# Joints that mimic one another in a row; grippers have some 3.
+MOST_MIMICS = 50
+# Of places, axes, masses and inertias, in SI: products of some of larger ones overflow.
+LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -87,7 +91,12 @@ class Description:
             link = ET.SubElement(robot, "link", name=joint.child)
             inertial = self.tree.links[joint.child].find("inertial")
             if heavy and inertial is not None:
-                link.append(copy.deepcopy(inertial))
+                # What a body is stands in these, and nothing else is copied.
+                body = ET.SubElement(link, "inertial")
+                for part in ("origin", "mass", "inertia"):
+                    found = inertial.find(part)
+                    if found is not None:
+                        ET.SubElement(body, part, dict(found.attrib))
         for joint in self.below:
             moves = joint.name in self._names
             kind = "revolute" if moves else "fixed"
@@ -106,6 +115,11 @@ class Description:
     def _held_place(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
         xyz, rpy = self._origin(joint)
         value = self._held(joint, ())
+        if not abs(value) <= LARGEST:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} is held still at {value:g}, beyond "
+                f"{LARGEST:g}: give a position that it can take."
+            )
         if value == 0:
             return xyz, rpy
         place, along = Frame.rpy(xyz, rpy), self._axis(joint) * value
@@ -139,7 +153,7 @@ class Description:
 
     def _mimicked(self, joint: Joint, asking: tuple[str, ...]) -> float:
         master = self.tree.joints.get(joint.element.find("mimic").get("joint", ""))  # type: ignore[union-attr]
-        if master is None or master.name in asking:
+        if master is None or master.name in asking or len(asking) > MOST_MIMICS:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
             )
@@ -228,21 +242,26 @@ class Description:
 def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
     given = None if element is None else element.get(key)
     try:
-        value = float(given) if given is not None else np.nan
+        value = parse_number(given) if given is not None else np.nan
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
-        raise InvalidInput(f"{where} needs a number as {key} of its {tag}, not {given!r}.")
+    if not abs(value) <= LARGEST:
+        shown = None if given is None else given[:80]
+        raise InvalidInput(
+            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {shown!r}."
+        )
     return value
 
 
 def _three(where: str, what: str, words: str) -> FloatArray:
     try:
-        found = np.array([float(x) for x in words.split()])
+        found = np.array([parse_number(x) for x in words.split()])
     except ValueError:
         found = np.zeros(0)
-    if found.shape != (3,) or not np.isfinite(found).all():
-        raise InvalidInput(f"{where} needs three numbers as its {what}, not {words!r}.")
+    if found.shape != (3,) or not (np.abs(found) <= LARGEST).all():
+        raise InvalidInput(
+            f"{where} needs three numbers as its {what}, up to {LARGEST:g}, not {words[:80]!r}."
+        )
     return found
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour import _files
 from armcontour.arms import text
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
 from armcontour.errors import InvalidInput
@@ -67,7 +68,7 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
     Raises:
         InvalidInput: Not such a file, none of its joints, or a value that is no limit.
     """
-    data = text.load_yaml(str(file), text.read_bytes(file, "file of joint limits"))
+    data = text.load_yaml(str(file), _files.read_bytes(file, "file of joint limits"))
     for wrapper in WRAPPERS:
         if isinstance(data, Mapping) and wrapper in data:
             data = data[wrapper]

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
 
-from armcontour.arms import text
+from armcontour import _files
 from armcontour.arms.arm import Arm
 from armcontour.arms.arm_file import read_arm
 from armcontour.arms.chain import Payload
 from armcontour.arms.joint_limits import limits_of, override, table_of
 from armcontour.arms.serial import SerialArm
+from armcontour.arms.urdf import arm_of_tree, is_description, read_description
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 
@@ -32,6 +33,7 @@ def load_arm(
     work: Frame | None = None,
     payload: Payload | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_xacro: bool = False,
 ) -> Arm:
     """An arm by its built-in name, such as "ur5e", or from a file.
 
@@ -45,17 +47,19 @@ def load_arm(
         work: The frame that tool points are given in, in the frame of the base.
         payload: What the tip carries.
         locked: Of a description: joints that are held still, and where [rad or m].
+        trust_xacro: Whether a .xacro file may be expanded. Such a file is a program: what guards
+            it is no boundary, so trust files only that you would run.
 
     Raises:
-        InvalidInput: No such arm or file, or a file that does not describe an arm.
+        InvalidInput: No such arm or file, a .xacro file that is not trusted, or a file that does
+            not describe an arm.
     """
     _refuse_misuse(name, tool, work, payload)
     file = FilePath(name)
     limits_file = None if joint_limits is None else FilePath(joint_limits)
-    if file.suffix in (".urdf", ".xacro"):
-        from armcontour.arms.urdf import load_urdf
-
-        arm: Arm = load_urdf(file, tip=tip, base=base, joint_limits=limits_file, locked=locked)
+    if is_description(file):
+        tree = read_description(file, trust_xacro=trust_xacro)
+        arm: Arm = arm_of_tree(tree, tip=tip, base=base, joint_limits=limits_file, locked=locked)
     else:
         if tip is not None or base is not None or locked:
             raise InvalidInput(
@@ -69,7 +73,7 @@ def load_arm(
             # What concerns the tool is of no file, and stays.
             own = limits_of(table, arm.joint_names, str(limits_file))
             arm.limits = arm.limits.replace(**{key: getattr(own, key) for key in table})
-    return _equipped(arm, tool, work, payload)
+    return equip(arm, tool=tool, work=work, payload=payload)
 
 
 def _refuse_misuse(name: object, tool: object, work: object, payload: object) -> None:
@@ -91,7 +95,7 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
 
 def _read(name: str, payload: Payload | None) -> Arm:
     if name.endswith((".yaml", ".yml")):
-        arm = read_arm(name, text.read_bytes(FilePath(name), "arm file"), payload)
+        arm = read_arm(name, _files.read_bytes(name, "arm file"), payload)
         if arm.limits.joint_acceleration is None:
             arm.limits_hint = f"add joint_acceleration to the limits in {name}"
         return arm
@@ -104,7 +108,18 @@ def _read(name: str, payload: Payload | None) -> Arm:
     return read_arm(f"{name}.yaml", found.read_bytes(), payload)
 
 
-def _equipped(arm: Arm, tool: Frame | None, work: Frame | None, payload: Payload | None) -> Arm:
+def equip(
+    arm: Arm,
+    *,
+    tool: Frame | None = None,
+    work: Frame | None = None,
+    payload: Payload | None = None,
+) -> Arm:
+    """The same arm with a tool, a work frame and a payload; None leaves what the arm has.
+
+    Raises:
+        InvalidInput: A tool or a work frame for an arm in the plane.
+    """
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:
             arm = arm.with_tool(arm.chain.tool if tool is None else tool, payload)

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from armcontour._numbers import parse_number
+from armcontour.arms.text import refuse_unprintable
 from armcontour.errors import InvalidInput
 
 # Joints that one angle describes.
 TURNING = ("revolute", "continuous")
 KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
+# The deepest elements of the format stand in 6 others.
+DEEPEST = 100
+# Robots have some 100; the reader of bodies, pinocchio, overflows its stack near 10,000 in a row.
+MOST_LINKS = 1000
+# Elements of all kinds: visuals, transmissions, plugins of simulators.
+MOST_ELEMENTS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,10 +42,11 @@ class Joint:
         found = self.element.find(tag)
         given = default if found is None else found.get(key, default)
         try:
-            return [float(x) for x in given.split()]
+            return [parse_number(x) for x in given.split()]
         except ValueError:
             raise InvalidInput(
-                f"{where}: {key} of the {tag} of joint {self.name} must be numbers, not {given!r}."
+                f"{where}: {key} of the {tag} of joint {self.name} must be finite numbers, not "
+                f"{given[:80]!r}."
             ) from None
 
     def number(self, tag: str, key: str, where: str) -> float | None:
@@ -103,26 +113,27 @@ class Tree:
             if len(ends) != 1:
                 raise InvalidInput(
                     f"{self.file} has {len(ends) or 'no'} links that could be the tip: say which "
-                    f"with tip=, one of {_some(ends or list(self.links))}."
+                    f"with tip=, one of {some(ends or list(self.links))}."
                 )
             tip = ends[0]
         link = self._link("tip", tip)
         found: list[Joint] = []
+        # From the tip up, and turned round at the end.
         while link != start:
             if link not in self.above:
                 raise InvalidInput(
                     f"The tip {tip} does not hang on the base {start} in {self.file}: choose a "
                     f"base above it, such as {self.root}."
                 )
-            found.insert(0, self.above[link])
-            link = found[0].parent
-        return found
+            found.append(self.above[link])
+            link = found[-1].parent
+        return found[::-1]
 
     def _link(self, what: str, name: str) -> str:
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {what}: its links are "
-                f"{_some(list(self.links))}."
+                f"{some(list(self.links))}."
             )
         return name
 
@@ -133,22 +144,39 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     Raises:
         InvalidInput: Not XML, not a robot, or links and joints that make no tree.
     """
-    try:
-        robot = ET.fromstring(content)
-    except ET.ParseError as error:
-        raise InvalidInput(f"{file} is not XML: {error}.") from None
+    robot = _parsed(file, content)
     if robot.tag != "robot":
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
         )
+    refuse_unprintable(f"The robot of {file}", robot.get("name", ""))
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
-        raise InvalidInput(f"{file} holds xacro that is not worked out: name it .xacro to load it.")
+        raise InvalidInput(
+            f"{file} holds xacro that is not expanded: name it .xacro, and say "
+            "with --trust-xacro that you trust it, to load it."
+        )
     links: dict[str, ET.Element] = {}
     for element in robot.findall("link"):
         name = _name(file, element)
         if name in links:
             raise InvalidInput(f"{file} has two links of the name {name}.")
         links[name] = element
+    joints, above = _joints(file, robot, links)
+    roots = [name for name in links if name not in above]
+    if not links:
+        raise InvalidInput(f"{file} is a robot description without links.")
+    if len(roots) > 1:
+        raise InvalidInput(f"{file} is in parts: the links {some(roots)} hang on nothing.")
+    tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
+    if not roots or len(tree.below(roots[0])) < len(joints):
+        raise InvalidInput(f"In {file} some joints make a loop: the links must make a tree.")
+    return tree
+
+
+def _joints(
+    file: str, robot: ET.Element, links: Mapping[str, ET.Element]
+) -> tuple[dict[str, Joint], dict[str, Joint]]:
+    """The joints of a robot by name, and the one above each link."""
     joints: dict[str, Joint] = {}
     above: dict[str, Joint] = {}
     for element in robot.findall("joint"):
@@ -161,21 +189,53 @@ def read_tree(file: str, content: bytes | str) -> Tree:
                 f"and {joint.name}: the links must make a tree, without loops."
             )
         joints[joint.name] = above[joint.child] = joint
-    roots = [name for name in links if name not in above]
-    if not links:
-        raise InvalidInput(f"{file} is a robot description without links.")
-    if len(roots) > 1:
-        raise InvalidInput(f"{file} is in parts: the links {_some(roots)} hang on nothing.")
-    tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
-    if not roots or len(tree.below(roots[0])) < len(joints):
-        raise InvalidInput(f"In {file} some joints make a loop: the links must make a tree.")
-    return tree
+    return joints, above
+
+
+def _parsed(file: str, content: bytes | str) -> ET.Element:
+    """The outermost element of a document.
+
+    Raises:
+        InvalidInput: Not XML, in an unknown encoding, or of absurd depth or size.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    # Text that was decoded once is UTF-8 here, whatever its first line says.
+    parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)
+    depth = links = 0
+    root: ET.Element | None = None
+    try:
+        events = ET.iterparse(io.BytesIO(data), ("start", "end"), parser)
+        for count, (event, element) in enumerate(events):
+            root = element if root is None else root
+            depth += 1 if event == "start" else -1
+            links += event == "start" and depth == 2 and element.tag == "link"
+            _refuse_flood(file, depth, links, count // 2)
+    except (ET.ParseError, ValueError, LookupError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        raise InvalidInput(f"{file} is not XML: {error}.") from None
+    if root is None:
+        raise InvalidInput(f"{file} is not XML: it holds no element.")
+    return root
+
+
+def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
+    """Refuse a document that is deeper or larger than any robot."""
+    if depth > DEEPEST:
+        raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
+    for count, most, what in ((links, MOST_LINKS, "links"), (elements, MOST_ELEMENTS, "elements")):
+        if count > most:
+            raise InvalidInput(
+                f"{file} has more than the {most} {what} that are read: take out what does not "
+                "belong to the arm."
+            )
 
 
 def _name(file: str, element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
+    refuse_unprintable(f"A {element.tag} of {file}", name)
     return name
 
 
@@ -195,7 +255,7 @@ def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> J
     return Joint(name=name, kind=kind, parent=ends[0], child=ends[1], element=element)
 
 
-def _some(names: Sequence[str]) -> str:
-    """Names for a message, not more than anybody reads."""
+def some(names: Sequence[str]) -> str:
+    """Some names for a message, not more than anybody reads."""
     shown = ", ".join(names[:40])
     return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"

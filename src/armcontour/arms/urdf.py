@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path as FilePath
 
-from armcontour.arms import text
+from armcontour import _files
+from armcontour._xacro.expanding import expand_xacro
 from armcontour.arms.description import Description
 from armcontour.arms.joint_limits import Table, limits_of, override
 from armcontour.arms.serial import SerialArm
-from armcontour.arms.tree import TURNING, Joint, Tree, read_tree
+from armcontour.arms.tree import TURNING, Joint, Tree, read_tree, some
 from armcontour.errors import InvalidInput
 
+DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
     "give load_arm a joint_limits.yaml of MoveIt, joint_limits=..., with has_acceleration_limits "
     "and max_acceleration for every joint, or set joint_acceleration with limits.replace"
 )
 
 
-def load_urdf(
-    file: FilePath,
+def arm_of_tree(
+    tree: Tree,
     *,
     tip: str | None = None,
     base: str | None = None,
@@ -29,7 +31,7 @@ def load_urdf(
     """The arm in a robot description.
 
     Args:
-        file: .urdf, or .xacro, which the package xacro works out.
+        tree: The description, as `read_description` gives it.
         tip: Link at the end; its frame is the tip. By default the only end there is.
         base: Link that stands still; by default the root.
         joint_limits: MoveIt file whose values go before those of the description.
@@ -39,14 +41,14 @@ def load_urdf(
     Raises:
         InvalidInput: A description that no serial arm can be made of; says what and where.
     """
-    tree = read_description(file)
+    file = tree.file
     route = tree.between(base, tip)
     held = dict(locked or {})
     for name in held:
         if name not in tree.joints:
             raise InvalidInput(
                 f"{file} has no joint {name!r} to be locked: its joints are "
-                f"{', '.join(tree.joints)}."
+                f"{some(list(tree.joints))}."
             )
     moving = [x for x in route if x.kind != "fixed" and x.name not in held]
     _refuse(tree, moving)
@@ -55,8 +57,8 @@ def load_urdf(
     table = _limits(tree, moving, checked=joint_limits is None)
     if joint_limits is not None:
         override(table, chain.joints, joint_limits)
-    limits = limits_of(table, chain.joints, str(file))
-    source = str(file)
+    limits = limits_of(table, chain.joints, file)
+    source = file
     if chain.masses is None and limits.joint_torque is not None:
         # Every description gives efforts; without masses nobody can tell what they allow.
         limits = limits.replace(joint_torque=None)
@@ -70,35 +72,36 @@ def load_urdf(
     )
 
 
-def read_description(file: FilePath) -> Tree:
+def read_description(file: FilePath, *, trust_xacro: bool = False) -> Tree:
     """The links and joints in a robot description.
 
     Args:
-        file: .urdf, or .xacro, which the package xacro works out.
+        file: .urdf, or .xacro, which the package xacro expands.
+        trust_xacro: Whether a .xacro file may be expanded: such a file is a program.
 
     Raises:
-        InvalidInput: No such file, or no description.
+        InvalidInput: No such file, a .xacro file that is not trusted, or no description.
     """
-    content: bytes | str = text.read_bytes(file, "robot description")
-    if file.suffix == ".xacro":
-        content = _worked_out(file)
+    content: bytes | str = _files.read_bytes(file, "robot description")
+    if is_xacro(file):
+        if not trust_xacro:
+            raise InvalidInput(
+                f"{file} is not loaded, since a xacro file is a program that can run anything on "
+                "this computer: if you trust it, say so with --trust-xacro (in Python, "
+                "trust_xacro=True)."
+            )
+        content = expand_xacro(file)
     return read_tree(str(file), content)
 
 
-def _worked_out(file: FilePath) -> str:
-    try:
-        import xacro
-    except ImportError:
-        raise InvalidInput(
-            f"{file} needs the package xacro, which is not installed: install armcontour[ros], or "
-            "work it out to a .urdf elsewhere."
-        ) from None
-    try:
-        return str(xacro.process_file(str(file)).toxml())
-    # Expressions of the file are evaluated, and may fail in any way.
-    except Exception as error:
-        said = " ".join(str(error).split())
-        raise InvalidInput(f"{file} cannot be worked out by xacro: {said}.") from None
+def is_description(file: str | FilePath) -> bool:
+    """Whether a file is a robot description, by its ending."""
+    return FilePath(file).suffix.lower() in DESCRIPTIONS
+
+
+def is_xacro(file: str | FilePath) -> bool:
+    """Whether a file is a xacro program, by its ending."""
+    return FilePath(file).suffix.lower() == ".xacro"
 
 
 def _refuse(tree: Tree, moving: list[Joint]) -> None:

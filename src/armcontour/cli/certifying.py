@@ -23,6 +23,7 @@ def certify_file(
     open_report: bool = False,
     as_json: bool = False,
     memory: str | None = None,
+    trust_xacro: bool = False,
 ) -> None:
     """Certify a job, print the certificate, and write it with its taught data.
 
@@ -36,6 +37,7 @@ def certify_file(
         open_report: Whether to open the report in a browser.
         as_json: Whether to print the summary and not a table.
         memory: What the program may take, in the place of the job's.
+        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
 
     Raises:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
@@ -49,7 +51,7 @@ def certify_file(
 
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    job = with_memory(read_job(job_file), memory)
+    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
     overrides = _lengths(tolerance=tolerance, servo=servo)
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.study import certify

@@ -36,6 +36,7 @@ def check_file(
     base: str | None = None,
     joint_limits: FilePath | None = None,
     as_json: bool = False,
+    trust_xacro: bool = False,
 ) -> bool:
     """Check a trajectory file, print what was found, and say whether every limit is kept.
 
@@ -49,6 +50,7 @@ def check_file(
         base: Link of it that stands still.
         joint_limits: A `joint_limits.yaml` of MoveIt for the arm.
         as_json: Whether to print JSON and not a table.
+        trust_xacro: Whether the arm may be a .xacro file, which is a program.
 
     Raises:
         InvalidInput: A file that cannot be used.
@@ -59,9 +61,11 @@ def check_file(
     from armcontour.io import read_job, read_limits, read_trajectory
     from armcontour.study import path_of
 
-    job = None if job_file is None else read_job(job_file)
+    job = None if job_file is None else read_job(job_file, trust_xacro=trust_xacro)
     if arm_name is not None:
-        arm = load_arm(arm_name, tip=tip, base=base, joint_limits=joint_limits)
+        arm = load_arm(
+            arm_name, tip=tip, base=base, joint_limits=joint_limits, trust_xacro=trust_xacro
+        )
     elif job is None:
         raise InvalidInput("Name the arm with --arm, or with --path a job that has one.")
     elif any(x is not None for x in (tip, base, joint_limits)):

@@ -24,6 +24,13 @@ Memory = Annotated[
     str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
+TrustXacro = Annotated[
+    bool,
+    typer.Option(
+        "--trust-xacro",
+        help="Load an arm from a .xacro file: such a file is a program that can run anything.",
+    ),
+]
 
 
 def _version(value: bool) -> None:
@@ -112,6 +119,7 @@ def run(
     memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
     from armcontour.cli.exporting import exports_of
@@ -133,7 +141,7 @@ def run(
         memory=memory,
     )
     run_job(
-        lambda told: open_job(job, cell, overrides, told),
+        lambda told: open_job(job, cell, overrides, told, trust_xacro=trust_xacro),
         out,
         force=force,
         open_report=open_report,
@@ -157,7 +165,8 @@ def check(
         str | None,
         typer.Option(
             "--arm",
-            help="Built-in arm, or an arm file (.yaml, .urdf, .xacro); by default the job's.",
+            help="Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by "
+            "default the job's.",
         ),
     ] = None,
     limits: Annotated[
@@ -182,6 +191,7 @@ def check(
         typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Judge any joint trajectory against limits; exit code 1 if one is violated."""
     from armcontour.cli.checking import check_file
@@ -196,6 +206,7 @@ def check(
         base=base,
         joint_limits=joint_limits,
         as_json=as_json,
+        trust_xacro=trust_xacro,
     )
     raise typer.Exit(0 if kept else 1)
 
@@ -222,6 +233,7 @@ def certify(
     open_report: Open = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
     memory: Memory = None,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
@@ -236,6 +248,7 @@ def certify(
         open_report=open_report,
         as_json=as_json,
         memory=memory,
+        trust_xacro=trust_xacro,
     )
 
 
@@ -253,6 +266,7 @@ def sweep(
     memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
+    trust_xacro: TrustXacro = False,
 ) -> None:
     """Plot certified times against corner tolerance and against assigned velocity."""
     from armcontour.cli.sweeping import sweep_file
@@ -266,6 +280,7 @@ def sweep(
         memory=memory,
         force=force,
         open_report=open_report,
+        trust_xacro=trust_xacro,
     )
 
 

@@ -46,7 +46,14 @@ class Overrides:
     memory: str | None = None
 
 
-def open_job(file: FilePath, cell: str | None, overrides: Overrides, told: Told) -> Job:
+def open_job(
+    file: FilePath,
+    cell: str | None,
+    overrides: Overrides,
+    told: Told,
+    *,
+    trust_xacro: bool = False,
+) -> Job:
     """The job in a job file, or of a drawing in a cell.
 
     Args:
@@ -54,6 +61,7 @@ def open_job(file: FilePath, cell: str | None, overrides: Overrides, told: Told)
         cell: The cell, for a drawing only.
         overrides: What the command line says.
         told: Called with the share of the drawing that is read.
+        trust_xacro: Whether the arm may be a .xacro file, which is a program.
 
     Raises:
         InvalidInput: A drawing without a cell, a job file with one, or what reading finds.
@@ -72,13 +80,20 @@ def open_job(file: FilePath, cell: str | None, overrides: Overrides, told: Told)
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
         text = job_text(file)
-        return parse_job(text, source=file.name, folder=file.parent, changes=changes, reading=told)
+        return parse_job(
+            text,
+            source=file.name,
+            folder=file.parent,
+            changes=changes,
+            reading=told,
+            trust_xacro=trust_xacro,
+        )
     if cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
-    return read_cell(cell, file, changes=changes, reading=told)
+    return read_cell(cell, file, changes=changes, reading=told, trust_xacro=trust_xacro)
 
 
 def _changed(data: dict[str, Any], x: Overrides) -> dict[str, Any]:

@@ -21,6 +21,7 @@ def sweep_file(
     memory: str | None = None,
     force: bool = False,
     open_report: bool = False,
+    trust_xacro: bool = False,
 ) -> None:
     """Sweep a job, print its points, and write them with their plot.
 
@@ -33,6 +34,7 @@ def sweep_file(
         memory: What the program may take, in the place of the job's.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
+        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
 
     Raises:
         ArmContourError: A job that cannot be used; nothing is written then.
@@ -41,7 +43,7 @@ def sweep_file(
     from armcontour.cli.progress import shown
     from armcontour.io import ResultFolder, read_job, sweep_json
 
-    job = with_memory(read_job(job_file), memory)
+    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
     asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
     with ResultFolder(out, force=force) as folder:
         from armcontour.report import render_sweep

@@ -29,6 +29,7 @@ def read_cell(
     path: Mapping[str, Any] | None = None,
     changes: Changes | None = None,
     reading: Callable[[float], None] | None = None,
+    trust_xacro: bool = False,
 ) -> Job:
     """The job of a cell with a drawing.
 
@@ -39,6 +40,7 @@ def read_cell(
         path: Keys of the path that differ from the cell's, as in a job file.
         changes: Applied to all of the data.
         reading: Called with the share of the drawing that is read.
+        trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: No such cell, or as `read_job` and `read_path` raise it.
@@ -60,7 +62,14 @@ def read_cell(
         }
         return found if changes is None else changes(found)
 
-    return parse_job(text, source=source, folder=folder, changes=drawn, reading=reading)
+    return parse_job(
+        text,
+        source=source,
+        folder=folder,
+        changes=drawn,
+        reading=reading,
+        trust_xacro=trust_xacro,
+    )
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:

@@ -10,44 +10,59 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, load_arm
 from armcontour.arms.chain import Payload
-from armcontour.arms.urdf import read_description
+from armcontour.arms.loading import equip
+from armcontour.arms.tree import Tree
+from armcontour.arms.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy, rotations
 from armcontour.io.job_model import ArmModel, FrameModel, PayloadModel, RotationModel
 from armcontour.io.units import parse
 
-DESCRIPTIONS = (".urdf", ".xacro")
 ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
 # Where xx, xy, xz, yy, yz and zz stand in a symmetric matrix.
 TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 
-def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
+def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
     """The arm that a job names; its files are looked for in the job's folder.
+
+    Args:
+        model: What the job says.
+        folder: The job's.
+        trust_xacro: Whether a .xacro file may be expanded; no key of a job can say so.
 
     Raises:
         InvalidInput: No such arm, or keys that do not go together.
     """
     if isinstance(model, str):
-        return load_arm(str(folder / model) if model.endswith(ARM_FILES) else model)
+        place = folder / model if model.lower().endswith(ARM_FILES) else model
+        return load_arm(place, trust_xacro=trust_xacro)
     if (model.name is None) == (model.file is None):
         raise InvalidInput("arm takes either name, a built-in arm, or file.")
     options: dict[str, Any] = {
         key: getattr(model, key) for key in ("tip", "base") if getattr(model, key) is not None
     }
-    if model.locked:
-        options["locked"] = _locked(model, folder)
     if model.joint_limits is not None:
         options["joint_limits"] = folder / model.joint_limits
+    equipment: dict[str, Any] = {}
     if model.tool is not None:
-        options["tool"] = frame_of("arm.tool", model.tool)
+        equipment["tool"] = frame_of("arm.tool", model.tool)
     if model.work is not None:
-        options["work"] = frame_of("arm.work", model.work)
+        equipment["work"] = frame_of("arm.work", model.work)
     if model.payload is not None:
-        options["payload"] = _payload(model.payload)
-    if model.file is not None and not model.file.endswith(ARM_FILES):
+        equipment["payload"] = _payload(model.payload)
+    if model.file is not None and not model.file.lower().endswith(ARM_FILES):
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
-    return load_arm(str(model.name) if model.file is None else folder / model.file, **options)
+    if model.file is not None and is_description(model.file):
+        # Read once: what is locked depends on the joints, and a xacro file is a program.
+        tree = read_description(folder / model.file, trust_xacro=trust_xacro)
+        return equip(arm_of_tree(tree, locked=_locked(model, tree), **options), **equipment)
+    if model.locked:
+        raise InvalidInput(
+            f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
+        )
+    name = str(model.name) if model.file is None else folder / model.file
+    return load_arm(name, **options, **equipment)
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
@@ -80,18 +95,13 @@ def frame_of(key: str, model: FrameModel) -> Frame:
     )
 
 
-def _locked(model: ArmModel, folder: FilePath) -> dict[str, float]:
+def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
     """Where joints are held still: an angle of one that turns [rad], a length of one that slides.
 
     Raises:
-        InvalidInput: A quantity of the other kind, or an arm without a description.
+        InvalidInput: A quantity of the other kind.
     """
-    if model.file is None or not model.file.endswith(DESCRIPTIONS):
-        raise InvalidInput(
-            f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
-        )
-    file = folder / model.file
-    joints = read_description(file).joints
+    joints = tree.joints
     found = {}
     for name, value in (model.locked or {}).items():
         slides = name in joints and joints[name].kind == "prismatic"

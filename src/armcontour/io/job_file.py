@@ -47,19 +47,28 @@ PUBLISHED_UNITS = {
 }
 
 
-def read_job(file: str | FilePath, *, reading: Told | None = None) -> Job:
+def read_job(
+    file: str | FilePath, *, reading: Told | None = None, trust_xacro: bool = False
+) -> Job:
     """The job in a YAML file.
 
     Args:
         file: The file.
         reading: Called with the share that is read of the drawing it names.
+        trust_xacro: Whether its arm may be a .xacro file, which is a program; no job can say so.
 
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
             that do not make a job; one sentence that names the key.
     """
     place = FilePath(file)
-    return parse_job(job_text(place), source=place.name, folder=place.parent, reading=reading)
+    return parse_job(
+        job_text(place),
+        source=place.name,
+        folder=place.parent,
+        reading=reading,
+        trust_xacro=trust_xacro,
+    )
 
 
 def job_text(file: FilePath) -> str:
@@ -82,6 +91,7 @@ def parse_job(
     folder: FilePath | None = None,
     changes: Changes | None = None,
     reading: Told | None = None,
+    trust_xacro: bool = False,
 ) -> Job:
     """The job in YAML text.
 
@@ -91,6 +101,7 @@ def parse_job(
         folder: Where relative files are looked for.
         changes: Applied to the data before it is looked at, such as what a command line overrides.
         reading: As in `read_job`.
+        trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: As in `read_job`.
@@ -107,7 +118,7 @@ def parse_job(
     except ValidationError as error:
         raise InvalidInput(f"{source}: {first_problem(error, JobModel)}") from None
     try:
-        return _job(model, folder or FilePath(), reading)
+        return _job(model, folder or FilePath(), reading, trust_xacro)
     except InvalidInput as error:
         raise InvalidInput(f"{source}: {error}") from None
 
@@ -118,8 +129,8 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _job(model: JobModel, folder: FilePath, reading: Told | None) -> Job:
-    arm = arm_of(model.arm, folder)
+def _job(model: JobModel, folder: FilePath, reading: Told | None, trust_xacro: bool) -> Job:
+    arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     path, process = with_process(
         path_of(model.path, folder, arm.dimension, reading), model.process, model.path
     )

@@ -1,0 +1,242 @@
+"""Guards around xacro, in the process that expands one description and then ends."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour import _files
+from armcontour._xacro.expressions import (
+    OPERATIONS,
+    Refused,
+    bounded_factorial,
+    bounded_range,
+    compiled,
+)
+from armcontour.errors import InvalidInput
+
+# Macros that call one another, and files that include one another; robots have some 10.
+MOST_DEEP = 100
+# Characters of one text that expressions make.
+LONGEST_TEXT = 1_000_000
+PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+# Symbols that look into values as attributes do.
+INNER_SYMBOLS = ("type", "vars")
+# What the interpreter tells of before it touches the machine: refused by the first word.
+TOUCHING = {"_winapi", "code", "ctypes", "fcntl", "ftplib", "function", "gc", "http", "mmap"}
+TOUCHING |= {"msvcrt", "object", "os", "pickle", "pty"}
+TOUCHING |= {"shutil", "signal", "smtplib", "socket", "sqlite3", "subprocess", "syslog", "tempfile"}
+TOUCHING |= {"urllib", "webbrowser", "winreg"}
+# Codecs and parts of the XML reader are loaded when they are first used.
+LOADED_LATER = ("encodings.", "pyexpat", "xml.")
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+
+
+class Reading:
+    """What a description may read: files below its own folder, and of packages that it names.
+
+    Args:
+        file: The description.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = FilePath(os.path.realpath(file))
+        self.folders = [FilePath(os.path.realpath(os.path.dirname(file)))]
+        self.looks_for_package = False
+
+    def allows(self, name: str | bytes) -> bool:
+        """Whether a file or folder may be read; links count as where they lead."""
+        place = FilePath(os.path.realpath(os.fsdecode(name)))
+        return place == self.file or any(place.is_relative_to(x) for x in self.folders)
+
+    def refuse(self, name: str | bytes) -> None:
+        """Refuse a file that may not be read."""
+        if not self.allows(name):
+            raise Refused(
+                f"it reads {os.fsdecode(name)!r}, which lies outside of the folder of the "
+                f"description, {str(self.folders[0])!r}"
+            )
+
+
+def guard(xacro: Any, substitution: Any, reading: Reading) -> None:
+    """Put guarded functions in the place of what xacro evaluates and reads with.
+
+    Args:
+        xacro: The module.
+        substitution: Its module substitution_args.
+        reading: What may be read.
+    """
+    xacro.safe_eval = _safe_eval
+    substitution._eval = _evaluator(substitution)
+    substitution._eval_env = _refuse_env
+    substitution._eval_optenv = _refuse_env
+    substitution._eval_find = _finder(substitution, reading)
+    # A name of the module goes before the builtin one.
+    xacro.open = _opener(xacro, reading)
+    xacro.eval_text = _bounded_text(xacro.eval_text)
+    xacro.handle_macro_call = _bounded_calls(xacro, xacro.handle_macro_call)
+    symbols = xacro._global_symbols
+    for table in (symbols, symbols["math"], symbols["python"]):
+        for name in INNER_SYMBOLS:
+            dict.pop(table, name, None)
+        for name, bounded in BOUNDED.items():
+            if dict.__contains__(table, name):
+                dict.__setitem__(table, name, bounded)
+
+
+def watch(reading: Reading) -> None:
+    """Refuse from now on whatever the interpreter says that it is about to do to the machine.
+
+    No code can take this back: it also meets what gets past the checks of expressions.
+    """
+    library = FilePath(os.path.realpath(os.path.dirname(os.__file__)))
+
+    def hook(event: str, args: tuple[Any, ...]) -> None:
+        if event == "open":
+            _check_open(args, reading, library)
+        elif event in ("os.listdir", "os.scandir", "glob.glob", "glob.glob/2"):
+            if event.startswith("os.") and not reading.looks_for_package:
+                reading.refuse("." if args[0] is None else args[0])
+        elif event == "import":
+            if not str(args[0]).startswith(LOADED_LATER):
+                raise Refused(f"it loads the module {args[0]!r}")
+        elif event.split(".")[0] in TOUCHING:
+            raise Refused(f"it calls {event}")
+
+    sys.addaudithook(hook)
+
+
+def _check_open(args: tuple[Any, ...], reading: Reading, library: FilePath) -> None:
+    """Refuse to write, and to read what may not be read."""
+    name, mode, flags = (*args, None, None)[:3]
+    if isinstance(name, int):
+        return
+    writes = any(x in (mode or "") for x in "wax+") or bool((flags or 0) & WRITING)
+    if writes:
+        raise Refused(f"it writes {os.fsdecode(name)!r}")
+    inside = FilePath(os.path.realpath(os.fsdecode(name))).is_relative_to(library)
+    if not inside and not reading.looks_for_package:
+        reading.refuse(name)
+
+
+class _Names:
+    """Names of an expression: the bounded operators, which nothing can hide, then symbols."""
+
+    def __init__(self, symbols: Any) -> None:
+        self._symbols = symbols
+
+    def __getitem__(self, name: str) -> Any:
+        return OPERATIONS[name] if name in OPERATIONS else self._symbols[name]
+
+
+def _safe_eval(expr: str, symbols: Any) -> Any:
+    """What xacro evaluates `${...}` with."""
+    names: Any = _Names(symbols)
+    return eval(compiled(expr), {"__builtins__": {}}, names)
+
+
+def _evaluator(substitution: Any) -> Callable[[str, dict[str, Any]], str]:
+    """What xacro evaluates `$(eval ...)` with; its own leaves all of Python's builtins open."""
+    given = substitution._eval_dict
+    symbols = {key: value for key, value in given.items() if not key.startswith("_")}
+    symbols |= {x.__name__: x for x in (list, dict, map, str, float, int)}
+    symbols |= {name: bounded for name, bounded in BOUNDED.items() if name in given}
+    symbols |= {"env": _refuse_env, "optenv": _refuse_env}
+    # The function that is put in its place is looked up when it is called.
+    symbols["find"] = lambda name: substitution._eval_find(name)
+
+    def evaluate(text: str, context: dict[str, Any]) -> str:
+        args = context.setdefault("arg", {})
+
+        def arg(name: str) -> Any:
+            return substitution.convert_value(substitution._eval_arg(name, args=args), "auto")
+
+        def dirname() -> Any:
+            return substitution._eval_dirname(context["filename"])
+
+        names = substitution._DictWrapper(args, {"arg": arg, "dirname": dirname} | symbols)
+        return str(_safe_eval(text, names))
+
+    return evaluate
+
+
+def _refuse_env(name: str, default: str = "") -> str:
+    raise Refused(f"it reads the environment variable {name!r}, and the environment is not read")
+
+
+def _refuse_count(*args: object, **options: object) -> int:
+    raise Refused("it calls comb, perm, prod or sumprod, whose results have no bound")
+
+
+# What stands in the place of functions whose results could be of any size.
+BOUNDED: dict[str, Callable[..., Any]] = {
+    "factorial": bounded_factorial,
+    "range": bounded_range,
+    **dict.fromkeys(("comb", "perm", "prod", "sumprod"), _refuse_count),
+}
+
+
+def _finder(substitution: Any, reading: Reading) -> Callable[[str], str]:
+    """What finds the folder of a package; files of a package that is found may be read."""
+    find = substitution._eval_find
+
+    def found(name: str) -> str:
+        if not isinstance(name, str) or not PACKAGE.fullmatch(name):
+            raise Refused(f"$(find ...) names {name!r}, which is not the name of a package")
+        if "ament_index_python.packages" not in sys.modules:
+            raise Refused(
+                f"it needs the folder of the package {name!r}, and ament_index_python, which finds "
+                "packages in a sourced ROS, is not installed"
+            )
+        reading.looks_for_package = True
+        try:
+            folder = str(find(name))
+        finally:
+            reading.looks_for_package = False
+        reading.folders.append(FilePath(os.path.realpath(folder)))
+        return folder
+
+    return found
+
+
+def _opener(xacro: Any, reading: Reading) -> Callable[[str], io.BytesIO]:
+    """What opens included files and the YAML of `load_yaml`."""
+
+    def opened(name: str) -> io.BytesIO:
+        reading.refuse(name)
+        if len(xacro.filestack or ()) > MOST_DEEP:
+            raise Refused(f"its files include one another more than {MOST_DEEP} deep")
+        if not os.path.exists(name):
+            # Includes that are optional wait for just this error.
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
+        try:
+            return io.BytesIO(_files.read_bytes(name, "included file"))
+        except InvalidInput as error:
+            raise Refused(str(error).rstrip(".")) from None
+
+    return opened
+
+
+def _bounded_text(evaluate: Callable[..., Any]) -> Callable[..., Any]:
+    def eval_text(text: str, symbols: Any) -> Any:
+        found = evaluate(text, symbols)
+        if isinstance(found, str) and len(found) > max(LONGEST_TEXT, len(text)):
+            raise Refused(f"its expressions make a text of more than {LONGEST_TEXT} characters")
+        return found
+
+    return eval_text
+
+
+def _bounded_calls(xacro: Any, call: Callable[..., Any]) -> Callable[..., Any]:
+    def handle_macro_call(node: Any, macros: Any, symbols: Any) -> Any:
+        if len(xacro.macrostack) > MOST_DEEP:
+            raise Refused(f"its macros call one another more than {MOST_DEEP} deep")
+        return call(node, macros, symbols)
+
+    return handle_macro_call
