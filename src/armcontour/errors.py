@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from armcontour._text import make_printable, shorten
+
 
 class ArmContourError(Exception):
     """Base of all armcontour errors.
@@ -49,7 +51,8 @@ class ArmContourError(Exception):
         needed: float | None = None,
         allowed: float | None = None,
     ) -> None:
-        super().__init__(message)
+        # A sentence repeats what stands in files, which must not write to a terminal.
+        super().__init__(make_printable(shorten(message)))
         self.point = None if point is None else tuple(float(x) for x in point)
         self.index = index
         self.s = s
