@@ -15,6 +15,9 @@ from armcontour.program import Process, Program
 from armcontour.servo import ServoModel
 from armcontour.study.goal import Goal
 
+# A title is a line of a report.
+LONGEST_TITLE = 200
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding:
@@ -128,7 +131,8 @@ class Job:
         certificate: What a certified plan of it has to hold.
 
     Raises:
-        InvalidInput: No run, two of the same name, or a start for another number of joints.
+        InvalidInput: No run, two of the same name, a name that is too long or not printable, or a
+            start for another number of joints.
     """
 
     name: str
@@ -145,6 +149,10 @@ class Job:
     certificate: Goal | None = None
 
     def __post_init__(self) -> None:
+        _checks.check_name("name of the job", self.name)
+        _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
+        for x in self.runs:
+            _checks.check_name("name of a run", x.name)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
