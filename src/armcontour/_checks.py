@@ -7,8 +7,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from armcontour._text import make_printable, show
 from armcontour.errors import InvalidInput
 
+# No name is longer: names stand in the lines of robot programs, in tables and on terminals.
+LONGEST_NAME = 80
 FloatArray = npt.NDArray[np.float64]
 # No length, time, speed or torque of a robot is larger than this in SI units, and its powers up to
 # the twenty-fifth are numbers; of larger ones squares, cubes and their products overflow.
@@ -190,6 +193,32 @@ def choice(name: str, value: str, known: tuple[str, ...]) -> str:
     """
     if value not in known:
         raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {value!r}.")
+    return value
+
+
+def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
+    """`value` as a name: one line of printable text, or none.
+
+    Args:
+        what: What the name is of, for messages, such as "name of the event".
+        value: The name.
+        most: The largest number of characters.
+
+    Raises:
+        InvalidInput: No text, a character that is not printable, or too long.
+    """
+    if not isinstance(value, str):
+        raise InvalidInput(f"The {what} must be text, not {show(value)}.")
+    if len(value) > most:
+        raise InvalidInput(
+            f"The {what} has {len(value)} characters, more than {most}: {show(value)}."
+        )
+    bad = next((x for x in value if not x.isprintable()), None)
+    if bad is not None:
+        raise InvalidInput(
+            f"The {what} has the character U+{ord(bad):04X}, which is not printable: "
+            f"'{make_printable(value)}'."
+        )
     return value
 
 

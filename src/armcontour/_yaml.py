@@ -1,4 +1,4 @@
-"""YAML without its traps: no key twice, and `1e-3` is a number."""
+"""YAML without its traps: no key twice, no flood of aliases, and the numbers of YAML 1.2."""
 
 from __future__ import annotations
 
@@ -7,14 +7,35 @@ from typing import Any
 
 import yaml
 
+from armcontour._numbers import LONGEST, parse_number
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 
-# A million corner points is a large job.
-MOST_VALUES = 10_000_000
+# The parser reads a third of a million characters a second; long paths stand in tables.
+MOST_CHARACTERS = 16_000_000
+# An alias stands for all values of its anchor again. Nobody needs so many.
+MOST_ALIASED = 100_000
+# So many characters of text count as one value.
+OF_ONE_VALUE = 80
+FLOAT = "tag:yaml.org,2002:float"
+INT = "tag:yaml.org,2002:int"
+TIMESTAMP = "tag:yaml.org,2002:timestamp"
+# Digits that are taken are not given back, so the time grows with the length of the text alone.
+WHOLE = re.compile(r"[-+]?[0-9]++\Z")
+DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
+ENDLESS = re.compile(r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z")
 
 
 class Loader(yaml.SafeLoader):
-    """Safe loading with the number format of YAML 1.2."""
+    """Safe loading, of text that is no larger inside than it looks."""
+
+    def get_single_data(self) -> Any:
+        """The document, if its aliases, merged ones too, do not stand for too much."""
+        node = self.get_single_node()
+        if node is None:
+            return None
+        _refuse_flood(node)
+        return self.construct_document(node)
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         """A mapping whose keys are all different, before what it merges is added to it."""
@@ -23,18 +44,52 @@ class Loader(yaml.SafeLoader):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if (key.tag, key.value) in seen:
-                    raise yaml.constructor.ConstructorError(
-                        None, None, f"the key {key.value!r} stands twice", key.start_mark
-                    )
+                    raise _wrong(key, f"the key {show(key.value)} stands twice")
                 seen.add((key.tag, key.value))
         return node
 
 
-Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
+def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
+    """A whole number in decimal digits: neither 1_000, nor 1:30 for 90, nor 010 for 8."""
+    text = str(loader.construct_scalar(node))
+    if not WHOLE.match(text):
+        raise _wrong(node, f"{show(text)} is not a whole number")
+    # Thousands of digits are no number that anybody means.
+    _parsed(text, node)
+    return int(text)
+
+
+def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
+    """A decimal number, or one of those that are not finite, which the keys refuse by name."""
+    text = str(loader.construct_scalar(node))
+    if ENDLESS.match(text):
+        return float(text.replace(".", ""))
+    return _parsed(text, node)
+
+
+def _parsed(text: str, node: yaml.Node) -> float:
+    if len(text) > LONGEST:
+        raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
+    try:
+        return parse_number(text)
+    except ValueError:
+        raise _wrong(node, f"{show(text)} is not a finite number") from None
+
+
+def _wrong(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
+    return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+# The library's own numbers are those of YAML 1.1; its dates are text to whoever writes a title.
+Loader.yaml_implicit_resolvers = {
+    first: [x for x in resolvers if x[0] not in (FLOAT, INT, TIMESTAMP)]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+Loader.add_implicit_resolver(INT, WHOLE, list("-+0123456789"))
+Loader.add_implicit_resolver(FLOAT, DECIMAL, list("-+.0123456789"))
+Loader.add_implicit_resolver(FLOAT, ENDLESS, list("-+."))
+Loader.add_constructor(INT, construct_int)
+Loader.add_constructor(FLOAT, construct_float)
 
 
 def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:
@@ -46,13 +101,18 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
         loader: One that knows more tags.
 
     Raises:
-        InvalidInput: Not YAML, or a key that stands twice; says where.
+        InvalidInput: Not YAML, a key that stands twice, a text that is too long, or aliases that
+            stand for too much; says where.
     """
+    if len(content) > MOST_CHARACTERS:
+        raise InvalidInput(
+            f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
+            f"{MOST_CHARACTERS / 1e6:.0f} million that are read of YAML: a long path can stand in "
+            "a CSV file of its own."
+        )
     try:
         text = content if isinstance(content, str) else content.decode("utf-8")
-        data = yaml.load(text, Loader=loader)
-        _refuse_flood(data, source)
-        return data
+        return yaml.load(text, Loader=loader)
     except UnicodeDecodeError as error:
         raise InvalidInput(
             f"{source} is not valid YAML: it is not text in UTF-8 ({error})."
@@ -61,27 +121,48 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
         raise InvalidInput(f"{source} is not valid YAML: it is nested too deeply.") from None
     except yaml.YAMLError as error:
         raise InvalidInput(f"{source} is not valid YAML: {_where(error)}.") from None
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
+        if isinstance(error, InvalidInput):
+            raise
         raise InvalidInput(f"{source} is not valid YAML: {error}.") from None
 
 
-def _refuse_flood(data: Any, source: str) -> None:
-    """Refuse a document whose aliases stand for more than anybody would write."""
+def _refuse_flood(root: yaml.Node) -> None:
+    """Refuse a document whose aliases stand for more than anybody would write.
+
+    Raises:
+        YAMLError: They do, or one stands for what it is in.
+    """
     sizes: dict[int, int] = {}
+    inside: set[int] = set()
+    written = 0
 
-    def size(value: Any) -> int:
-        if not isinstance(value, dict | list):
-            return 1
-        if id(value) not in sizes:
-            sizes[id(value)] = MOST_VALUES + 1  # what holds itself is endless
-            inner = value.values() if isinstance(value, dict) else value
-            sizes[id(value)] = 1 + sum(size(x) for x in inner)
-        return sizes[id(value)]
+    def size(node: yaml.Node) -> int:
+        nonlocal written
+        if id(node) in inside:
+            raise _wrong(node, "an alias stands for what it is part of")
+        if id(node) not in sizes:
+            own = 1
+            if isinstance(node, yaml.ScalarNode):
+                own += len(node.value) // OF_ONE_VALUE
+            written += own
+            inside.add(id(node))
+            sizes[id(node)] = own + sum(map(size, _parts(node)))
+            inside.discard(id(node))
+        return sizes[id(node)]
 
-    if size(data) > MOST_VALUES:
-        raise InvalidInput(
-            f"{source} stands for more than {MOST_VALUES} values: use fewer aliases."
+    aliased = size(root) - written
+    if aliased > MOST_ALIASED:
+        raise _wrong(
+            root,
+            f"its aliases stand for more than {MOST_ALIASED} values: use fewer aliases",
         )
+
+
+def _parts(node: yaml.Node) -> list[yaml.Node]:
+    if isinstance(node, yaml.MappingNode):
+        return [x for pair in node.value for x in pair]
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
 
 
 def _where(error: yaml.YAMLError) -> str:

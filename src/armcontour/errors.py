@@ -19,6 +19,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from armcontour._text import to_line
+
 
 class ArmContourError(Exception):
     """Base of all armcontour errors.
@@ -50,7 +52,8 @@ class ArmContourError(Exception):
         needed: float | None = None,
         allowed: float | None = None,
     ) -> None:
-        super().__init__(message)
+        # A sentence repeats what stands in files, which must not write to a terminal.
+        super().__init__(to_line(message))
         self.point = None if point is None else tuple(float(x) for x in point)
         self.index = index
         self.s = s

@@ -12,21 +12,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour.cli
+from armcontour._text import to_line
 from armcontour.cli.console import Console
-from armcontour.cli.text import printable
 
 CLIPBOARD = "x\x1b]52;c;cHduZWQ=\x1b\\y"
 
 
 @given(st.text())
 def test_whatever_is_said_is_printable(text: str) -> None:
-    assert printable(text).isprintable()
+    assert to_line(text).isprintable()
     if text.isprintable() and len(text) < 1000:
-        assert printable(text) == text
+        assert to_line(text) == text
 
 
 def test_a_sentence_is_bounded() -> None:
-    assert len(printable("x" * 100_000)) < 5000
+    assert len(to_line("x" * 100_000)) < 5000
 
 
 def test_tables_and_lines_escape_what_a_terminal_would_obey(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
@@ -100,7 +101,7 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"path": {"file": "no.csv"}}, ("no.csv", "No such file")),
+        ({"path": {"file": "no.csv"}}, ("There is no file", "no.csv")),
         ({"path": {"file": "two.step"}}, ("two.step", ".dxf")),
         ({"path": {"points": [[0, 0], [1, 1]]}}, ("file, or points",)),
         ({"path": {"names": ["c"]}}, ("'c'", "'a', 'b'")),
@@ -177,7 +178,12 @@ def test_refuses_what_is_no_cell(folder: FilePath, refuses: Callable[..., None])
     drawing = folder / "two.csv"
     refuses(lambda: read_cell("lathe", drawing), InvalidInput, "'lathe'", "pmk3s, ur5e")
     refuses(lambda: read_cell("", drawing), InvalidInput, "pmk3s, ur5e")
-    refuses(lambda: read_cell(folder / "no.yaml", drawing), InvalidInput, "no.yaml", "No such file")
+    refuses(
+        lambda: read_cell(folder / "no.yaml", drawing),
+        InvalidInput,
+        "There is no job file",
+        "no.yaml",
+    )
     (folder / "list.yaml").write_text(yaml.safe_dump({**JOB, "path": [1, 2]}))
     refuses(lambda: read_cell(folder / "list.yaml", drawing), InvalidInput, "list.yaml", "path")
 
@@ -257,3 +263,54 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, refuses):
         ac.InvalidInput,
         "has no layer 'MARK'",
     )
+
+
+@pytest.mark.usefixtures("soon")
+def test_jobs_and_cells_that_never_end_or_are_too_large_are_refused(
+    folder: FilePath, refuses: Callable[..., None]
+) -> None:
+    drawing = folder / "two.csv"
+    os.mkfifo(folder / "pipe.yaml")
+    (folder / "zero.yaml").symlink_to("/dev/zero")
+    (folder / "folder.yaml").mkdir()
+    with open(folder / "large.yaml", "wb") as file:
+        file.truncate(3_000_000_000)
+    (folder / "latin.yaml").write_bytes(b"name: \xe9")
+    for name, words in (
+        ("pipe", "not a regular file"),
+        ("zero", "not a regular file"),
+        ("folder", "Is a directory"),
+        ("large", "3000 MB, more than the 64 MB"),
+        ("latin", "not UTF-8"),
+        ("nul\0", "cannot be read"),
+    ):
+        file = folder / f"{name}.yaml"
+        refuses(lambda file=file: read_job(file), InvalidInput, "The job file", words)
+        refuses(lambda file=file: read_cell(file, drawing), InvalidInput, "The job file", words)
+
+
+def test_a_job_has_names_that_can_be_printed(
+    folder: FilePath, refuses: Callable[..., None]
+) -> None:
+    for key, name, words in (
+        ("name", "x\x1b]52;c;cHduZWQ=\x1b\\", "name of the job has the character U+001B"),
+        ("name", "x" * 81, "name of the job has 81 characters, more than 80"),
+        ("title", "x\u202e", "title of the job has the character U+202E"),
+        ("title", "x" * 201, "title of the job has 201 characters, more than 200"),
+        ("process", {"switch": {"name": "a\x07"}}, "process: The name of an event"),
+        ("process", {"events": [{"name": "a" * 100_000}]}, "100000 characters, more than 80"),
+        ("process", {"events": [{"name": "a", "value": "\x9b"}]}, "value of the event a"),
+        ("process", {"off_between": ["\x1b"]}, "process: The name in off_between"),
+        ("\x1b]0;x\x07", 1, r"unknown key \x1b]0;x\x07"),
+        ("x" * 100_000, 1, "unknown key xxx"),
+    ):
+        refuses(lambda key=key, name=name: job(folder, **{key: name}), InvalidInput, words)
+
+
+def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder: FilePath) -> None:
+    for stem in ("d" * 200, "a\u202eb"):
+        file = folder / f"{stem}.csv"
+        file.write_text(TWO)
+        found = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
+        assert len(found.name) <= 80 and found.name.isprintable()
+        assert len(found.title) <= 200 and found.title.isprintable()

@@ -1,10 +1,13 @@
 """Quantities with units."""
 
 import math
+import subprocess
+import sys
+import time
 
 import pytest
 
-from armcontour.io.units import parse
+from armcontour.io.units import MOST_CHARACTERS, PERCENT, QUANTITY, parse, share
 
 
 @pytest.mark.parametrize(
@@ -44,6 +47,12 @@ def test_reads_numbers_and_text(value: float | str, unit: str, expected: float) 
         ("2**99999999999 m", "not a quantity"),
         ("(1 + 1) m", "not a quantity"),
         ("5 m**99", "not a quantity"),
+        ("5 m²³", "not a quantity"),
+        ("5 m⁹⁹⁹⁹⁹⁹", "not a quantity"),
+        ("1_0 mm", "not a quantity"),
+        ("٣ mm", "not a quantity"),
+        ("9" * 20_000 + "!", "20001 characters"),
+        ([1] * 1_000_000, r"must be a number in m .*\.\.\."),
         (10**400, "hundreds of digits"),
         (float("nan"), "finite"),
         (float("inf"), "finite"),
@@ -55,3 +64,77 @@ def test_reads_numbers_and_text(value: float | str, unit: str, expected: float) 
 def test_refuses(value: object, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         parse(value, "m")
+
+
+POWERS_OF_POWERS = ("4 s**9**9**9", "1 mm**9**9**9", "1 m^9^9^9", "2 m**-9**9**9", "1 m**9 m**9**9")
+
+
+def test_powers_of_powers_are_not_worked_out():
+    # In a process of its own: nothing can interrupt what they would compute.
+    code = f"""
+from armcontour.io.units import parse
+for text in {POWERS_OF_POWERS}:
+    for value, unit in ((text, "s"), (text, "m")):
+        try:
+            parse(value, unit)
+        except ValueError as error:
+            assert "not a quantity" in str(error), error
+        else:
+            raise AssertionError(text)
+"""
+    done = subprocess.run([sys.executable, "-c", code], timeout=30, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+REPEATS = (
+    "9",
+    "9.",
+    "1 ",
+    "m ",
+    "m*",
+    "m/",
+    "m**2 ",
+    "m^-2 ",
+    "m²",
+    "m·",
+    "e",
+    "1e9",
+    "_",
+    "°",
+    "-",
+)
+
+
+@pytest.mark.parametrize("repeat", REPEATS)
+@pytest.mark.parametrize("begin", ["", "1 ", "1 m", "1e"])
+def test_the_time_to_look_at_a_text_grows_with_its_length(begin, repeat):
+    # Far longer than what is looked at; time that grew with the square would be minutes here.
+    text = begin + repeat * (40_000 // len(repeat)) + "!"
+    start = time.perf_counter()
+    assert not QUANTITY.fullmatch(text) and not PERCENT.fullmatch(text)
+    assert time.perf_counter() - start < 1.0
+
+
+def test_no_text_above_the_bound_is_looked_at():
+    text = "5" + " " * (MOST_CHARACTERS - 3) + "mm"
+    assert len(text) == MOST_CHARACTERS and parse(text, "m") == 5e-3
+    with pytest.raises(ValueError, match="101 characters, more than the 100"):
+        parse(text + " ", "m")
+    assert share("5" + " " * (MOST_CHARACTERS - 2) + "%") == 0.05
+    with pytest.raises(ValueError, match="percentage"):
+        share("5" + " " * (MOST_CHARACTERS - 1) + "%")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("5 N m", "N m", 5.0),
+        ("5 N·m", "N m", 5.0),
+        ("3 m ** 2 / m", "m", 3.0),
+        ("2 kg m^2", "kg m^2", 2.0),
+        ("7 s**-1", "1/s", 7.0),
+        ("90 deg/s", "rad/s", math.pi / 2),
+    ],
+)
+def test_products_quotients_and_powers(text, unit, expected):
+    assert parse(text, unit) == pytest.approx(expected, rel=1e-15)

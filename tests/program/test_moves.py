@@ -153,3 +153,42 @@ def test_refuses_rapids_without_a_path_and_work_that_is_not_two_places(
     refuses(lambda: Rapid(path=[[0, 0], [1, 1]]), InvalidInput, "rapid", "list")  # type: ignore[arg-type]
     for work in ((0.01,), 0.01, (0.01, 0.02, 0.03)):
         refuses(lambda w=work: Contour(path=LINE, work=w), InvalidInput, "work", "two")
+
+
+UNPRINTABLE = (
+    "a\x1b]52;c;cA==\x1b",
+    "a\nb",
+    "a\rb",
+    "a\x85b",
+    "a\u202eb",
+    "a\u2028b",
+    "a\ud800b",
+    "\0",
+)
+PLAIN = ac.Path.polyline([(0, 0), (1, 0)])
+
+
+@pytest.mark.parametrize("name", [*UNPRINTABLE, "x" * 81])
+def test_names_are_a_line_of_80_printable_characters(
+    refuses: Callable[..., None], name: str
+) -> None:
+    words = "81 characters, more than 80" if len(name) > 80 else "not printable"
+    refuses(lambda: Event(name=name), InvalidInput, "name of an event", words)
+    refuses(lambda: Event(name="a", value=name), InvalidInput, "value of the event a", words)
+    refuses(lambda: Contour(path=PLAIN, name=name), InvalidInput, "name of a contour", words)
+    refuses(lambda: Contour(path=PLAIN, layer=name), InvalidInput, "layer of a contour", words)
+    refuses(lambda: ac.Process(off_between=(name,)), InvalidInput, "off_between", words)
+    refuses(lambda: ac.Switch(name=name), InvalidInput, "name of an event", words)
+
+
+def test_the_longest_names_and_those_of_any_script_are_names() -> None:
+    for name in ("x" * 80, "größer, 名前, naïve #1 (µ)", "a  b"):
+        contour = Contour(path=PLAIN, name=name, layer=name, events=(Event(name=name, value=name),))
+        assert contour.name == contour.layer == contour.events[0].value == name
+
+
+def test_notes_of_a_program_are_printable_and_no_longer_than_a_sentence() -> None:
+    notes = ("left out: \x1b]0;x\x07.", "x" * 1_000_000)
+    program = Program(moves=(Contour(path=PLAIN),), source="a\u202eb.dxf", notes=notes)
+    assert program.notes[0] == r"left out: \x1b]0;x\x07." and len(program.notes[1]) <= 2000
+    assert program.source == r"a\u202eb.dxf"

@@ -1,4 +1,4 @@
-"""No number in a job hangs or breaks the program: what is decided before work starts, in all fields.
+"""No number in a job hangs or breaks the program: all fields, decided before work starts.
 
 `make soak` runs all of them to their end.
 """
@@ -10,9 +10,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-
-from armcontour import ArmContourError
-from armcontour.io import parse_job
 from soak.number_cases import (
     FILES,
     HOSTILE,
@@ -23,6 +20,9 @@ from soak.number_cases import (
     put,
     shown,
 )
+
+from armcontour import ArmContourError
+from armcontour.io import parse_job
 
 FIELDS = fields()
 

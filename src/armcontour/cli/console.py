@@ -1,6 +1,6 @@
 """What commands show on the terminal: tables, lines, the report in a browser.
 
-All text goes through `printable`, since names come from files that somebody else wrote.
+All text goes through `to_line`, since names come from files that somebody else wrote.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path as FilePath
 
-from armcontour.cli.text import printable
+from armcontour._text import to_line
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -43,17 +43,17 @@ class Console:
         from rich.markup import escape
         from rich.table import Table
 
-        shown = None if title is None else escape(printable(title))
+        shown = None if title is None else escape(to_line(title))
         table = Table(title=shown, title_justify="left")
         for i, heading in enumerate(headings):
             table.add_column(escape(heading), justify="left" if i in left else "right")
         for row in rows:
-            table.add_row(*(escape(printable(x)) for x in row))
+            table.add_row(*(escape(to_line(x)) for x in row))
         self._rich.print(table)
 
     def say(self, text: str) -> None:
         """Print a line, which the terminal may break but no markup changes."""
-        self._rich.print(printable(text), soft_wrap=True, highlight=False, markup=False)
+        self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
 
 
 def open_page(page: FilePath) -> None:

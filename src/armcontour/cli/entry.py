@@ -6,8 +6,8 @@ import os
 import sys
 from contextlib import suppress
 
+from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
-from armcontour.cli.text import printable
 from armcontour.errors import ArmContourError
 
 # A pipe whose reader has gone, as in `armcontour arms | head -1`.
@@ -54,7 +54,7 @@ def _run() -> int:
 
 def _complain(text: str) -> None:
     with suppress(OSError, ValueError, AttributeError):
-        print(f"Error: {printable(text)}", file=sys.stderr, flush=True)
+        print(f"Error: {to_line(text)}", file=sys.stderr, flush=True)
 
 
 def _mute() -> None:

@@ -182,7 +182,9 @@ def _quantities(option: str, text: str, counts: tuple[int, ...], example: str) -
 
 def _quantity(text: str) -> float | str:
     """A plain number in SI, or text with a unit for the reader of jobs to understand."""
+    from armcontour._numbers import parse_number
+
     try:
-        return float(text)
+        return parse_number(text)
     except ValueError:
         return text.strip()

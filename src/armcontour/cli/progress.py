@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from armcontour.cli.text import printable
+from armcontour._text import to_line
 
 # What steps cost beside each other, as measured on a program of 150,000 lines.
 COSTS = {
@@ -42,7 +42,7 @@ def shown(what: str) -> Iterator[Callable[[str], None]]:
         disable=not console.is_terminal,
     ) as progress:
         task = progress.add_task(what)
-        yield lambda words: progress.update(task, description=printable(f"{what}: {words}"))
+        yield lambda words: progress.update(task, description=to_line(f"{what}: {words}"))
 
 
 class JobProgress:
@@ -66,7 +66,7 @@ class JobProgress:
     def begin(self, what: str, step: str) -> None:
         """A step begins, and the one before has ended."""
         self._before, self._step = self._before + self._step, COSTS[step]
-        self._bar.update(self._task, description=printable(what), completed=self._before)
+        self._bar.update(self._task, description=to_line(what), completed=self._before)
 
     def share(self, done: float) -> None:
         """So much of the step is done."""

@@ -7,9 +7,12 @@ from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour._checks import LONGEST_NAME
+from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.io.job_file import Changes, job_text, parse_job
 from armcontour.study import Job
+from armcontour.study.job import LONGEST_TITLE
 
 # Keys of a job's path that say what it is, and that a drawing takes the place of.
 OWN_PATH = ("points", "start", "segments", "spline", "file")
@@ -56,9 +59,12 @@ def read_cell(
         title = data.get("title")
         found = {
             **data,
-            "name": place.stem,
-            "title": f"{place.name} on {title}" if isinstance(title, str) else place.name,
-            "path": {**kept, **(path or {}), "file": str(place.resolve())},
+            # A name of a file may be longer than that of a job, and hold what is not printable.
+            "name": _fitted(place.stem, LONGEST_NAME),
+            "title": _fitted(
+                f"{place.name} on {title}" if isinstance(title, str) else place.name, LONGEST_TITLE
+            ),
+            "path": {**kept, **(path or {}), "file": str(place.absolute())},
         }
         return found if changes is None else changes(found)
 
@@ -84,3 +90,7 @@ def _text(cell: str) -> tuple[str, str, FilePath]:
         )
     found = resources.files("armcontour.io") / "cells" / f"{cell}.yaml"
     return found.read_text(encoding="utf-8"), f"the cell {cell}", FilePath()
+
+
+def _fitted(text: str, most: int) -> str:
+    return shorten(make_printable(text), most)

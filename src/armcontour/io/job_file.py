@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from armcontour._files import read_text
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
@@ -75,13 +76,9 @@ def job_text(file: FilePath) -> str:
     """The text of a job file.
 
     Raises:
-        InvalidInput: No such file, or not text.
+        InvalidInput: No such file, no regular file, too large, or not text.
     """
-    try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InvalidInput(f"Cannot read the job file {file}: {reason}.") from None
+    return read_text(file, "job file")
 
 
 def parse_job(

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from armcontour._text import shorten, show
+
 # Parts of an error's place that name the type that was tried, and not a key.
 TYPE_NAMES = {
     "ArmModel",
@@ -36,8 +38,8 @@ WANTED = {
 # These say what is wrong with a value of the right kind.
 SAYING = ("value_error", "too_short", "too_long", "greater_than_equal")
 NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
-# Characters of a value that are repeated in a message.
-SHOWN = 40
+# Characters of a key that are repeated in a message.
+SHOWN = 80
 
 
 def first_problem(error: ValidationError, model: type[BaseModel]) -> str:
@@ -71,6 +73,7 @@ def place(keys: Sequence[int | str]) -> str:
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
+            key = shorten(key, SHOWN)
             text += f".{key}" if text else key
         elif i and isinstance(keys[i - 1], int):
             text = f"{text[:-1]}, item {key + 1})"
@@ -94,11 +97,11 @@ def _words(problem: Any, alike: Sequence[Any]) -> str:
     if kind == "too_long":
         return f"takes at most {_counted(facts['max_length'])}, but has {facts['actual_length']}"
     if kind == "string_pattern_mismatch":
-        return f"a name {NAME}, not {_shown(given)}"
+        return f"a name {NAME}, not {show(given)}"
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {given:g}"
     if _wanted(problem) is not None:
-        return f"must be {' or '.join(dict.fromkeys(wanted))}, not {_shown(given)}"
+        return f"must be {' or '.join(dict.fromkeys(wanted))}, not {show(given)}"
     return _lower(problem["msg"].removeprefix("Value error, ")).rstrip(".")
 
 
@@ -111,11 +114,6 @@ def _wanted(problem: Any) -> str | None:
 
 def _counted(number: int) -> str:
     return "one entry" if number == 1 else f"{number} entries"
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def _instead(keys: tuple[Any, ...], model: type[BaseModel]) -> str:

@@ -11,16 +11,19 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, WithJsonSchema
 
 from armcontour._checks import LARGEST
+from armcontour._numbers import parse_number
+from armcontour._text import show
 
-# A number, then a unit: products, quotients and one-digit powers of names.
-QUANTITY = re.compile(
-    r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*(1\s*/\s*)?[^\W\d_]\w*"
-    r"(\s*(\*\*|\^)\s*-?\d|[²³]|(\s*[*/·]\s*|\s+)[^\W\d_]\w*)*\s*|"
-    r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*°\s*"
-)
-
-
-PERCENT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*%\s*")
+# No quantity is longer.
+MOST_CHARACTERS = 100
+# What is taken is not given back, so the time grows with the length of the text alone.
+NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
+# A name, and at most one power of one digit: the library would work out powers of powers.
+NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?+"
+# Products and quotients of names, or of one and names.
+UNIT = rf"(?:1\s*+/\s*+)?+{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*+"
+QUANTITY = re.compile(rf"\s*+{NUMBER}\s*+(?:{UNIT}|°)\s*+")
+PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
 
 
 @cache
@@ -44,27 +47,22 @@ def parse(value: Any, unit: str) -> float:
         ValueError: Neither, text without a unit, an unknown unit, or one of another dimension.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"must be a number in {unit} or text with a unit, not {value!r}")
+        raise ValueError(f"must be a number in {unit} or text with a unit, not {show(value)}")
     if isinstance(value, int | float):
-        try:
-            number = float(value)
-        except OverflowError:
-            raise ValueError("must be finite, but has hundreds of digits") from None
-        if not math.isfinite(number):
-            raise ValueError(f"must be finite, but is {value}")
-        return number
-    try:
-        float(value)
-    except ValueError:
-        pass
-    else:
+        return _finite(value)
+    if len(value) > MOST_CHARACTERS:
+        raise ValueError(
+            f"{show(value)} has {len(value)} characters, more than the {MOST_CHARACTERS} of a "
+            f"quantity in {unit}: write a number and a unit"
+        )
+    if _is_number(value):
         raise ValueError(
             f"{value!r} has no unit: write one, such as '{value} {unit}', "
             f"or a plain number in {unit}"
         )
     # The library would compute whatever arithmetic stands there.
     if not QUANTITY.fullmatch(value):
-        raise ValueError(f"{value[:40]!r} is not a quantity in {unit}: write a number and a unit")
+        raise ValueError(f"{show(value)} is not a quantity in {unit}: write a number and a unit")
     import pint
 
     try:
@@ -87,6 +85,24 @@ def parse(value: Any, unit: str) -> float:
     return result
 
 
+def _finite(value: float) -> float:
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError("must be finite, but has hundreds of digits") from None
+    if not math.isfinite(number):
+        raise ValueError(f"must be finite, but is {value}")
+    return number
+
+
+def _is_number(text: str) -> bool:
+    try:
+        parse_number(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _position(value: Any) -> Any:
     """The position of a joint as it is written, refused if it is neither an angle nor a length."""
     if isinstance(value, str):
@@ -106,10 +122,10 @@ def share(value: Any) -> float:
         ValueError: Neither.
     """
     if isinstance(value, str):
-        found = PERCENT.fullmatch(value)
-        if found is None:
+        found = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
+        if found is None or len(value) > MOST_CHARACTERS:
             raise ValueError(
-                f"must be a plain number or a percentage such as '10 %', not {value!r}"
+                f"must be a plain number or a percentage such as '10 %', not {show(value)}"
             )
         return parse(float(found[1]), "%") / 100
     return parse(value, "1")

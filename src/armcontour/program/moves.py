@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Path
@@ -32,6 +33,10 @@ class Event:
         s: Place along the path of its contour [m]; 0 where it is a move of its own.
         lead_time: So much earlier than the tool gets there [s]; later if negative.
         lead_distance: So far before that place along the path [m]; behind it if negative.
+
+    Raises:
+        InvalidInput: A name or a value that is longer than 80 characters or not printable, or a
+            number that is not finite.
     """
 
     name: str
@@ -43,7 +48,10 @@ class Event:
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):
             raise InvalidInput("An event needs a name, which is text.")
-        if not isinstance(self.value, bool | str | np.bool_):
+        _checks.check_name("name of an event", self.name)
+        if isinstance(self.value, str):
+            _checks.check_name(f"value of the event {self.name}", self.value)
+        elif not isinstance(self.value, bool | np.bool_):
             _checks.number(f"value of the event {self.name}", self.value)
         _checks.not_negative(f"place of the event {self.name}", self.s, "m")
         _checks.number(f"lead time of the event {self.name}", self.lead_time, "s")
@@ -65,7 +73,8 @@ class Contour:
         ring: Whether it is closed, where its path with leads and overlap does not tell.
 
     Raises:
-        InvalidInput: No path, an event behind its end, or work that is not within it.
+        InvalidInput: No path, a name or a layer that is no name, an event behind its end, or work
+            that is not within it.
     """
 
     path: Path
@@ -79,6 +88,8 @@ class Contour:
     def __post_init__(self) -> None:
         if not isinstance(self.path, Path):
             raise InvalidInput(f"A contour needs a Path, not {type(self.path).__name__}.")
+        _checks.check_name("name of a contour", self.name)
+        _checks.check_name("layer of a contour", self.layer)
         if self.work is not None:
             if np.shape(self.work) != (2,):
                 raise InvalidInput(
@@ -185,6 +196,9 @@ class Program:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "moves", tuple(self.moves))
+        # Both repeat names of files and what stands in them, and come to terminals.
+        object.__setattr__(self, "source", make_printable(self.source))
+        object.__setattr__(self, "notes", tuple(make_printable(shorten(x)) for x in self.notes))
         for x in self.moves:
             if not isinstance(x, Contour | Rapid | Dwell | Event):
                 raise InvalidInput(

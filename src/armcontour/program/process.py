@@ -114,6 +114,8 @@ class Process:
             _checks.not_negative(name, getattr(self, name), "m")
         _checks.not_negative("dwell", self.dwell, "s")
         object.__setattr__(self, "off_between", tuple(self.off_between))
+        for x in self.off_between:
+            _checks.check_name("name in off_between", x)
         _checks.choice("order", self.order, ORDERS)
         if isinstance(self.begin, str):
             _checks.choice("begin", self.begin, (AUTO, DRAWN))

@@ -19,6 +19,9 @@ from armcontour.servo import ServoModel
 from armcontour.study.goal import Goal
 from armcontour.timing import refuse_endless
 
+# A title is a line of a report.
+LONGEST_TITLE = 200
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding:
@@ -149,8 +152,9 @@ class Job:
         memory: What the program may take for it [bytes].
 
     Raises:
-        InvalidInput: No run, two of the same name, a start for another number of joints, gains too
-            large for a command interval, or a speed at which the path takes for ever.
+        InvalidInput: No run, two of the same name, a name that is too long or not printable, a
+            start for another number of joints, gains too large for a command interval, or a speed
+            at which the path takes for ever.
     """
 
     name: str
@@ -168,8 +172,11 @@ class Job:
     memory: float = _memory.DEFAULT
 
     def __post_init__(self) -> None:
+        _checks.check_name("name of the job", self.name)
+        _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
         _memory.checked_bound(self.memory)
         for x in self.runs:
+            _checks.check_name("name of a run", x.name)
             with _of_run(x.name):
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
@@ -330,14 +331,9 @@ def test_thousands_of_pieces_take_no_time_to_speak_of(make):
     assert len(contours) == count
 
 
-def test_one_long_name_of_a_layer_does_not_cost_memory_for_every_piece():
-    import tracemalloc
-
-    every = [line((k, 0), (k, 1), layer=str(k)) for k in range(500)]
-    long = line((0, 2), (1, 2), layer="x" * 100_000)
-    tracemalloc.start()
-    contours, _ = chained([*every, long], TOLERANCE)
-    most = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert len(contours) == 501
-    assert most < 50e6  # as texts of numpy they would take 200 MB
+def test_pieces_that_are_to_stay_apart_are_not_chained():
+    pieces = [dataclasses.replace(line((k, 0), (k + 1, 0)), apart=k) for k in range(3)]
+    contours, _ = chained(pieces, TOLERANCE)
+    assert [x.layer for x in contours] == ["0"] * 3
+    together = [dataclasses.replace(x, apart=7) for x in pieces]
+    assert len(chained(together, TOLERANCE)[0]) == 1

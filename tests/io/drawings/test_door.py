@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -85,7 +87,7 @@ def test_reading_tells_how_far_it_is(folder):
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
-        ("missing.dxf", {}, ("Cannot read", "missing.dxf")),
+        ("missing.dxf", {}, ("There is no file", "missing.dxf")),
         ("part.step", {}, ("part.step is no file that can be read", ".dxf, .svg")),
         ("w.csv", {"units": "kg"}, ("units must be a unit of length", "'kg'")),
         ("w.csv", {"units": "mm", "layers": ["FOO"]}, ("has no layer 'FOO'", "'CUT', 'MARK'")),
@@ -133,7 +135,7 @@ def test_an_arc_that_cannot_be_flattened_is_named_by_its_line(folder, refuses):
 
 def test_what_is_no_file_is_refused(folder, refuses):
     (folder / "folder.dxf").mkdir()
-    refuses(lambda: ac.read_path(folder / "folder.dxf"), ac.InvalidInput, "it is no file")
+    refuses(lambda: ac.read_path(folder / "folder.dxf"), ac.InvalidInput, "Is a directory")
 
 
 def test_a_program_is_held_as_a_path_is(folder):
@@ -143,3 +145,22 @@ def test_a_program_is_held_as_a_path_is(folder):
     turned = ac.read_path(folder / "w.csv", units="mm").oriented(np.diag([1.0, -1.0, -1.0]))
     np.testing.assert_array_equal(turned.contours[1].path.orientation(0.0)[:, 2], [0, 0, -1])
     assert repr(program) == "Program('w.csv', 2 contours, 0.04 m)"
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv", ".parquet"])
+def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, refuses, ending):
+    def refused(name, *words):
+        refuses(lambda: ac.read_path(tmp_path / name), ac.InvalidInput, *words)
+
+    os.mkfifo(tmp_path / f"pipe{ending}")
+    refused(f"pipe{ending}", "pipe", "not a regular file")
+    (tmp_path / f"zero{ending}").symlink_to("/dev/zero")
+    refused(f"zero{ending}", "zero", "not a regular file")
+    with open(tmp_path / f"large{ending}", "wb") as file:
+        file.truncate(3_000_000_000)
+    refused(f"large{ending}", "large", "3000 MB, more than the 64 MB")
+    (tmp_path / f"loop{ending}").symlink_to(tmp_path / f"loop{ending}")
+    refused(f"loop{ending}", "cannot be read")
+    refused(f"nul\0{ending}", "cannot be read")
+    refused("x" * 5000 + ending, "cannot be read")

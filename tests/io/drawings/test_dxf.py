@@ -752,3 +752,20 @@ def test_what_is_unknown_on_layers_that_are_not_chosen_is_no_matter(tmp_path):
         ac.read_path(file)
     with pytest.raises(ac.InvalidInput, match="has a TEXT"):
         ac.read_path(file, layers=["CUT", "FRAME"])
+
+
+def test_layers_that_no_contour_can_have_are_changed_with_a_note():
+    document, space = drawing()
+    given = (b"a\x1b]52;c;cA==\x1b", b"l" * 100, b"l" * 101, b"caf\xe9", b"CUT")
+    for k in range(len(given)):
+        space.add_line((0, 10 * k), (5, 10 * k), dxfattribs={"layer": f"LAYER{k}"})
+    data = written(document)
+    for k, layer in enumerate(given):
+        data = data.replace(f"LAYER{k}".encode(), layer)
+    program = read_dxf(data, source="part.dxf", reading=Reading())
+    long = "l" * 68 + "..."
+    layers = [r"a\x1b]52;c;cA==\x1b", long, f"{long} (2)", r"caf\udce9", "CUT"]
+    assert [x.layer for x in program.contours] == layers
+    (note,) = (x for x in program.notes if "Names" in x)
+    assert note.isprintable() and "(4)" in note
+    assert len(program.selected(layers=[r"caf\udce9"]).contours) == 1

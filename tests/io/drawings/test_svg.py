@@ -577,3 +577,33 @@ def test_a_text_on_a_layer_that_is_not_chosen_is_no_matter(tmp_path, refuses):
             "text is not read",
             "--skip-unknown",
         )
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize(
+    "style",
+    ["display" + "a" * 300_000, "display" * 50_000, "display:" * 40_000, "display" + " " * 300_000],
+)
+def test_the_time_to_read_a_style_grows_with_its_length(style):
+    assert len(read(f'<path d="M0 0 L5 5" style="{style}"/>').contours) == 1
+
+
+def test_the_last_of_equal_properties_holds():
+    body = '<path d="M0 0 L5 5" style=" fill : red; display:inline ;display : none !important"/>'
+    assert "hidden" in refused(body)
+    assert only(body.replace("none !important", "inline")).length > 0
+
+
+def test_names_that_no_contour_can_have_are_changed_with_a_note():
+    long = "x" * 200
+    body = "".join(f'<path id="{long}{k}" d="M{9 * k} 0 L{9 * k} 5"/>' for k in range(3))
+    body = f'<g id="a&#x85;&#x202e;b">{body}<path id="ok" d="M50 0 L50 5"/></g>'
+    program = read(body)
+    names = [x.name for x in program.contours]
+    assert names == ["x" * 68 + "...", "x" * 68 + "... (2)", "x" * 68 + "... (3)", "ok"]
+    assert {x.layer for x in program.contours} == {r"a\x85\u202eb"}
+    (note,) = (x for x in program.notes if "Names" in x)
+    assert "more than 80 characters" in note and "(4)" in note and note.isprintable()
+    # The name that the note tells chooses the layer.
+    chosen = read(body + "<text>a</text>", layers=frozenset({r"a\x85\u202eb"}))
+    assert [x.name for x in chosen.contours] == names

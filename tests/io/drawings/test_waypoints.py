@@ -264,6 +264,166 @@ class TestParquet:
                 assert "points.parquet" in str(error)
 
 
+def lying(data, *sizes):
+    """The Parquet file with other sizes in the place of those it tells, in as many bytes."""
+    for size in sizes:
+        old = varint(size)
+        assert data.count(old) >= 1
+        at = data.rindex(old)
+        data = data[:at] + varint(100, len(old)) + data[at + len(old) :]
+    return data
+
+
+def varint(number, size=0):
+    """A number as the compact protocol of Thrift has it, filled up to a size."""
+    number, found = 2 * number, []
+    while number or len(found) < size or not found:
+        found.append(number & 127 | 128)
+        number >>= 7
+    found[-1] &= 127
+    return bytes(found)
+
+
+@pytest.fixture(scope="module")
+def bomb():
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    texts = ["a" * 80_000_000, "b" * 80_000_000]
+    file = io.BytesIO()
+    columns = {"x": [0.0, 1.0], "y": [0.0, 1.0], "event": texts}
+    pq.write_table(pa.table(columns), file, compression="zstd", write_statistics=False)
+    return file.getvalue()
+
+
+class TestLargeParquet:
+    """Files of some kilobytes that unpack to hundreds of megabytes."""
+
+    def told(self, data, column=2):
+        """Place of the pages of a column, and their size as the end of the file tells it."""
+        import pyarrow.parquet as pq
+
+        about = pq.ParquetFile(io.BytesIO(data)).metadata.row_group(0).column(column)
+        return about.dictionary_page_offset, about.total_uncompressed_size
+
+    def refused(self, data, **reading):
+        import tracemalloc
+
+        import pyarrow as pa
+
+        usual = pa.default_memory_pool()
+        pool = pa.proxy_memory_pool(usual)
+        pa.set_memory_pool(pool)
+        tracemalloc.start()
+        try:
+            with pytest.raises(InvalidInput) as caught:
+                read_parquet(data, **reading)
+            most = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+            pa.set_memory_pool(usual)
+        assert most < 20e6 and pool.max_memory() < 20e6
+        return str(caught.value)
+
+    def test_what_unpacks_to_too_much_is_refused(self, bomb):
+        assert len(bomb) < 20_000
+        assert "points.parquet unpacks to 160 MB, more than the 128 MB" in self.refused(bomb)
+
+    def test_a_size_that_is_not_true_does_not_help(self, bomb):
+        place, told = self.told(bomb)
+        lie = lying(bomb, told)
+        assert self.told(lie) == (place, 100)
+        assert "points.parquet unpacks to 160 MB" in self.refused(lie)
+
+    def test_nor_does_another_one_in_the_header_of_a_page(self, bomb):
+        _, told = self.told(bomb)
+        of_page = 160_000_008
+        assert bomb.count(varint(of_page)) == 1
+        assert "cannot be read as Parquet" in self.refused(lying(bomb, told, of_page))
+
+    def test_a_column_that_is_not_needed_is_not_unpacked(self, bomb):
+        other = bomb.replace(b"event", b"extra")
+        assert "unknown column 'extra'" in self.refused(other)
+        assert len(read_parquet(other, unknown="skip").path) == 1
+
+    def test_rows_that_are_equal_count(self):
+        zeros = np.zeros(9_000_000)
+        data = parquet(x=zeros, y=zeros)
+        assert len(data) < 1_000_000
+        assert "unpacks to 144 MB" in self.refused(data)
+
+    def test_a_text_in_every_row_is_unpacked_once(self):
+        text = ["e" * 9000] * 20_000
+        with pytest.raises(InvalidInput, match="name in points.parquet, row 1, column 'contour'"):
+            read_parquet(parquet(x=np.arange(2e4), y=np.zeros(20_000), contour=text))
+        text = ["e" * 11_000] * 2
+        with pytest.raises(InvalidInput, match="a cell has 11000 characters, more than the 10000"):
+            read_parquet(parquet(x=[0, 1], y=[0, 1], contour=text))
+
+    def test_an_end_that_is_too_large_is_refused(self):
+        data = b"PAR1" + b"\0" * 5_000_000 + (5_000_000).to_bytes(4, "little") + b"PAR1"
+        assert "metadata have 5 MB, more than the 4 MB" in self.refused(data)
+
+    @pytest.mark.parametrize("compression", ["none", "snappy", "gzip", "zstd", "brotli", "lz4"])
+    @pytest.mark.parametrize("version", ["1.0", "2.0"])
+    @pytest.mark.parametrize("dictionary", [True, False])
+    def test_whatever_is_written_is_measured_and_read(self, compression, version, dictionary):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        n = 500
+        columns = {
+            "x": np.arange(n) * 0.001,
+            "y": np.zeros(n),
+            "speed": [None if i % 2 else 0.1 for i in range(n)],
+            "contour": ["a"] * 200 + ["b"] * 300,
+            "event": pa.nulls(n),
+        }
+        file = io.BytesIO()
+        pq.write_table(
+            pa.table(columns),
+            file,
+            compression=compression,
+            data_page_version=version,
+            use_dictionary=dictionary,
+            row_group_size=120,
+            data_page_size=200,
+        )
+        program = read_parquet(file.getvalue())
+        assert [len(x.path.vertices) for x in program.contours] == [200, 300]
+
+
+HOSTILE = {
+    "powers in a unit": ("x [mm**9**9**9],y [mm]\n0,0\n1,1\n", "the unit 'mm**9**9**9'"),
+    "powers in a suffix": ("x_mm^9^9^9,y_mm\n0,0\n1,1\n", "the unit 'mm^9^9^9'"),
+    "digits in a unit": (f"x [{'9' * 20_000}!],y [mm]\n0,0\n1,1\n", "the unit '9999"),
+    "a long cell": (f"x,y,contour\n0,0,{'a' * 140_000}\n1,1,\n", "line 2: field larger than"),
+    "equal columns": (",".join(["x"] * 300_000) + "\n", "two columns 'x'"),
+    "many columns": (",".join(f"x{i}" for i in range(300_000)) + "\n", "unknown column 'x0'"),
+    "a long column": (f"x,y,{'q' * 100_000}\n0,0,1\n1,1,1\n", "unknown column 'qqq"),
+    "digits of another script": ("x,y\n0,0\n٣,1\n", "line 3, column 'x': '٣' is not a finite"),
+    "an underscore": ("x,y\n0,0\n1_0,1\n", "line 3, column 'x': '1_0' is not a finite number"),
+    "nan": ("x,y\n0,0\nnan,1\n", "'nan' is not a finite number"),
+    "inf": ("x,y\n0,0\n1,-inf\n", "column 'y': '-inf' is not a finite number"),
+    "overflow": ("x,y\n0,0\n1,1e999\n", "'1e999' is not a finite number"),
+    "many digits": (f"x,y\n0,0\n1,{'9' * 100_000}\n", "is not a finite number"),
+    "escape": ("x,y,contour\n0,0,c\x1b]52;c;\x1b\\\n1,1,\n", "line 2, column 'contour' has the"),
+    "direction": ("x,y,layer\n0,0,\u202eabc\n1,1,\n", "column 'layer' has the character U+202E"),
+    "end of line": ("x,y,event\n0,0,a\u2028b=on\n1,1,\n", "line 2, column 'event': The name of an"),
+    "value": ("x,y,event\n0,0,a=\x9b1m\n1,1,\n", "value of the event a has the character U+009B"),
+    "long event": (f"x,y,event\n0,0,{'e' * 81}=on\n1,1,\n", "81 characters, more than 80"),
+    "long contour": (f"x,y,contour\n0,0,{'e' * 81}\n1,1,\n", "81 characters, more than 80"),
+}
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_table_that_is_made_to_do_harm_is_refused_at_once(name):
+    text, words = HOSTILE[name]
+    message = refused(text)
+    assert words in message and message.isprintable() and len(message) < 500
+
+
 coordinates = st.floats(-5, 5, allow_nan=False).map(lambda x: round(x, 6))
 
 

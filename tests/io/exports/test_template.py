@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path as FilePath
@@ -197,8 +198,52 @@ def test_refuses_templates_that_are_not_there(
 ) -> None:
     refuses(lambda: made(table(), tmp_path, "fanuc"), InvalidInput, "'fanuc'", "kuka", "abb")
     refuses(
-        lambda: made(table(), tmp_path, tmp_path / "no.j2"), InvalidInput, "no.j2: No such file"
+        lambda: made(table(), tmp_path, tmp_path / "no.j2"), InvalidInput, "There is no template"
     )
+    (tmp_path / "folder.j2").mkdir()
+    os.mkfifo(tmp_path / "pipe.j2")
+    for name, words in (("folder", "Is a directory"), ("pipe", "not a regular file")):
+        refuses(
+            lambda name=name: made(table(), tmp_path, tmp_path / f"{name}.j2"), InvalidInput, words
+        )
+    refuses(lambda: made(table(), tmp_path, "a\0b"), InvalidInput, "There is no template")
+    refuses(lambda: made(table(), tmp_path, "a" * 5000), InvalidInput, "There is no template")
     latin = tmp_path / "latin.j2"
     latin.write_bytes(b"\xe9")
     refuses(lambda: made(table(), tmp_path, latin), InvalidInput, "not UTF-8")
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("how", ["include", "import", "extends"])
+def test_a_template_takes_others_only_from_its_folder(
+    table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None], how: str
+) -> None:
+    folder, outside = tmp_path / "house", tmp_path / "secret.txt"
+    (folder / "parts").mkdir(parents=True)
+    outside.write_text("SECRET")
+    (folder / "out.j2").symlink_to(outside)
+    (folder / "up").symlink_to(tmp_path)
+    (folder / "gone.j2").symlink_to(folder / "nothing.j2")
+    os.mkfifo(folder / "pipe.j2")
+    (folder / "parts" / "head.j2").write_text("HEAD")
+    (folder / "inside.j2").symlink_to(folder / "parts" / "head.j2")
+    end = " as x" if how == "import" else ""
+
+    def of(name: str) -> FilePath:
+        file = folder / "main.j2"
+        file.write_text(f"{{% {how} '{name}'{end} %}}")
+        return file
+
+    for name, words in (
+        ("out.j2", "leads out of the folder"),
+        ("up/secret.txt", "leads out of the folder"),
+        ("gone.j2", "There is no template"),
+        ("pipe.j2", "not a regular file"),
+        ("../secret.txt", "no template '../secret.txt'"),
+        (str(outside), "no template"),
+    ):
+        file = of(name)
+        refuses(lambda: made(table(), tmp_path, file), InvalidInput, "main.j2", words)  # noqa: B023
+    for name in ("inside.j2", "parts/head.j2"):
+        text = made(table(), tmp_path, of(name))
+        assert text == ("" if how == "import" else "HEAD")

@@ -13,7 +13,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.drawings._dxf_document import said
 from armcontour.io.drawings._dxf_entities import SHAPES, grid, insertions, refuse_missing
 from armcontour.io.drawings._dxf_shapes import Affine, Shape, Unreadable
-from armcontour.io.drawings.reading import FARTHEST, SKIP
+from armcontour.io.drawings.reading import FARTHEST, SKIP, Labels
 
 # Blocks in blocks: more is a document made to do harm, as are more copies of entities.
 DEEPEST = 50
@@ -54,6 +54,7 @@ class Walk:
         unknown: Unknown entities, by their types.
         hidden: Entities on layers that are off or frozen, by their layers.
         invisible: Number of entities that are marked so.
+        labels: Names of entities and layers as contours have them.
     """
 
     document: Any
@@ -64,6 +65,7 @@ class Walk:
     unknown: Counter[str] = field(default_factory=Counter)
     hidden: Counter[str] = field(default_factory=Counter)
     invisible: int = 0
+    labels: Labels = field(default_factory=Labels)
     _copies: int = 0
     _sizes: dict[str, int] = field(default_factory=dict)
     _layers: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -112,8 +114,9 @@ class Walk:
                     else:
                         placed = shape.placed(block.affine)
                         _refuse_far(placed)
+                        name, layer = self.labels(name), self.labels(layer)
                         yield Found(shape=placed, kind=kind, name=name, layer=layer)
-                elif self.wanted is None or layer in self.wanted:
+                elif self.wanted is None or self.labels(layer) in self.wanted:
                     self._unknown(kind, name, layer)
             except Unreadable as error:
                 raise InvalidInput(
@@ -195,7 +198,7 @@ class Walk:
         if self.empty:
             more = f" and {len(self.empty) - 6} more" if len(self.empty) > 6 else ""
             found.append(f"Left out, because of no length: {', '.join(self.empty[:6])}{more}.")
-        return found
+        return found + self.labels.notes
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:

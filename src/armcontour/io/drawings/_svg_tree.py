@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NoReturn
@@ -18,7 +17,6 @@ PREFIXES = {
 }
 # More elements than this are no drawing that anyone wants followed.
 MOST_ELEMENTS = 500_000
-_STYLE = re.compile(r"([\w-]+)\s*:\s*([^;]*)")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +57,10 @@ class Element:
         """A property of its attribute style; "" if none."""
         said = self.attributes.get("style", "")
         if key in said:
-            for name, value in reversed(_STYLE.findall(said)):
-                if name == key:
-                    return str(value).replace("!important", "").strip()
+            for one in reversed(said.split(";")):
+                name, _, value = one.partition(":")
+                if name.strip() == key:
+                    return value.replace("!important", "").strip()
         return ""
 
     def refuse(self, what: str) -> NoReturn:

@@ -19,7 +19,7 @@ from armcontour.io.drawings._svg_units import (
     transform_of,
     view_box,
 )
-from armcontour.io.drawings.reading import SKIP
+from armcontour.io.drawings.reading import SKIP, Labels
 
 # These draw nothing themselves.
 SILENT = (
@@ -84,12 +84,14 @@ class Walk:
         skip: Whether what is not known is left out; else it is refused.
         wanted: Layers that count: an element that is not read is no matter on others. None is all.
         left_out: What was left out, by the reason, in order.
+        labels: Names of elements and layers as contours have them.
     """
 
     root: Element
     skip: bool
     wanted: frozenset[str] | None = None
     left_out: dict[str, list[str]] = field(default_factory=dict)
+    labels: Labels = field(default_factory=Labels)
     _ids: dict[str, Element] = field(default_factory=dict)
     _repeated: int = 0
 
@@ -122,7 +124,7 @@ class Walk:
                     self.leave_out(HIDDEN, element)
                     continue
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
-                yield Shape(element, inner.to, inner.layer, name)
+                yield Shape(element, inner.to, self.labels(inner.layer), self.labels(name))
             else:
                 todo.extend(reversed(self._inside(element, inner)))
 
@@ -146,7 +148,7 @@ class Walk:
                     break
             return None
         if tag not in (*SHAPES, *HOLDING):
-            if self.wanted is not None and around.layer not in self.wanted:
+            if self.wanted is not None and self.labels(around.layer) not in self.wanted:
                 return None
             self._unknown(element, f"{tag[:40]} is not read")
             return None

@@ -29,11 +29,13 @@ class Piece:
         path: Its path [m].
         name: What it is called in its source.
         layer: The layer it is on.
+        apart: Pieces with different numbers are never chained.
     """
 
     path: Path
     name: str
     layer: str
+    apart: int = 0
 
 
 def chained(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], list[str]]:
@@ -68,8 +70,10 @@ def chained(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], l
         raise InvalidInput("Pieces to chain must not have an orientation.")
     segments = Segments.of([x.path for x in pieces])
     # Not by numpy, whose texts are all as long as the longest.
-    numbers: dict[str, int] = {}
-    layers = np.array([numbers.setdefault(x.layer, len(numbers)) for x in pieces], dtype=np.intp)
+    numbers: dict[tuple[str, int], int] = {}
+    layers = np.array(
+        [numbers.setdefault((x.layer, x.apart), len(numbers)) for x in pieces], dtype=np.intp
+    )
     again = _repeated(pieces, segments, layers)
     lengths = segments.piece_lengths
     ends = Ends.of(segments, layers, again)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
 from armcontour import _checks
-from armcontour.errors import InvalidInput
+from armcontour._checks import LONGEST_NAME
+from armcontour._files import SMALL, read_bytes
+from armcontour._text import make_printable, show
 
 # Largest file that is read [bytes]: what is made of it must fit in memory many times over.
-LARGEST = 64_000_000
+LARGEST = SMALL
+# Characters of a name that is cut; what tells it from others of that beginning comes on top.
+KEPT = LONGEST_NAME - 12
 # Beyond this [m] floating point no longer resolves what makes two points different; it is a wrong
 # unit rather than a drawing.
 FARTHEST = 1e6
@@ -45,22 +50,49 @@ class Reading:
         _checks.choice("unknown", self.unknown, UNKNOWN)
 
 
+@dataclass(slots=True)
+class Labels:
+    """Names of entities and layers as contours can have them.
+
+    A name that is too long is cut, and a character that is not printable becomes its escape, since
+    programs write such names that no user can change. Different names stay different.
+    """
+
+    _changed: dict[str, str] = field(default_factory=dict)
+    _alike: Counter[str] = field(default_factory=Counter)
+
+    def __call__(self, name: str) -> str:
+        """The name of a contour or a layer for one of the drawing."""
+        if len(name) <= LONGEST_NAME and name.isprintable():
+            return name
+        if name not in self._changed:
+            self._changed[name] = self._fitted(name)
+        return self._changed[name]
+
+    def _fitted(self, name: str) -> str:
+        plain = make_printable(name[: LONGEST_NAME + 1])
+        short = len(name) <= LONGEST_NAME and len(plain) <= LONGEST_NAME
+        first = plain if short else f"{plain[:KEPT]}..."
+        self._alike[first] += 1
+        count = self._alike[first]
+        return first if count == 1 else f"{plain[:KEPT]}... ({count})"
+
+    @property
+    def notes(self) -> list[str]:
+        """A sentence on the names that were changed."""
+        if not self._changed:
+            return []
+        name, label = next(iter(self._changed.items()))
+        return [
+            f"Names that have more than {LONGEST_NAME} characters, or some that are not printable, "
+            f"were changed ({len(self._changed)}), such as {show(name)} to '{label}'."
+        ]
+
+
 def bytes_of(file: str | FilePath) -> bytes:
     """What a file holds.
 
     Raises:
         InvalidInput: It cannot be read, or is too large.
     """
-    place = FilePath(file)
-    try:
-        if place.exists() and not place.is_file():
-            raise InvalidInput(f"Cannot read {place}: it is no file.")
-        size = place.stat().st_size
-        if size > LARGEST:
-            raise InvalidInput(
-                f"{place.name} has {size / 1e6:.0f} MB, more than the {LARGEST / 1e6:.0f} MB that "
-                "are read: split it."
-            )
-        return place.read_bytes()
-    except OSError as error:
-        raise InvalidInput(f"Cannot read {place}: {error.strerror}.") from None
+    return read_bytes(file, "file", most=LARGEST)

@@ -23,14 +23,12 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.chaining import Piece, chained
 from armcontour.io.drawings.reading import FARTHEST, Reading
-from armcontour.program import Contour, Program
+from armcontour.program import Program
 
 # More segments than this, curves counted once, are no drawing that anyone wants followed.
 MOST_SEGMENTS = 500_000
 # Elements that one note names.
 NAMED = 6
-# Keeps what is not to be chained apart from the name of its layer; no XML can hold it.
-APART = "\0"
 
 
 def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
@@ -74,7 +72,8 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     if not contours:
         why = f" ({' '.join([*notes, *said])})" if notes or said else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")
-    return Program(moves=tuple(map(_on_its_layer, contours)), source=source, notes=(*notes, *said))
+    notes += walk.labels.notes
+    return Program(moves=tuple(contours), source=source, notes=(*notes, *said))
 
 
 class _Budget:
@@ -159,10 +158,4 @@ def _check_size(shape: Shape, subpath: Subpath) -> None:
 
 def _apart(pieces: Sequence[Piece], offset: int) -> list[Piece]:
     """Subpaths of one element, which are contours of their own even where they touch."""
-    return [
-        dataclasses.replace(x, layer=f"{x.layer}{APART}{offset + k}") for k, x in enumerate(pieces)
-    ]
-
-
-def _on_its_layer(contour: Contour) -> Contour:
-    return dataclasses.replace(contour, layer=contour.layer.partition(APART)[0])
+    return [dataclasses.replace(x, apart=offset + k + 1) for k, x in enumerate(pieces)]

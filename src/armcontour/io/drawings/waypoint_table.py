@@ -6,14 +6,16 @@ import csv
 import dataclasses
 import io
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._text import show
 from armcontour.errors import InvalidInput
+from armcontour.io.drawings._parquet import ParquetTable
 from armcontour.io.drawings.reading import Reading
 
 POINT = ("x", "y", "z")
@@ -22,8 +24,6 @@ ANGLES = ("roll", "pitch", "yaw")
 AXIS = ("ax", "ay", "az")
 TEXTS = ("contour", "layer", "event")
 KNOWN = (*POINT, *QUATERNION, *ANGLES, *AXIS, "speed", "tolerance", *TEXTS)
-# Most rows of a Parquet file, which compresses equal rows to nothing.
-MOST_ROWS = 10_000_000
 _NAME = re.compile(
     r"(?P<name>[A-Za-z]+)(?:\s*[\[(](?P<unit>[^\])]*)[\])]|_(?P<suffix>[A-Za-zµ°]\S*))?"
 )
@@ -52,7 +52,7 @@ class Table:
         """Row `i`, and the columns that are meant, for messages."""
         titles = " ".join(self.columns[key].title for key in keys)
         place = f"{self.source}, {self.word} {self.places[i]}"
-        return f"{place}, column {titles!r}" if titles else place
+        return f"{place}, column {show(titles)}" if titles else place
 
 
 def table_of(data: bytes, *, source: str, kind: str, reading: Reading) -> Table:
@@ -61,10 +61,12 @@ def table_of(data: bytes, *, source: str, kind: str, reading: Reading) -> Table:
     Raises:
         InvalidInput: It is none, has no rows, or a column that is unknown, there twice or missing.
     """
-    titled, places = (_csv if kind == "csv" else _parquet)(data, source)
-    word = "line" if kind == "csv" else "row"
-    table = _known(titled, Table(source, word, places, {}, ()), reading)
-    if not len(places):
+    if kind == "csv":
+        titled, places = _csv(data, source)
+        table = _known(titled, Table(source, "line", places, {}, ()), reading)
+    else:
+        table = _parquet(data, source, reading)
+    if not len(table.places):
         raise InvalidInput(f"{source} has column names, but no waypoints.")
     return table
 
@@ -96,9 +98,9 @@ def _csv(data: bytes, source: str) -> tuple[dict[str, Sequence[str] | FloatArray
             f"{source}, line {places[0]}: the first line must name the columns, such as "
             "x [mm],y [mm]."
         )
-    twice = next((x for i, x in enumerate(titles) if x in titles[:i]), None)
-    if twice is not None:
-        raise InvalidInput(f"{source}, line {places[0]}: there are two columns {twice!r}.")
+    twice = [x for x, count in Counter(titles).items() if count > 1]
+    if twice:
+        raise InvalidInput(f"{source}, line {places[0]}: there are two columns {show(twice[0])}.")
     for row, place in zip(rows, places, strict=True):
         if len(row) != len(titles):
             raise InvalidInput(
@@ -108,46 +110,17 @@ def _csv(data: bytes, source: str) -> tuple[dict[str, Sequence[str] | FloatArray
     return dict(zip(titles, cells, strict=True)), np.array(places[1:], dtype=np.intp)
 
 
-def _parquet(data: bytes, source: str) -> tuple[dict[str, Sequence[str] | FloatArray], IntArray]:
-    """Columns of text or numbers by their titles, and the numbers of the rows."""
-    try:
-        import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
-        import pyarrow.parquet as pq  # type: ignore[import-untyped, unused-ignore]
-    except ImportError:
-        raise InvalidInput(
-            f"{source}: reading Parquet needs pyarrow: pip install 'armcontour[tables]'."
-        ) from None
-    columns: dict[str, Sequence[str] | FloatArray] = {}
-    try:
-        file = pq.ParquetFile(pa.BufferReader(data))
-        if file.metadata.num_rows > MOST_ROWS:
-            raise InvalidInput(
-                f"{source} has {file.metadata.num_rows} rows, more than the {MOST_ROWS} that are "
-                "read: split it."
-            )
-        found = file.read()
-        if len(set(found.column_names)) < len(found.column_names):
-            raise InvalidInput(f"{source} has two columns of the same name.")
-        for title in found.column_names:
-            columns[title] = _arrow_cells(found.column(title), f"{source}, column {title!r}")
-    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
-        if isinstance(error, InvalidInput):
-            raise
-        said = str(error).split("\n")[0].rstrip(".")[:200]
-        raise InvalidInput(f"{source} cannot be read as Parquet: {said}.") from None
-    return columns, np.arange(1, found.num_rows + 1)
-
-
-def _arrow_cells(column: Any, where: str) -> Sequence[str] | FloatArray:
-    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
-
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-    if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_null(kind):
-        return [(x or "").strip() for x in column.to_pylist()]
-    if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        plain = column.cast(pa.float64(), safe=False)
-        return np.array(plain.to_numpy(), dtype=np.float64)
-    raise InvalidInput(f"{where} holds {kind}: numbers or text are read.")
+def _parquet(data: bytes, source: str, reading: Reading) -> Table:
+    """The table in a Parquet file, of which only columns that are known are unpacked."""
+    file = ParquetTable(data, source)
+    nowhere = np.zeros(0, dtype=np.intp)
+    table = _known(dict.fromkeys(file.titles, ()), Table(source, "row", nowhere, {}, ()), reading)
+    cells = file.cells([x.title for x in table.columns.values()])
+    columns = {
+        key: dataclasses.replace(x, cells=cells[x.title]) for key, x in table.columns.items()
+    }
+    places = np.arange(1, file.rows + 1)
+    return dataclasses.replace(table, places=places, columns=columns)
 
 
 def _known(
@@ -159,22 +132,24 @@ def _known(
         InvalidInput: A column that is unknown, there twice or missing.
     """
     columns: dict[str, Column] = {}
-    notes = []
+    notes: list[str] = []
     for title, cells in titled.items():
         match = _NAME.fullmatch(title.strip())
         key = match["name"].lower() if match else ""
         key = "event" if key == "events" else key
         if match is None or key not in KNOWN:
             if reading.unknown == "skip":
-                notes.append(f"The column {title!r} of {empty.source} is not known: left out.")
+                notes.append(f"The column {show(title)} of {empty.source} is not known: left out.")
                 continue
             raise InvalidInput(
-                f"{empty.source}: unknown column {title!r}: the columns are {', '.join(KNOWN)}, "
-                "with a unit in brackets; with unknown: skip others are left out."
+                f"{empty.source}: unknown column {show(title)}: the columns are "
+                f"{', '.join(KNOWN)}, with a unit in brackets; with unknown: skip others are left "
+                "out."
             )
         if key in columns:
             raise InvalidInput(
-                f"{empty.source}: the columns {columns[key].title!r} and {title!r} hold the same."
+                f"{empty.source}: the columns {show(columns[key].title)} and {show(title)} hold "
+                "the same."
             )
         suffix = match["suffix"] and match["suffix"].replace("_per_", "/").replace("_", "/")
         columns[key] = Column(title, match["unit"] if match["unit"] is not None else suffix, cells)

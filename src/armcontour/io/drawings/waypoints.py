@@ -11,6 +11,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._numbers import parse_number
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.geometry import Path
@@ -70,6 +72,8 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
         rows = slice(first, last)
         path = _path(table, values, rows)
         path = _held(table, path, orientation, rows)
+        for key in texts.keys() & table.columns.keys():
+            _checks.check_name(f"name in {table.where(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
@@ -115,14 +119,10 @@ def _numbers(table: Table, key: str) -> FloatArray:
     if isinstance(cells, np.ndarray):
         values = cells
     else:
-        try:
-            values = np.array([float(x) if x else math.nan for x in cells])
-        except ValueError:
-            values = np.array([_float(x) for x in cells])
+        values = np.array([_float(x) for x in cells])
     written = np.isinf(values)
     if not isinstance(cells, np.ndarray):
         written |= np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
-        written |= np.array(["_" in x for x in cells], dtype=bool)
     if written.any():
         i = int(np.argmax(written))
         text = str(cells[i])[:40]
@@ -133,7 +133,7 @@ def _numbers(table: Table, key: str) -> FloatArray:
 
 def _float(text: str) -> float:
     try:
-        return float(text)
+        return parse_number(text)
     except ValueError:
         return math.nan
 
@@ -151,8 +151,8 @@ def _factor(table: Table, column: Column, unit: str | None, reading: Reading) ->
     if factor <= 0 or (unit == "rad" and not re.search("rad|deg|turn|rev", plain)):
         wanted = f"one of {unit}" if unit else "wanted: the column has none"
         raise InvalidInput(
-            f"{table.source}: the unit {column.unit!r} of the column {column.title!r} is not "
-            f"{wanted}."
+            f"{table.source}: the unit {show(column.unit)} of the column {show(column.title)} is "
+            f"not {wanted}."
         )
     return factor
 
@@ -289,7 +289,10 @@ def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tupl
                     index=i,
                 )
             s = float(path.breaks[places[i - rows.start]])
-            events.append(Event(name=name, value=_value(value) if equals else True, s=s))
+            try:
+                events.append(Event(name=name, value=_value(value) if equals else True, s=s))
+            except InvalidInput as error:
+                raise InvalidInput(f"{table.where(i, 'event')}: {error}", index=i) from None
     return tuple(events)
 
 

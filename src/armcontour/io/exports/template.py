@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
 import numpy as np
 
+from armcontour._files import read_text
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import DECIMALS, event_words
@@ -104,25 +108,43 @@ def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
         place = FilePath(__file__).parent / "templates" / SHIPPED[template]
     else:
         place = FilePath(template)
-        if isinstance(template, str) and place.suffix == "" and not place.exists():
+        if isinstance(template, str) and place.suffix == "" and not os.path.exists(place):
             raise InvalidInput(
                 f"There is no template {template!r}: give one of {', '.join(SHIPPED)}, or a file "
                 f"such as house{ENDING}."
             )
-    try:
-        return place.name, place.read_text(encoding="utf-8"), place.parent
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InvalidInput(f"Cannot read the template {place}: {reason}.") from None
+    return place.name, read_text(place, "template"), place.parent
+
+
+def _beside(folder: FilePath, name: str) -> str:
+    """The text of a template that another one names.
+
+    Raises:
+        InvalidInput: It lies elsewhere than in the folder, or cannot be read.
+        TemplateNotFound: There is none.
+    """
+    from jinja2 import TemplateNotFound
+    from jinja2.loaders import split_template_path
+
+    # Refuses names that begin elsewhere or go up.
+    place = folder.joinpath(*split_template_path(name))
+    if not os.path.lexists(place):
+        raise TemplateNotFound(name)
+    place = FilePath(os.path.realpath(place))
+    if not place.is_relative_to(os.path.realpath(folder)):
+        raise InvalidInput(
+            f"the template {show(name)} is a link that leads out of the folder of templates"
+        )
+    return read_text(place, "template")
 
 
 def _environment(folder: FilePath) -> Any:
     """Where templates run: they see the table and what lies beside them, and change nothing."""
-    from jinja2 import FileSystemLoader, StrictUndefined
+    from jinja2 import FunctionLoader, StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
     environment = ImmutableSandboxedEnvironment(
-        loader=FileSystemLoader(folder),
+        loader=FunctionLoader(partial(_beside, folder)),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

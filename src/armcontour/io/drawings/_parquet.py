@@ -1,0 +1,232 @@
+"""Columns of Parquet files, measured before a few bytes unpack to all memory.
+
+The sizes that the end of a file tells are not enough, since whoever writes a file can write any.
+What is unpacked are pages, and each has a header with the size for which pyarrow makes room. Both
+are read here, by the definitions in `parquet.thrift` of the Apache Parquet project: pyarrow shows
+no headers of pages, and what it shows of columns ends the process where it is broken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._files import MEGABYTE
+from armcontour._text import show
+from armcontour.errors import InvalidInput
+from armcontour.io.drawings._thrift import Reader
+
+# Largest size of the columns that are read, unpacked [bytes]; eight bytes a number.
+MOST_UNPACKED = 128 * MEGABYTE
+# Largest size of a cell of text [characters], which every row can repeat.
+LONGEST_CELL = 10_000
+# Largest size of what a file tells of itself at its end; it has some kilobytes [bytes].
+MOST_FOOTER = 4 * MEGABYTE
+MAGIC = b"PAR1"
+# A page tells its sizes in 32 bits.
+LARGEST_PAGE = 2**31 - 1
+# Numbers of fields: of FileMetaData, RowGroup, ColumnChunk, ColumnMetaData and PageHeader.
+ROW_GROUPS = 4
+COLUMNS, NUM_ROWS = 1, 3
+META_DATA = 3
+NUM_VALUES = 5
+TOTAL_UNCOMPRESSED_SIZE, TOTAL_COMPRESSED_SIZE = 6, 7
+DATA_PAGE_OFFSET, DICTIONARY_PAGE_OFFSET = 9, 11
+UNCOMPRESSED_PAGE_SIZE, COMPRESSED_PAGE_SIZE = 2, 3
+
+
+class ParquetTable:
+    """A Parquet file, of which nothing is unpacked yet.
+
+    Args:
+        data: What the file holds.
+        source: Its name.
+
+    Raises:
+        InvalidInput: pyarrow is not installed, or this is no Parquet file.
+    """
+
+    def __init__(self, data: bytes, source: str) -> None:
+        try:
+            import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+            import pyarrow.parquet as pq  # type: ignore[import-untyped, unused-ignore]
+        except ImportError:
+            raise InvalidInput(
+                f"{source}: reading Parquet needs pyarrow: pip install 'armcontour[tables]'."
+            ) from None
+        self.data = data
+        self.source = source
+        try:
+            self.about = _footer(data)
+            # What is not needed as numbers is read as a dictionary, so that a text that stands in
+            # every row is unpacked once.
+            texts = _names_of_texts(pq.ParquetFile(pa.BufferReader(data)))
+            self.file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
+            self.rows = int(self.file.metadata.num_rows)
+            self.titles = list(self.file.schema_arrow.names)
+        except Exception as error:  # a broken file makes the library raise anything
+            raise self._unreadable(error) from None
+        if len(set(self.titles)) < len(self.titles):
+            raise InvalidInput(f"{source} has two columns of the same name.")
+
+    def cells(self, titles: Sequence[str]) -> dict[str, Sequence[str] | FloatArray]:
+        """Columns of text, or of numbers with NaN where there is none.
+
+        Raises:
+            InvalidInput: They are too large, of another type, or broken.
+        """
+        try:
+            for title in titles:
+                _refuse_type(self.file.schema_arrow.field(title).type, self._where(title))
+            self._refuse_large(titles)
+            found = self.file.read(columns=list(titles), use_threads=False)
+            if found.num_rows != self.rows:
+                raise ValueError("the number of rows is another than it tells")
+            return {x: _cells(found.column(x), self._where(x)) for x in titles}
+        except InvalidInput:
+            raise
+        except Exception as error:  # a broken file makes the library raise anything
+            raise self._unreadable(error) from None
+
+    def _where(self, title: str) -> str:
+        return f"{self.source}, column {show(title)}"
+
+    def _unreadable(self, error: Exception) -> InvalidInput:
+        said = str(error).split("\n")[0].rstrip(".")[:200]
+        return InvalidInput(f"{self.source} cannot be read as Parquet: {said}.")
+
+    def _refuse_large(self, titles: Sequence[str]) -> None:
+        """Refuse what does not fit, by what the file tells of it, and by the headers of its pages.
+
+        Raises:
+            InvalidInput: It is too large.
+        """
+        chunks = list(self._chunks(titles))
+        rows = max(self.rows, sum(x[NUM_ROWS] for x in self.about[ROW_GROUPS]))
+        values = sum(max(0, x[META_DATA][NUM_VALUES]) for x in chunks)
+        told = sum(max(0, x[META_DATA][TOTAL_UNCOMPRESSED_SIZE]) for x in chunks)
+        size = max(told, 8 * values, 8 * rows * len(titles))
+        if size <= MOST_UNPACKED:
+            size = max(size, sum(_unpacked(self.data, x) for x in chunks))
+        if size > MOST_UNPACKED:
+            raise InvalidInput(
+                f"{self.source} unpacks to {size / MEGABYTE:.0f} MB, more than the "
+                f"{MOST_UNPACKED / MEGABYTE:.0f} MB that are read: split it."
+            )
+
+    def _chunks(self, titles: Sequence[str]) -> Iterator[dict[int, Any]]:
+        """What is told of each column of each group of rows."""
+        paths = [self.file.schema.column(i).path for i in range(len(self.file.schema))]
+        for group in self.about[ROW_GROUPS]:
+            # The library goes by the places of columns, and not by what they are called there.
+            for path, chunk in zip(paths, group[COLUMNS], strict=True):
+                if path in titles:
+                    yield chunk
+
+
+def _names_of_texts(file: Any) -> list[str]:
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+
+    fields = file.schema_arrow
+    return [
+        x.name for x in fields if pa.types.is_string(x.type) or pa.types.is_large_string(x.type)
+    ]
+
+
+def _kind(type_: Any) -> Any:
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+
+    return type_.value_type if pa.types.is_dictionary(type_) else type_
+
+
+def _is_text(kind: Any) -> bool:
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+
+    is_text = pa.types.is_string(kind) or pa.types.is_large_string(kind)
+    return bool(is_text or pa.types.is_null(kind))
+
+
+def _refuse_type(type_: Any, where: str) -> None:
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+
+    kind = _kind(type_)
+    is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+    if not (is_number or _is_text(kind)):
+        raise InvalidInput(f"{where} holds {kind}: numbers or text are read.")
+
+
+def _cells(column: Any, where: str) -> Sequence[str] | FloatArray:
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+
+    if not _is_text(_kind(column.type)):
+        plain = column.cast(pa.float64(), safe=False)
+        return np.array(plain.to_numpy(), dtype=np.float64)
+    cells: list[str] = []
+    for chunk in column.chunks:
+        if pa.types.is_null(chunk.type):
+            cells += [""] * len(chunk)
+            continue
+        if len(chunk.dictionary) > len(column):
+            raise InvalidInput(f"{where} has more texts than rows.")
+        words = [_word(x, where) for x in chunk.dictionary.to_pylist()]
+        cells += ["" if i is None else words[i] for i in chunk.indices.to_pylist()]
+    return cells
+
+
+def _word(text: str | None, where: str) -> str:
+    if text is not None and len(text) > LONGEST_CELL:
+        raise InvalidInput(
+            f"{where}: a cell has {len(text)} characters, more than the {LONGEST_CELL} that are "
+            "read."
+        )
+    return (text or "").strip()
+
+
+def _footer(data: bytes) -> dict[int, Any]:
+    """The struct at the end of a file, FileMetaData.
+
+    Raises:
+        ValueError: There is none, or it is too large.
+    """
+    if len(data) < 2 * len(MAGIC) + 4 or not data.startswith(MAGIC) or not data.endswith(MAGIC):
+        raise ValueError("it does not begin and end as Parquet does")
+    size = int.from_bytes(data[-8:-4], "little")
+    if size > MOST_FOOTER:
+        raise ValueError(
+            f"its metadata have {size / MEGABYTE:.0f} MB, more than the "
+            f"{MOST_FOOTER / MEGABYTE:.0f} MB that are read"
+        )
+    begin = len(data) - 8 - size
+    if begin < len(MAGIC):
+        raise ValueError("its metadata are cut off")
+    return Reader(data, begin).struct()
+
+
+def _unpacked(data: bytes, chunk: dict[int, Any]) -> int:
+    """Size of all pages of a column in a group of rows, unpacked [bytes].
+
+    Raises:
+        ValueError: Its pages do not follow one another as the format has it.
+    """
+    about = chunk[META_DATA]
+    if about[NUM_VALUES] <= 0:
+        # No page of it is opened, and its places may be none.
+        return 0
+    at, size = about[DATA_PAGE_OFFSET], 0
+    if 0 < about.get(DICTIONARY_PAGE_OFFSET, 0) < at:
+        at = about[DICTIONARY_PAGE_OFFSET]
+    end = at + about[TOTAL_COMPRESSED_SIZE]
+    if not 0 <= at <= end <= len(data):
+        raise ValueError("a column lies outside of it")
+    while at < end:
+        reader = Reader(data, at)
+        header = reader.struct()
+        unpacked, packed = header[UNCOMPRESSED_PAGE_SIZE], header[COMPRESSED_PAGE_SIZE]
+        if not (0 <= unpacked <= LARGEST_PAGE and 0 <= packed <= LARGEST_PAGE):
+            raise ValueError("a page has a size that no page can have")
+        size += unpacked
+        at = reader.at + packed
+    return size

@@ -1,0 +1,84 @@
+"""YAML that is made to do harm, and what stays readable."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from armcontour._yaml import MOST_CHARACTERS, load
+from armcontour.errors import InvalidInput
+
+
+def chain(first: str, rest: str, count: int) -> str:
+    """Lines, each of which names the one before."""
+    lines = [rest.format(now=i, before=i - 1) for i in range(1, count)]
+    return "\n".join([first, *lines])
+
+
+MERGES = chain("a0: &a0 {x0: 1}", "a{now}: &a{now} {{<<: [*a{before}, *a{before}], x{now}: 1}}", 40)
+NINE = ", ".join(["*a{before}"] * 9)
+LISTS = chain("a0: &a0 [1, 1]", f"a{{now}}: &a{{now}} [{NINE}]", 40)
+PAIRS = chain("a0: &a0 [1]", f"a{{now}}: &a{{now}} !!pairs [{{{{x: [{NINE}]}}}}]", 40)
+HOSTILE = {
+    "merges": (MERGES, "fewer aliases"),
+    "many merges": (
+        "a: &a {" + ", ".join(f"x{i}: 1" for i in range(2000)) + "}\n"
+        "b: {<<: [" + ", ".join(["*a"] * 2000) + "]}",
+        "fewer aliases",
+    ),
+    "aliases": (LISTS, "fewer aliases"),
+    "pairs": (PAIRS, "fewer aliases"),
+    "text": ('a: &a "' + "x" * 100_000 + '"\nb: [' + "*a, " * 1000 + "]", "fewer aliases"),
+    "itself": ("a: &a [1, *a]", "an alias stands for what it is part of"),
+    "merges itself": ("a: &a {<<: *a}", "an alias stands for what it is part of"),
+    "sixties": ("a: !!float " + "59:" * 100_000 + "59.5", "too many for a number"),
+    "whole sixties": ("a: !!int " + "59:" * 100_000 + "59", "not a whole number"),
+    "a short one": ("a: !!float 59:59.5", "is not a finite number"),
+    "digits": ("a: " + "9" * 5000, "5000 characters, too many for a number"),
+    "hundred thousands of digits": ("a: " + "9" * 300_000, "too many for a number"),
+    "too large": ("a: 1e999", "not a finite number"),
+    "no angle": ("a: !!int 1_000", "not a whole number"),
+    "flow": ("[" * 100_000, "nested too deeply"),
+    "block": ("- " * 100_000, "nested too deeply"),
+    "keys": ("? " * 10_000, "nested too deeply"),
+    "size": ("#" * (MOST_CHARACTERS + 1), "16 million characters, more than the 16 million"),
+    "tag": ("a: !" + "x" * 100_000 + " 1", "could not determine a constructor"),
+    "alias of nothing": ("a: *" + "x" * 100_000, "found undefined alias"),
+    "escapes": ('"\\e]52;c;cA==\\e": 1\n"\\e]52;c;cA==\\e": 1', "stands twice"),
+}
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("name", HOSTILE)
+def test_what_is_made_to_do_harm_is_one_sentence_at_once(name):
+    text, words = HOSTILE[name]
+    with pytest.raises(InvalidInput, match=words) as caught:
+        load(text, "job.yaml")
+    message = str(caught.value)
+    assert message.startswith("job.yaml ") and message.isprintable() and len(message) <= 2000
+
+
+@pytest.mark.usefixtures("soon")
+def test_digits_that_are_no_number_are_read_in_a_time_that_grows_with_their_length():
+    for end in ("!", ".", "e", "e5!", "_", ":1"):
+        text = "9" * 300_000 + end
+        found = load(f"a: {text}", "job.yaml") if end != "." else {"a": text}
+        assert found == {"a": text}
+
+
+def test_numbers_are_those_of_yaml_1_2():
+    text = "[0, 010, -5, +5, 1., .5, 1e3, -1.5E-3, 1:30, 1_000, 0x10, 0b1, 2026-01-01, 1e, '5']"
+    wanted = [0, 10, -5, 5, 1.0, 0.5, 1e3, -1.5e-3, "1:30", "1_000", "0x10", "0b1", "2026-01-01"]
+    found = load(text, "x")
+    assert found == [*wanted, "1e", "5"]
+    assert [type(x) for x in found[:8]] == [int] * 4 + [float] * 4
+    endless = load("[.inf, -.INF, .nan]", "x")
+    assert endless[:2] == [math.inf, -math.inf] and math.isnan(endless[2])
+
+
+def test_aliases_and_merges_that_somebody_writes_are_read():
+    text = "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\nd: {<<: [{z: 1}, *a]}"
+    found = load(text, "x")
+    assert found["b"] == {"x": 1, "y": 3} and found["c"] == [{"x": 1, "y": 2}] * 2
+    assert found["d"] == {"x": 1, "y": 2, "z": 1}
