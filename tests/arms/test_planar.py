@@ -129,7 +129,7 @@ def test_tool_motion_agrees_with_differences(arm):
 
 
 def entries_27(q, dq):
-    """The matrices p and q of (27), with p22 and q22 as mended in method.md."""
+    """The matrices p and q of (27), with p22 and q22 as mended in docs/method.md."""
     (t1, t2), (w1, w2) = q, dq
     s1, c1, s2, c2 = np.sin(t1), np.cos(t1), np.sin(t2), np.cos(t2)
     s12, c12 = np.sin(t1 + t2), np.cos(t1 + t2)

@@ -1,4 +1,4 @@
-"""The paper's compensator (26), sign mended, against SciPy and against what method.md proves."""
+"""The paper's compensator (26), sign mended, against SciPy and what docs/method.md proves."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_l1_norm_of_the_triple_pole_at_minus_50(arm):
         return (7500 * t - 125000 * t**2) * np.exp(-50 * t)
 
     norm = sum(abs(integrate.quad(response, *ab)[0]) for ab in ((0, 0.06), (0.06, 1.0)))
-    assert norm == pytest.approx(1.498, abs=5e-4)  # method.md
+    assert norm == pytest.approx(1.498, abs=5e-4)  # docs/method.md
     # The worst plan turns its full acceleration round just when the response changes its sign.
     worst = demand_over_acceleration(arm, [-50] * 3, [-1.0, 1.0], [0.0, 0.6, 0.66])
     assert worst == pytest.approx(norm, rel=2e-3)

@@ -23,7 +23,7 @@ def shortest_time(step, velocity, limit):
 
 
 def slow_laps(q, dq_ds, speed, limit):
-    """Lap after lap as method.md words it, with lists."""
+    """Lap after lap as docs/method.md words it, with lists."""
     times, speeds, used = [], [speed], []
     for k in range(len(q) - 1):
         velocity = [speeds[-1] * x for x in dq_ds[k]]

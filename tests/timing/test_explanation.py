@@ -154,7 +154,7 @@ def test_the_papers_job(traced, rounded, arm, limits):
     corners = np.column_stack([rounded.corners.start, rounded.corners.end])
     np.testing.assert_allclose([x.s for x in turns], corners, atol=1e-9)
     assert [x.kind for x in found.shortfalls] == ["fastest", "slowest", "slowest", "fastest"]
-    # method.md: 32.422 and 30.444 mm/s in the corners.
+    # docs/method.md: 32.422 and 30.444 mm/s in the corners.
     slow = [x for x in found.shortfalls if x.kind == "slowest"]
     assert [x.reason for x in slow] == ["centripetal acceleration"] * 2
     np.testing.assert_allclose([x.speed for x in slow], [0.032422, 0.030444], rtol=1e-4)

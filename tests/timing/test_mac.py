@@ -173,7 +173,7 @@ def test_corners_are_run_at_their_own_speed(arm, rounded, mac):
 
 
 def test_a_wide_corner_is_not_run_faster_than_the_assigned_velocity(arm, limits):
-    # method.md: (16) also needs v_t <= v_a.
+    # docs/method.md: (16) also needs v_t <= v_a.
     path = ac.round_corners(ac.Path.polyline([(0.2, 0.3), (0.3, 0.3), (0.36, 0.2)]), tolerance=5e-3)
     slow = limits.replace(speed=0.02, centripetal_acceleration=None)
     planned = ac.plan(path, arm, slow, method="mac")
@@ -188,7 +188,7 @@ def test_a_sharp_corner_is_a_stop(arm, objective, limits):
     ]
     assert len(moving) == 2
     np.testing.assert_allclose(moving, 0, atol=1e-9)
-    # method.md, "where the method falls short", 4: about 5.23 s, less than with rounded corners.
+    # docs/method.md, where the method falls short, 4: 5.23 s, less than with rounded corners.
     assert planned.duration == pytest.approx(5.23, abs=0.01)
 
 

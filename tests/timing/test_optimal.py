@@ -15,7 +15,7 @@ from armcontour.timing.constraints import JointDerivatives, SecondOrder
 from armcontour.timing.grid import place_grid
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
-LINE = ((-0.065, 0.300), (0.335, 0.300))  # method.md, "where the method falls short", 1
+LINE = ((-0.065, 0.300), (0.335, 0.300))  # docs/method.md, "where the method falls short", 1
 ACCELERATION = 0.3  # m/s²
 
 
@@ -51,7 +51,7 @@ def test_the_papers_job(planned, arm, limits, worst_ratios):
 def test_the_papers_job_without_the_centripetal_bound(traced, arm, limits, worst_ratios):
     free = limits.replace(centripetal_acceleration=None)
     planned = ac.plan(traced, arm, free)
-    # method.md gives 4.825 s; printed to three digits.
+    # docs/method.md gives 4.825 s; printed to three digits.
     assert planned.duration == pytest.approx(4.825, abs=5e-4)
     assert_kept(worst_ratios(planned, free, arm))
 
@@ -61,7 +61,7 @@ def test_it_is_the_default_method(rounded, arm, limits, planned):
 
 
 def test_it_is_no_slower_than_the_papers_method(planned, mac):
-    # method.md: MAC is optimal on this job, to 1e-5; with laps of finite size it runs shorter by as
+    # docs/method.md: MAC is optimal on this job, to 1e-5; with laps of finite size it is shorter as
     # much as it leaves a corner early.
     assert planned.duration == pytest.approx(mac.duration, rel=2e-4)
 
@@ -326,7 +326,7 @@ def test_it_rests_at_sharp_corners(arm, limits, points, worst_ratios):
 
 
 def test_stops_in_the_papers_job(arm, objective, limits):
-    # method.md: stopping dead at each exact corner takes about 5.23 s.
+    # docs/method.md: stopping dead at each exact corner takes about 5.23 s.
     assert ac.plan(objective, arm, limits).duration == pytest.approx(5.23, abs=0.01)
 
 
@@ -448,7 +448,7 @@ def test_coarse_and_fine_grids(traced, arm, limits, planned, intervals, within, 
     places = 50 if intervals < 10_000 else 4
     assert_kept(worst_ratios(other, limits, arm, places=places))
     assert other.duration == pytest.approx(planned.duration, rel=within)
-    assert other.duration > 5.3260  # method.md
+    assert other.duration > 5.3260  # docs/method.md
 
 
 def test_rounding_breaks_no_limit_on_a_huge_grid(arm, worst_ratios):
