@@ -94,7 +94,7 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
 
 
 def _read(name: str, payload: Payload | None) -> Arm:
-    if name.endswith((".yaml", ".yml")):
+    if name.lower().endswith((".yaml", ".yml")):
         arm = read_arm(name, _files.read_bytes(name, "arm file"), payload)
         if arm.limits.joint_acceleration is None:
             arm.limits_hint = f"add joint_acceleration to the limits in {name}"

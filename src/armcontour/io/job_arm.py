@@ -62,7 +62,7 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
             f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
         )
     name = str(model.name) if model.file is None else folder / model.file
-    return load_arm(name, **options, **equipment)
+    return load_arm(name, **options, **equipment, trust_xacro=trust_xacro)
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
