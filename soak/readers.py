@@ -21,16 +21,28 @@ from typing import Any
 import numpy as np
 
 import armcontour as ac
+from armcontour._checks import LONGEST_NAME
+from armcontour._text import LONGEST_SENTENCE
 from armcontour.io.drawings.door import READERS
 from armcontour.io.drawings.reading import Reading
 from soak.samples import samples
 
-KINDS = {"dxf": ".dxf", "svg": ".svg", "gcode": ".ngc", "csv": ".csv", "parquet": ".parquet"}
+KINDS = {
+    "dxf": ".dxf",
+    "svg": ".svg",
+    "gcode": ".ngc",
+    "csv": ".csv",
+    "parquet": ".parquet",
+    "job": ".yaml",
+}
 # A file of a few kilobytes is not worth more [s], [bytes].
 LONGEST = 20.0
 LARGEST = 600e6
 # How often each kind of change is made.
-CHANGES = (0.06, 0.02, 0.1, 0.08, 0.12, 0.12, 0.38, 0.1, 0.02)
+CHANGES = (0.06, 0.02, 0.1, 0.06, 0.12, 0.12, 0.38, 0.1, 0.02, 0.02)
+# Characters of a piece that is repeated until a pattern that goes back would not end.
+LONGEST_REPEAT = 60_000
+LARGEST_FILE = 200_000
 CHUNK = 100
 # What breaks readers, beside noise.
 TOKENS = (
@@ -38,6 +50,9 @@ TOKENS = (
     b"\xff\xfe", b"\n", b"\r\n", b"<", b">", b"&amp;", b"(", b")", b"[", b"%", b";", b",", b"#",
     b"G2", b"G91", b"G20", b"R", b"I", b"Z", b"0\nEOF\n", b"\n  0\nLINE\n", b"\xe2\x88\x92", b"'",
     b'"', b"</g>", b"<g>", b"/>", b"url(#a)", b"M", b"A1 1 0 0 0 0 0",
+    b"**9", b"^9**9", b"59:", b"1_0", "\u0663".encode(), "\u202e".encode(), b"\x1b]52;c;cA==\x1b\\",
+    b"\xc2\x9b", b"&a ", b"*a", b"<<: *a\n", b"<<: [*a, *a]\n", b": ", b"- ", b"? ", b"!!float ",
+    b"9" * 5000, b"display", b"xxxxxxxxxxxxxxxxxxxx" * 5,
 )  # fmt: skip
 
 
@@ -93,11 +108,14 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
                 i, k = rng.integers(0, len(lines), 2).tolist()
                 lines[i], lines[k] = lines[k], lines[i]
                 text = bytearray(b"\n".join(lines))
+            case 8:
+                piece = token if rng.random() < 0.5 else bytes(text[a:b]) or token
+                text[a:a] = piece * (LONGEST_REPEAT // len(piece))
             case _:
                 del text[b:]
         if not text:
             text += token
-        del text[200_000:]
+        del text[LARGEST_FILE:]
     return bytes(text)
 
 
@@ -120,11 +138,6 @@ def read(kind: str, seed: int) -> Outcome:
 
 
 def _result(kind: str, name: str, data: bytes, how: Reading) -> tuple[str, str]:
-    import importlib
-
-    module, function, options = READERS[KINDS[kind]]
-    reader: Any = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), function)
-
     def late(*_: object) -> None:
         raise TooSlow
 
@@ -133,10 +146,15 @@ def _result(kind: str, name: str, data: bytes, how: Reading) -> tuple[str, str]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            program = reader(data, source=name, reading=how, **options)
-        if not np.isfinite(program.length):
+            length, names = _read_as(kind, name, data, how)
+        if not np.isfinite(length):
             return "crash", "a length that is not finite"
+        odd = [x for x in names if not x.isprintable() or len(x) > LONGEST_NAME]
+        if odd:
+            return "crash", f"the name {odd[0]!r}"
     except ac.InvalidInput as error:
+        if not str(error).isprintable() or len(str(error)) > LONGEST_SENTENCE:
+            return "crash", f"the sentence {str(error)[:LONGEST_SENTENCE]!r}"
         named = name in str(error)
         return ("refused", str(error)) if named else ("nameless", str(error))
     except TooSlow:
@@ -146,6 +164,25 @@ def _result(kind: str, name: str, data: bytes, how: Reading) -> tuple[str, str]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
     return "read", ""
+
+
+def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, list[str]]:
+    """Length of what is read [m], and all names in it."""
+    import importlib
+
+    if kind == "job":
+        from armcontour.io import parse_job
+
+        job = parse_job(data.decode("utf-8", errors="replace"), source=name)
+        path = job.path
+        if isinstance(path, ac.Path):
+            return path.length, [job.name]
+    else:
+        module, function, options = READERS[KINDS[kind]]
+        reader: Any = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), function)
+        path = reader(data, source=name, reading=how, **options)
+    names = [text for x in path.contours for text in (x.name, x.layer)]
+    return path.length, [*names, *(e.name for x in path.contours for e in x.events)]
 
 
 def _read_all(kind: str, seeds: range) -> tuple[list[Outcome], float]:

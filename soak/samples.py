@@ -64,16 +64,46 @@ CSV = (
     "x;y;z;qx;qy;qz;qw;contour\n0.1;0;0;0;0;0;1;a\n0.2;0;0;0;0;0.7071;0.7071;a\n"
     "0.3;0;0.1;0;0;0;1;b\n0.4;0;0;0;0;1;0;b\n",
 )
+JOB = (
+    """name: plate
+title: A plate, cut
+arm: pmk3s
+path:
+  start: [350 mm, 100 mm]
+  segments:
+    - {to: [410 mm, 150 mm], speed: 0.05 m/s, tag: first}
+    - {via: [380 mm, 260 mm], to: [280 mm, 300 mm]}
+    - {to: [350 mm, 350 mm]}
+process:
+  lead_in: {length: 5 mm, shape: line, side: left}
+  switch: {name: laser, on_lead: 20 ms}
+  events: [{name: gas, value: 2.5, at: 5 mm}, {name: mode, value: fine}]
+limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 5 mm}
+servo: {kp: 25 1/s, kv: 150 1/s, dead_time: [2 ms, 3 ms]}
+command_interval: 4 ms
+runs:
+  taught: &taught
+    timing: {method: optimal, reserve: 10 %}
+  compared: {<<: *taught, compensation: {method: inverse}}
+""",
+    """name: points
+arm: {name: ur5e, tool: {position: [0, 0, 120 mm], rpy: [0, 0, 90 deg]}}
+path: {points: [[0.4, 0.1, 0.3], [0.5, 0.1, 0.3], [0.5, 0.2, 0.3]], orientation: {axis: [0, 0, -1]}}
+servo: {kp: 25.0, kv: 1.5e2}
+runs: {one: {until: 5 s}, two: {ignore_jerk: true}}
+""",
+)
 
 
 @cache
 def samples(kind: str) -> tuple[bytes, ...]:
-    """The files of a kind: "gcode", "svg", "csv", "parquet" or "dxf"."""
+    """The files of a kind: "gcode", "svg", "csv", "parquet", "dxf" or "job"."""
     if kind == "dxf":
         return _dxf()
     if kind == "parquet":
         return (_parquet(),)
-    return tuple(x.encode() for x in {"gcode": GCODE, "svg": SVG, "csv": CSV}[kind])
+    return tuple(x.encode() for x in {"gcode": GCODE, "svg": SVG, "csv": CSV, "job": JOB}[kind])
 
 
 def _dxf() -> tuple[bytes, ...]:
@@ -110,7 +140,12 @@ def _parquet() -> bytes:
     import pyarrow.parquet as pq
 
     t = np.linspace(0, 1, 20)
-    columns = {"x [mm]": 100 * t, "y [mm]": 10 * np.sin(9 * t), "speed [mm/s]": 50 + 0 * t}
+    columns = {
+        "x [mm]": 100 * t,
+        "y [mm]": 10 * np.sin(9 * t),
+        "speed [mm/s]": 50 + 0 * t,
+        "contour": ["outside"] * 12 + ["inside"] * 8,
+    }
     stream = io.BytesIO()
     pq.write_table(pa.table(columns), stream)
     return stream.getvalue()

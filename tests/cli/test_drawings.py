@@ -140,7 +140,7 @@ def test_runs_a_small_dxf(folder: FilePath, call: Call) -> None:
         ("plain.csv", ("--cell", "pmk3s, ur5e")),
         ("plain.csv --cell lathe", ("'lathe'", "pmk3s, ur5e")),
         ("job.yaml --cell pmk3s", ("job.yaml", "--cell goes with a drawing")),
-        ("none.csv --cell pmk3s", ("none.csv", "No such file")),
+        ("none.csv --cell pmk3s", ("none.csv", "There is no file")),
         ("plain.txt --cell pmk3s", ("plain.txt", ".dxf")),
         ("deep.ngc --cell pmk3s", ("deep.ngc has z", "--flat")),
         ("two.csv --cell pmk3s --at 0.5,0.3", ("contour a", "out of reach")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path as FilePath
-from typing import get_args
+from typing import Any, get_args
 
 import jsonschema
 import numpy as np
@@ -270,3 +270,30 @@ def test_the_built_in_job_is_the_papers() -> None:
     assert job.published is not None
     assert job.published.runs["proposed"]["contour_error_rms"] == pytest.approx(0.164e-3)
     assert job.published.time_stamps[-1] == 5.770
+
+
+@pytest.mark.parametrize("key", ["a[b", "path(1", "name:j/[{kS", "float", "ArmModel"])
+def test_an_unknown_key_is_named_whatever_it_looks_like(key: str) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        parse_job(with_change(key, 1))
+    assert f"unknown key {key}: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        (
+            {"points": [[0, 0], [0, "1e308 m"]]},
+            r"path.points \(item 2\) has a coordinate of 1e\+308 m",
+        ),
+        ({"spline": {"points": [[0, 0], [0, 1], [2e6, 1]]}}, r"path.spline.points \(item 3\) has"),
+        ({"start": [-1e300, 0], "segments": [{"to": [0, 1]}]}, "path.start has a coordinate"),
+        (
+            {"start": [0, 0], "segments": [{"to": [0, 1]}, {"via": [1e160, 0], "to": [0, 2]}]},
+            r"path.segments \(item 2\).via has a coordinate of 1e\+160 m, beyond 1e\+06 m",
+        ),
+    ],
+)
+def test_points_that_are_too_far_away_are_refused(path: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidInput, match=words):
+        parse_job(with_change("path", path))

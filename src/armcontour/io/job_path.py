@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -14,6 +14,7 @@ from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
 from armcontour.geometry.cutting import in_space, keeps_plane
 from armcontour.io.drawings.door import read_path
+from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of, rotation_of
 from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
 from armcontour.io.problems import place
@@ -154,7 +155,18 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
         raise InvalidInput(f"the points of {key} are empty: a path needs at least two.")
     if len({len(x) for x in points}) > 1:
         raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
+    for i, x in enumerate(points):
+        _refuse_far(place((*key.split("."), "points", i)), x)
     return np.array(points).reshape(len(points), -1)
+
+
+def _refuse_far(key: str, point: Sequence[float]) -> None:
+    """Refuse coordinates at which floating point tells no points apart, or overflows."""
+    far = max(map(abs, point), default=0.0)
+    if far > FARTHEST:
+        raise InvalidInput(
+            f"{key} has a coordinate of {far:.3g} m, beyond {FARTHEST:g} m: is its unit right?"
+        )
 
 
 def _chain(start: list[float], models: list[SegmentModel]) -> Path:
@@ -162,7 +174,10 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
         raise InvalidInput("path.segments is empty: a path needs at least one.")
     segments: list[Line | Arc] = []
     here = list(start)
+    _refuse_far("path.start", here)
     for i, x in enumerate(models):
+        for name in ("to", "via", "center"):
+            _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
         segments.append(_segment(here, x, place(("path", "segments", i))))
         here = list(x.to) if x.to is not None else _end(segments)
     return Path.from_segments(segments)

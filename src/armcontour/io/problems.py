@@ -154,7 +154,10 @@ def _alternatives(kind: Any) -> Iterator[Any]:
 
 
 def _keys(problem: Any) -> tuple[Any, ...]:
-    return tuple(x for x in problem["loc"] if not _is_type_name(x))
+    *outer, last = problem["loc"] or (None,)
+    # An unknown key is whatever stands in the file, and never the name of a type.
+    keep = problem["type"] == "extra_forbidden" or (last is not None and not _is_type_name(last))
+    return (*(x for x in outer if not _is_type_name(x)), *((last,) if keep else ()))
 
 
 def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:

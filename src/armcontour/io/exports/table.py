@@ -99,6 +99,9 @@ class Table:
         for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
             if not text.strip() or not text.isprintable():
                 raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
+            if what != "name":
+                # The name is that of a file by default, which may be longer.
+                _checks.check_name(what, text)
         twice = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if twice:
             raise InvalidInput(f"Joint names must differ, but {min(twice)!r} is there twice.")
