@@ -181,10 +181,14 @@ def check(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Judge any joint trajectory against limits; exit code 1 if one is violated."""
+    """Judge any joint trajectory against limits.
+
+    Exit codes: 0 every limit is kept, 1 one is violated, 7 the samples cannot tell, 2 an input
+    cannot be used.
+    """
     from armcontour.cli.checking import check_file
 
-    kept = check_file(
+    code = check_file(
         trajectory,
         arm,
         limits,
@@ -195,7 +199,7 @@ def check(
         joint_limits=joint_limits,
         as_json=as_json,
     )
-    raise typer.Exit(0 if kept else 1)
+    raise typer.Exit(code)
 
 
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
