@@ -25,9 +25,10 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-soak: $(VENV)/test  ## Plan and judge 100,000 random problems, and read 100,000 broken files
+soak: $(VENV)/test  ## Plan and judge 100,000 random problems, read 100,000 broken files, check 4,000
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
+	$(BIN)/python -m soak.check
 
 bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 	$(BIN)/python -m benchmarks

@@ -9,6 +9,10 @@ ArmContourError
 └── ExecutionError                     the simulated servo did not complete the motion
 ```
 
+Each has its exit code of the command line, 2 to 6 in this order. 0 and 1 are answers (`check`: all
+limits kept, a limit violated; `identify`: determined, not determined), and 7 is the answer of
+`check` that the samples cannot tell.
+
 A message is one sentence: what is wrong, where, and what would mend it. The same facts stand as
 attributes, in SI units, for programs. Sentences count from 1, as people do: joints, segments,
 waypoints, corners, items of a list in a file. The attribute `index` counts from 0, as Python does.

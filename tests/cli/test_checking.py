@@ -119,17 +119,70 @@ def test_the_path_of_one_run(folder: FilePath) -> None:
 def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath) -> None:
     (folder / "bad.csv").write_text("t,q1,q2\n0,1,2\n0,1,2\n")
     for arguments, words in (
-        (("none.csv", "--arm", "pmk3s"), "Cannot read the trajectory file"),
+        (("none.csv", "--arm", "pmk3s"), "There is no trajectory file"),
         (("bad.csv", "--arm", "pmk3s"), "bad.csv, line 3: times must increase"),
         (("planned.csv", "--arm", "pmk4"), "no built-in arm"),
-        (("planned.csv", "--arm", "pmk3s", "--limits", "none.yaml"), "Cannot read the limits file"),
+        (("planned.csv", "--arm", "pmk3s", "--limits", "none.yaml"), "There is no limits file"),
         (("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml"), "with --path"),
+        (("planned.csv", "--arm", "ur5e"), "planned.csv has positions of 2 joints"),
     ):
         done = check(folder, *arguments)
         assert done.returncode == 2, arguments
         assert done.stderr.startswith("Error: ")
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+# All of these were once taken for motions that keep every limit: numbers that overflow, digits too
+# few to tell, and a joint that jumps by the last digit while another one rests.
+HUGE = "t,q1,q2\n0,0,0\n1,1e308,-1e308\n2,-1e308,1e308\n3,0,0\n"
+INSTANT = "t,q1,q2\n0,0,0\n5e-324,0.1,0\n1e-323,0.2,0\n"
+COARSE = "t [s],q1 [deg],q2 [deg]\n" + "".join(f"{i},{10 + i % 2 * 50},10\n" for i in range(5))
+JUMPS = "t,q1,q2\n0.00,0,0\n0.01,1,0\n0.02,0,0\n0.03,1,0\n0.04,0,0\n"
+
+
+@pytest.mark.parametrize(("text", "ratio"), [(COARSE, np.deg2rad(100) / 0.72), (JUMPS, 2e4 / 0.72)])
+def test_what_the_samples_cannot_tell_ends_with_7(
+    tmp_path: FilePath, text: str, ratio: float
+) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    done = check(tmp_path, "log.csv", "--arm", "pmk3s")
+    assert done.returncode == 7, done.stdout + done.stderr
+    for words in ("cannot tell", "print more digits"):
+        assert words in done.stdout
+    # A second row, where the ratio is largest on another joint than the certain one.
+    assert ("as the numbers stand" in done.stdout) is (text == JUMPS)
+    assert "kept" not in done.stdout
+    done = check(tmp_path, "log.csv", "--arm", "pmk3s", "--json")
+    assert done.returncode == 7
+    data = json.loads(done.stdout)
+    assert (data["kept"], data["verdict"]) == (None, "cannot tell")
+    (use,) = data["limits"]
+    assert use["verdict"] == "cannot tell"
+    assert use["highest"]["ratio"] == pytest.approx(ratio)
+    assert use["highest"]["joint"] == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (HUGE, "line 3: '1e308' in the column 'q1'"),
+        (INSTANT, "line 3: times must increase by at least 1 ns"),
+        (JUMPS.replace("0.03,1,0", "0.03,1,1e308"), "line 5: '1e308' in the column 'q2'"),
+    ],
+)
+def test_numbers_that_overflow_are_refused(tmp_path: FilePath, text: str, words: str) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    for options in ((), ("--json",)):
+        done = check(tmp_path, "log.csv", "--arm", "pmk3s", *options)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_help_tells_the_exit_codes(tmp_path: FilePath) -> None:
+    told = " ".join(check(tmp_path, "--help").stdout.split())
+    assert "0 every limit is kept, 1 one is violated, 7 the samples cannot tell, 2" in told
 
 
 def test_what_run_writes_can_be_checked(tmp_path: FilePath) -> None:

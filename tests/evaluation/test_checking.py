@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
+from armcontour.evaluation.tally import Tally
 from armcontour.motion import LapLaw, Samples
 
 
@@ -306,6 +307,95 @@ def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(
             assert after[name].ratio == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
+def test_the_three_verdicts(arm: ac.Arm) -> None:
+    """One joint goes 0.1 rad in each second; what is known of it depends on the digits."""
+    log = Log(np.arange(4.0), [[0.1 * i, 0.9] for i in range(4)])
+    for limit, digit, verdict in (
+        (0.10, 0.0, "kept"),
+        (0.09, 0.0, "violated"),
+        (0.09, 0.01, "violated"),
+        # The digit of 0.05 rad leaves 0.083 rad/s over three seconds.
+        (0.09, 0.05, "cannot tell"),
+        (0.11, 0.05, "kept"),
+        # In full use, printed: more than 0.1 % above it is not let pass.
+        (0.1 / 1.0009, 1e-2, "kept"),
+        (0.1 / 1.0011, 1e-2, "cannot tell"),
+        (0.1 / 1.0009, 0.0, "violated"),
+    ):
+        found = ac.check(log, arm, ac.Limits(joint_velocity=limit), resolution={"q": digit})
+        assert found["joint_velocity"].verdict == found.verdict == verdict, (limit, digit)
+        assert found.violated is (verdict == "violated")
+        assert found["joint_velocity"].highest.ratio == pytest.approx(0.1 / limit)
+
+
+def test_the_worst_verdict_on_a_limit_is_that_on_all(arm: ac.Arm) -> None:
+    log = Log(np.arange(4.0), [[0.0, 0.9], [0.1, 0.9], [0.0, 0.9], [0.1, 0.9]])
+    coarse = {"q": 0.05}
+    kept = {"joint_velocity": 1.0}
+    unknown = {"joint_acceleration": 0.19}
+    broken = {"joint_upper": [0.05, 2.0]}
+    for limits, verdict in (
+        (kept, "kept"),
+        (kept | unknown, "cannot tell"),
+        (kept | unknown | broken, "violated"),
+        ({}, "kept"),
+        # Nothing in positions tells a torque.
+        ({"joint_torque": 1.0}, "cannot tell"),
+    ):
+        assert ac.check(log, arm, ac.Limits(**limits), resolution=coarse).verdict == verdict
+
+
+def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(
+    arm: ac.Arm,
+) -> None:
+    """Joint 1 jumps by a last digit; joint 2 slowly goes far, which is certain."""
+    t = np.arange(11) * 0.1
+    log = Log(t, np.column_stack([0.01 * (np.arange(11) % 2), 0.9 + 0.05 * t]))
+    found = ac.check(log, arm, ac.Limits(joint_velocity=0.08), resolution={"q": 0.01})
+    use = found["joint_velocity"]
+    assert (use.joint, use.highest.joint) == (2, 1)
+    assert use.certain == pytest.approx((0.05 - 0.01 / 0.8) / 0.08, rel=1e-3)
+    assert (use.highest.ratio, use.highest.value) == pytest.approx((0.1 / 0.08, 0.1))
+    assert use.verdict == "cannot tell"
+
+
+def test_what_is_no_number_decides_nothing_and_is_never_kept(arm: ac.Arm) -> None:
+    for value, verdict in (
+        ([0.5, np.nan, 0.1], "cannot tell"),
+        ([0.5, np.nan, 2.0], "violated"),
+        ([0.5, np.inf, 0.1], "violated"),
+        ([0.5, 0.4, 0.1], "kept"),
+    ):
+        tally = Tally(arm, ac.Limits(joint_velocity=1.0), None, None)
+        for part in (value[:2], value[2:]):
+            tally.offer("speed", np.arange(2.0), np.array(part), 1.0, np.zeros((2, 2)))
+        (use,) = tally.uses(1e-9)
+        assert use.verdict == verdict, value
+    tally = Tally(arm, ac.Limits(joint_velocity=1.0), None, None)
+    tally.offer("speed", np.zeros(1), np.array([np.inf]), 1.0, np.zeros((1, 2)), np.inf)
+    assert tally.uses(1e-9)[0].verdict == "cannot tell"
+
+
+def test_a_limit_of_any_size(arm: ac.Arm) -> None:
+    log = Log(np.arange(4.0), [[0.1 * i, 0.9] for i in range(4)])
+    for limit, verdict in ((5e-324, "violated"), (1e-310, "violated"), (1e308, "kept")):
+        limits = ac.Limits(joint_velocity=limit, joint_lower=-1e308, joint_upper=1e308)
+        assert ac.check(log, arm, limits)["joint_velocity"].verdict == verdict
+        assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
+
+
+def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm: ac.Arm) -> None:
+    """Along a line, then at a right angle to it: on which curve, nobody has seen."""
+    points = [(0.30 + 0.01 * min(i, 10), 0.20 + 0.01 * max(0, i - 10)) for i in range(21)]
+    log = Log(np.arange(21) * 0.1, arm.inverse(np.array(points)))
+    found = ac.check(log, arm, ac.Limits(centripetal_acceleration=0.5))
+    use = found["centripetal_acceleration"]
+    assert use.highest.value == pytest.approx(math.sqrt(2) * 0.1 / 0.1)
+    assert (use.highest.t, use.verdict) == (pytest.approx(1.0), "cannot tell")
+    wide = ac.check(log, arm, ac.Limits(centripetal_acceleration=2.0))
+    assert wide.verdict == "kept"
+
+
 GOOD: dict[str, Any] = {"t": [0.0, 0.1, 0.2], "q": [[0.3, 0.9], [0.31, 0.9], [0.32, 0.9]]}
 
 
@@ -326,6 +416,16 @@ GOOD: dict[str, Any] = {"t": [0.0, 0.1, 0.2], "q": [[0.3, 0.9], [0.31, 0.9], [0.
         ({"q": [[0.3], [0.3], [0.3]]}, ["2 columns, one per joint"], {}),
         ({"q": [["a", "b"]]}, ["q must be numbers in rad"], {}),
         ({"t": None}, ["must have times t"], {}),
+        ({"t": [0.0, 5e-324, 1e-323]}, ["at least 1 ns", "row 2", "row 1"], {"index": 1}),
+        ({"t": [0.0, 1.0, 1e300]}, ["t is 1e+300 s in row 3", "within 1e+10 s"], {"index": 2}),
+        ({"t": [1e9, 1e9 + 5e-7, 1e9 + 1]}, ["more than their own rounding", "row 2"], {}),
+        (
+            {"q": [[0.3, 0.9], [0.3, -1e308], [0.3, 0.9]]},
+            ["q of joint 2 is -1e+308 rad in row 2", "10000 rad"],
+            {"index": 1, "joint": 2},
+        ),
+        ({"dq": [[0.3, 0.9], [1e200, 0.9], [0.3, 0.1]]}, ["dq of joint 1", "1e+09 rad/s"], {}),
+        ({"ddq": [[0.3, 0.9], [1e13, 0.9], [0.3, 0.1]]}, ["ddq of joint 1", "1e+12 rad/s"], {}),
     ],
 )
 def test_what_is_no_trajectory_is_refused(

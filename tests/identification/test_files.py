@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -73,8 +74,44 @@ def test_refusals(refuses, text, words):
     refuses(lambda: parse_log(text, source="a.csv"), InvalidInput, "a.csv", *words)
 
 
+def test_columns_that_are_not_needed_may_hold_anything():
+    rows = "\n".join(f"{i},{i * 0.1},{i * 0.1},ready,,nan" for i in range(60))
+    assert len(parse_log("t,u1,q1,state,load,current\n" + rows).t) == 60
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([f"{i},1,1_0" for i in range(60)], ["line 2", "'1_0'", "'q1'"]),
+        ([f"{i},1," for i in range(60)], ["line 2", "''", "'q1'"]),
+        ([f"{i},1,{'1' * 140_000}" for i in range(2)], ["line 2", "'1111", "'q1'"]),
+        (["1,1,1"] * 60, ["times must increase", "sample 2"]),
+        ([f"{i}e-12,1,1" for i in range(60)], ["at least 1 ns", "sample 2"]),
+        ([f"{i}e300,1,1" for i in range(60)], ["sample 2", "within 1e+10 s"]),
+        ([f"{i},1,{i}e300" for i in range(60)], ["measured position of joint 1", "10000 rad"]),
+    ],
+)
+def test_hostile_numbers(refuses, rows, words):
+    text = "t,u1,q1\n" + "\n".join(rows)
+    refuses(lambda: parse_log(text, source="a.csv"), InvalidInput, "a.csv", *words)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"start": math.nan}, "first time to use must be a number"),
+        ({"end": math.nan}, "last time to use must be a number"),
+        ({"start": 1e308}, "no sample from 1e+308 s to inf s: its times go from 0 s to 59 s"),
+        ({"end": -5.0}, "no sample from -inf s to -5 s"),
+        ({"start": 3.0, "end": 2.0}, "no sample from 3 s to 2 s"),
+    ],
+)
+def test_parts_of_a_log_that_are_none(refuses, given, words):
+    refuses(lambda: parse_log("t,u1,q1" + ROWS, **given), InvalidInput, words)
+
+
 def test_a_file_that_is_not_there(refuses, tmp_path):
-    refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "Cannot read the log", "no.csv")
+    refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "There is no log", "no.csv")
 
 
 @pytest.fixture(scope="module")

@@ -260,3 +260,21 @@ def test_unknown_options(usual, refuses):
     refuses(lambda: identify(log, interpolation="cubic"), InvalidInput, "interpolation")
     refuses(lambda: identify(log, interpolation="linear"), InvalidInput, "leave one of them out")
     refuses(lambda: identify(log, longest_dead_time=0.0), InvalidInput, "above zero")
+
+
+@pytest.mark.parametrize("interval", [2e-9, 5e-7, 0.11, 1.0, 1e4])
+def test_samples_from_which_no_servo_can_be_told(usual, refuses, interval):
+    t, u, q = usual
+    log = Log(t=np.arange(len(t)) * interval, command=u, measured=q)
+    refuses(lambda: identify(log), InvalidInput, "a sample every", "1e-06 s to 0.1 s", "unit")
+
+
+@pytest.mark.parametrize("size", [5e-324, 1e-160, 1e-10, 1e-7, 2e3])
+def test_motions_of_any_size_end_without_a_warning(size):
+    """Below what an encoder can tell nothing is determined; a command that is no joint's is odd."""
+    t, u = _sine(seconds=0.4)
+    q = move(t, u, **TRUTH)
+    tiny = _one(t, u / np.abs(u).max() * size, q)
+    assert not tiny.kp.determined
+    if size < 1e-9:
+        assert not _one(t, u, q / np.abs(q).max() * size).kp.determined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -99,6 +100,21 @@ def test_resolution_is_that_of_the_printed_digits(texts: list[str], resolution: 
         ("t,q1\n0,1\n1,nan\n", "line 3: 'nan' in the column 'q1'"),
         ("t,q1\n0,1\n1,\n", "line 3: '' in the column 'q1'"),
         ("t,q1\n0,1\n# a\n0,2\n", "line 4: times must increase, but 0 does not come after 0"),
+        ("t,q1\n0,1\n1,1_0\n", "line 3: '1_0' in the column 'q1' is not a finite number"),
+        ("t,q1\n0,1\n\u0663,1\n", "line 3: '\u0663' in the column 't' is not a finite number"),
+        ("t,q1\n0,1\n1,Infinity\n", "line 3: 'Infinity' in the column 'q1'"),
+        ("t,q1\n0,1\n1,1e999\n", "line 3: '1e999' in the column 'q1'"),
+        ("t,q1\n0,1\n1,0x10\n", "line 3: '0x10' in the column 'q1'"),
+        (f"t,q1\n0,1\n1,{'1' * 140_000}\n", "line 3: '1111.*[.]{3}' in the column 'q1'"),
+        (f't,q1\n0,1\n1,"{"1" * 140_000}"\n', "line 3: .* in the column 'q1' is not a finite"),
+        ('t,q1\n0,"1\n1,2\n', "line 2: '\"1' in the column 'q1' is not a finite number"),
+        ("t,q1\n0,1\n1,1e308\n", "line 3: '1e308' in the column 'q1' is .* above 10000 rad"),
+        ("t,q1 [deg]\n0,1\n1,1e6\n", "line 3: '1e6' in the column 'q1 .deg.' is 1.75e.04 rad"),
+        ("t,q1,dq1\n0,1,-2e9\n", "line 2: '-2e9' in the column 'dq1'.*1e.09 rad/s"),
+        ("t,q1,ddq1\n0,1,2e12\n", "line 2: '2e12' in the column 'ddq1'.*1e.12 rad/s"),
+        ("t,q1\n0,1\n5e-324,1\n1e-323,1\n", "line 3: .*at least 1 ns.*5e-324 comes only"),
+        ("t,q1\n0,1\n1e300,1\n", "line 3: '1e300' in the column 't' is .*within 1e.10 s"),
+        ("t,q1\n1e9,1\n1000000000.0000005,1\n", "line 3: .*by more than their own rounding"),
     ],
 )
 def test_anything_else_is_refused_with_its_line(text: str, words: str) -> None:
@@ -109,11 +125,35 @@ def test_anything_else_is_refused_with_its_line(text: str, words: str) -> None:
 
 
 def test_a_file_that_is_not_there_or_no_text(tmp_path: FilePath) -> None:
-    with pytest.raises(InvalidInput, match="Cannot read the trajectory file .*No such file"):
+    with pytest.raises(InvalidInput, match="There is no trajectory file .*none.csv"):
         read_trajectory(tmp_path / "none.csv")
+    os.mkfifo(tmp_path / "pipe.csv")
+    for place in (tmp_path / "pipe.csv", "/dev/zero"):
+        with pytest.raises(InvalidInput, match="is not a regular file"):
+            read_trajectory(place)
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InvalidInput, match="not UTF-8"):
         read_trajectory(tmp_path / "binary.csv")
+
+
+def test_usual_steps_and_large_times_are_read() -> None:
+    """Nanoseconds with nine decimals, milliseconds since 1970, and quotes around every cell."""
+    fast = parse_trajectory("t,q1\n1.000000001,1\n1.000000002,1\n1.000000003,1\n")
+    np.testing.assert_allclose(np.diff(fast.t), 1e-9, rtol=1e-6)
+    late = parse_trajectory("t [ms],q1\n1700000000001,1\n1700000000002,1\n")
+    np.testing.assert_allclose(np.diff(late.t), 1e-3, rtol=1e-3)
+    quoted = parse_trajectory('"t","q1, [deg]"\n"0","1"\n"1","2"\n'.replace(", [deg]", " [deg]"))
+    np.testing.assert_allclose(np.rad2deg(quoted.q[:, 0]), [1, 2])
+
+
+def test_a_bad_number_is_found_after_many_good_lines() -> None:
+    """Lines are converted by the thousand; the message still names the one."""
+    lines = ["t,q1,q2", *(f"{i},0.5,0.25" for i in range(40_000))]
+    assert len(parse_trajectory("\n".join(lines)).t) == 40_000
+    lines[30_001] = "30000,0.5,0_5"
+    with pytest.raises(InvalidInput, match="line 30002: '0_5' in the column 'q2'") as caught:
+        parse_trajectory("\n".join(lines))
+    assert caught.value.index == 30_000
 
 
 def test_a_trajectory_survives_its_file(tmp_path: FilePath, mac: ac.Trajectory) -> None:
@@ -154,11 +194,15 @@ def test_limits_with_units(tmp_path: FilePath, arm: ac.Arm) -> None:
         ("speed: -1", "speed: must be above zero"),
         ("deviation: 1 s", "deviation: must be a quantity in m"),
         ("joint_velocity: [1, 2, 3]", "3 values.*2 joints"),
+        ("joint_lower: [-1, -1]\njoint_upper: [1, 1, 1]", "joint_lower has 2 values.*3"),
+        ("joint_acceleration: .nan", "joint_acceleration: must be finite"),
+        ("speed: .inf", "speed: must be finite"),
+        ("speed: 0", "speed: must be above zero"),
     ],
 )
 def test_limits_that_are_none(tmp_path: FilePath, arm: ac.Arm, text: str, words: str) -> None:
     (tmp_path / "limits.yaml").write_text(text)
     with pytest.raises(InvalidInput, match=words):
         read_limits(tmp_path / "limits.yaml", arm)
-    with pytest.raises(InvalidInput, match="Cannot read the limits file"):
+    with pytest.raises(InvalidInput, match="There is no limits file"):
         read_limits(tmp_path / "none.yaml", arm)

@@ -96,6 +96,11 @@ class Limits:
         for name in JOINT_RANGE:
             self._check_range(name)
         if self.joint_lower is not None and self.joint_upper is not None:
+            if len({x.size for x in (self.joint_lower, self.joint_upper)} - {1}) > 1:
+                raise InvalidInput(
+                    f"joint_lower has {self.joint_lower.size} values, but joint_upper "
+                    f"{self.joint_upper.size}: give one for all joints or one per joint."
+                )
             empty = np.atleast_1d(self.joint_lower >= self.joint_upper)
             if empty.any():
                 j = int(np.argmax(empty))

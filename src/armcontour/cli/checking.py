@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
+from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
-    from armcontour.evaluation import Check, LimitUse
+    from armcontour.evaluation import Check
+    from armcontour.evaluation.tally import Occurrence
     from armcontour.study import Job, Run
 
-# Columns of text where the output goes to a file or another program.
-WIDTH = 120
+HEADINGS = (
+    *("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"),
+    "verdict",
+)
+# Larger ratios are printed with an exponent.
+MOST_PLAIN = 1e6
+# Exit code of every verdict; no error has the code 7.
+EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 UNITS = {
     **JOINT_LIMITS,
     **dict.fromkeys(JOINT_RANGE, "rad"),
@@ -37,8 +45,8 @@ def check_file(
     joint_limits: FilePath | None = None,
     as_json: bool = False,
     trust_xacro: bool = False,
-) -> bool:
-    """Check a trajectory file, print what was found, and say whether every limit is kept.
+) -> int:
+    """Check a trajectory file, print what was found, and return the exit code of its verdict.
 
     Args:
         trajectory: CSV file.
@@ -88,6 +96,11 @@ def check_file(
             f"{limits_file} limits the deviation from a path: name its job with --path."
         )
     samples = read_trajectory(trajectory, arm.joint_names)
+    if samples.q.shape[1] != arm.dof:
+        raise InvalidInput(
+            f"{samples.source} has positions of {samples.q.shape[1]} joints, but the arm "
+            f"{arm.name} has {arm.dof}: give all of them, or the arm of the file with --arm."
+        )
     found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=turned)
     if not found.uses and found.path_deviation is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
@@ -95,7 +108,7 @@ def check_file(
         print(json.dumps(_plain(found), indent=2, allow_nan=False))
     else:
         _print(found)
-    return not found.violated
+    return EXIT_CODES[found.verdict]
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
@@ -130,25 +143,19 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
 
 
 def _plain(found: Check) -> dict[str, Any]:
-    def known(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
     return {
-        "kept": not found.violated,
+        "kept": {"kept": True, "violated": False}.get(found.verdict),
+        "verdict": found.verdict,
         "worst": None if found.worst is None else found.worst.name,
         "limits": [
-            {
-                # A joint may have a range that is open.
-                **{k: known(v) if isinstance(v, float) else v for k, v in asdict(x).items()},
-                "verdict": _verdict(x, found.tolerance),
-            }
+            {"name": x.name, **_known(x), "highest": _known(x.highest), "verdict": x.verdict}
             for x in found.uses
         ],
         "not_judged": list(found.not_judged),
         "path_deviation": None if found.path_deviation is None else asdict(found.path_deviation),
         "start": found.start,
         "end": found.end,
-        "end_speeds": [known(x) for x in found.end_speeds],
+        "end_speeds": [x if math.isfinite(x) else None for x in found.end_speeds],
         "states": found.states,
         "tolerance": found.tolerance,
         "rounding": dict(found.rounding),
@@ -156,39 +163,45 @@ def _plain(found: Check) -> dict[str, Any]:
     }
 
 
-def _verdict(use: LimitUse, tolerance: float) -> str:
-    """In a word: above a limit by less than the printed digits tell is neither."""
-    if use.certain > 1 + tolerance:
-        return "violated"
-    return "kept" if use.ratio <= 1 + tolerance else "cannot tell"
+def _known(x: Occurrence) -> dict[str, float | int | None]:
+    """How far a limit is used at one time; what is infinite, such as an open range, is null."""
+    from armcontour.evaluation.tally import Occurrence
+
+    values = {y.name: getattr(x, y.name) for y in fields(Occurrence)}
+    return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
+
+
+def _cells(name: str, x: Occurrence) -> tuple[str, ...]:
+    unit = UNITS.get(name, "")
+    return (
+        f"{x.ratio:.6f}" if x.ratio < MOST_PLAIN else f"{x.ratio:.6g}",
+        f"{x.slack:.1g}",
+        f"{x.value:.6g} {unit}",
+        f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
+        f"{x.t:.6g}",
+        "" if x.joint is None else str(x.joint),
+    )
 
 
 def _print(found: Check) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table()
-    for name in ("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"):
-        table.add_column(escape(name), justify="left" if name == "limit" else "right")
-    table.add_column("verdict")
+    rows = []
     for x in found.uses:
-        unit = UNITS.get(x.name, "")
-        table.add_row(
-            x.name.replace("_", " "),
-            f"{x.ratio:.6f}",
-            f"{x.slack:.1g}",
-            f"{x.value:.6g} {unit}",
-            f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
-            f"{x.t:.6g}",
-            "" if x.joint is None else str(x.joint),
-            _verdict(x, found.tolerance),
-        )
+        rows.append((x.name.replace("_", " "), *_cells(x.name, x), x.verdict))
+        certain, highest = _cells(x.name, x), _cells(x.name, x.highest)
+        if certain[0] != highest[0]:
+            rows.append(("  as the numbers stand", *highest, ""))
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
+    console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1))
     lines = [found.reconstruction]
+    open_ones = [x for x in found.uses if x.verdict == "cannot tell"]
+    if open_ones:
+        names = ", ".join(x.name.replace("_", " ") for x in open_ones)
+        lines.insert(
+            0,
+            f"Cannot tell of: {names}. As the numbers stand the limit is exceeded, but their "
+            "rounding, or a turn between two samples, may have made that: print more digits, add "
+            "columns of velocities and accelerations, or sample more often.",
+        )
     if found.path_deviation is not None:
         far = found.path_deviation
         lines.append(
@@ -199,4 +212,4 @@ def _print(found: Check) -> None:
         names = ", ".join(found.not_judged)
         lines.append(f"Not judged, for no limit is given or these samples do not tell: {names}.")
     for line in lines:
-        console.print(line, soft_wrap=True, highlight=False)
+        console.say(line)

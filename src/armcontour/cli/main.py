@@ -193,10 +193,14 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
     trust_xacro: TrustXacro = False,
 ) -> None:
-    """Judge any joint trajectory against limits; exit code 1 if one is violated."""
+    """Judge any joint trajectory against limits.
+
+    Exit codes: 0 every limit is kept, 1 one is violated, 7 the samples cannot tell, 2 an input
+    cannot be used.
+    """
     from armcontour.cli.checking import check_file
 
-    kept = check_file(
+    code = check_file(
         trajectory,
         arm,
         limits,
@@ -208,7 +212,7 @@ def check(
         as_json=as_json,
         trust_xacro=trust_xacro,
     )
-    raise typer.Exit(0 if kept else 1)
+    raise typer.Exit(code)
 
 
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]

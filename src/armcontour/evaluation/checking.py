@@ -14,12 +14,28 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._sampling import (
+    LARGEST,
+    LATEST,
+    describe_short_step,
+    find_far_time,
+    find_large,
+    find_short_step,
+)
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_samples import Log, judge_samples
-from armcontour.evaluation.tally import LimitUse, Tally
+from armcontour.evaluation.tally import (
+    CANNOT_TELL,
+    KEPT,
+    VERDICTS,
+    VIOLATED,
+    LimitUse,
+    Tally,
+    merge_uses,
+)
 from armcontour.geometry import Path
 
 # A computed number is trusted to this many units in its last binary place, and no further.
@@ -86,12 +102,23 @@ class Check:
     @property
     def violations(self) -> tuple[LimitUse, ...]:
         """The limits that are certainly exceeded."""
-        return tuple(x for x in self.uses if x.certain > 1 + self.tolerance)
+        return tuple(x for x in self.uses if x.verdict == VIOLATED)
 
     @property
     def violated(self) -> bool:
         """Whether any limit is certainly exceeded."""
-        return bool(self.violations)
+        return self.verdict == VIOLATED
+
+    @property
+    def verdict(self) -> str:
+        """On all limits that are judged: "violated", "cannot tell" or "kept".
+
+        "violated" if any of them is; else "cannot tell" if that is said of any, or if limits were
+        given and none could be judged; else "kept". See `LimitUse` for one limit.
+        """
+        if not self.uses:
+            return CANNOT_TELL if self.not_judged else KEPT
+        return max((x.verdict for x in self.uses), key=VERDICTS.index)
 
     def __getitem__(self, name: str) -> LimitUse:
         """The use of one limit, by its name."""
@@ -124,6 +151,11 @@ def check(
     between all breaks. Of samples, what they say themselves is judged, and between them what every
     motion through them must have: a violation that is reported is real, up to the rounding that is
     allowed for, and a peak between samples may be higher than what is reported.
+
+    "violated" means that every motion through the samples exceeds the limit, wherever in their
+    printed digits the true numbers lie. "kept" means that the motion as it is written keeps it: the
+    samples as they stand, and between neighbouring samples the means. An excess that rounding
+    explains and that is below 0.1 % of the limit does not count. Else the verdict is "cannot tell".
 
     Args:
         samples: Anything with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
@@ -164,7 +196,7 @@ def check(
         looked_at = _of_law(samples, tally, points, seed, step)
     else:
         looked_at = _of_log(_log(samples, dof, resolution), tally)
-    uses = tally.uses()
+    uses = tally.uses(tolerance)
     return Check(
         uses=uses,
         not_judged=_not_judged(bounds, path, {use.name for use in uses}),
@@ -187,9 +219,10 @@ def _of_program(law: Any, arm: Arm, limits: Limits | None, **options: Any) -> Ch
         found = check(span.trajectory, arm, tool, **options)
         left |= dict.fromkeys(found.not_judged)
         for use in found.uses:
+            highest = replace(use.highest, t=span.t[0] + use.highest.t)
+            placed = replace(use, t=span.t[0] + use.t, highest=highest)
             known = uses.get(use.name)
-            if known is None or use.certain > known.certain:
-                uses[use.name] = replace(use, t=span.t[0] + use.t)
+            uses[use.name] = placed if known is None else merge_uses(known, placed)
     return replace(whole, uses=tuple(uses.values()), not_judged=tuple(left))
 
 
@@ -296,15 +329,7 @@ def _log(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None)
             f"A trajectory {'with' if least == 2 else 'without'} velocities needs at least {least} "
             f"samples, but has {len(times)}."
         )
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        row = int(late[0]) + 1
-        raise InvalidInput(
-            f"Times must increase, but row {row + 1} ({times[row]:.9g} s) does not come after "
-            f"row {row} ({times[row - 1]:.9g} s).",
-            index=row,
-            t=float(times[row]),
-        )
+    _refuse_values(times, columns)
     digits: Mapping[str, npt.ArrayLike] = (
         (getattr(samples, "resolution", None) or {}) if resolution is None else resolution
     )
@@ -329,6 +354,33 @@ def _log(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None)
         t_error=t_error,
         clock=clock,
     )
+
+
+def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
+    """Refuse times and joint values that no sampled motion has; names the row, from 1."""
+    row = find_far_time(t)
+    if row is not None:
+        raise InvalidInput(
+            f"t is {t[row]:.3g} s in row {row + 1}: times must stay within {LATEST:g} s.",
+            index=row,
+            t=float(t[row]),
+        )
+    row = find_short_step(t)
+    if row is not None:
+        before, after = (f"row {i + 1} ({t[i]:.9g} s)" for i in (row - 1, row))
+        said = describe_short_step(before, after, float(t[row] - t[row - 1]))
+        raise InvalidInput(f"{said[0].upper()}{said[1:]}.", index=row, t=float(t[row]))
+    for name, values in columns.items():
+        found = find_large(name, values)
+        if found is not None:
+            row, j = found
+            raise InvalidInput(
+                f"{name} of joint {j + 1} is {values[row, j]:.3g} {UNITS[name]} in row {row + 1}, "
+                f"but no joint has more than {LARGEST[name]:g} {UNITS[name]}: mend the number.",
+                index=row,
+                joint=j + 1,
+                t=float(t[row]),
+            )
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:

@@ -126,6 +126,7 @@ def judge_samples(log: Log, tally: Tally) -> None:
         velocity, velocity_error = tally.tool_velocity(states)
     width = 1
     while width < len(log.t):
+        tally.narrow = width == 1
         slack = max(
             _velocities(log, tally, tool, tool_error, width),
             0.0 if turning is None else turning.offer(log, tally, width),
@@ -136,6 +137,7 @@ def judge_samples(log: Log, tally: Tally) -> None:
         if slack <= NEGLIGIBLE:
             break
         width *= 2
+    tally.narrow = True
     if tally.path is not None:
         tally.pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
@@ -248,6 +250,10 @@ def _tool_acceleration(
     total = error + turned * along
     # Rounding alone decides whether wider windows can tell more.
     tally.centripetal(t, before + after, x.mean, q, total, moving)
+    # Where the tool moves and turns by more, any part of its acceleration may be normal to it.
+    sharp = ~moving & (slowest > SLOWEST + velocity_error)
+    limit = limits.centripetal_acceleration
+    tally.offer("centripetal_acceleration", t[sharp], size[sharp], limit, q[sharp], size[sharp])
     return max(slack, float(error.max()) / limits.centripetal_acceleration if len(error) else 0.0)
 
 

@@ -1,9 +1,9 @@
-"""What a check found: for every limit, the place where it is used most."""
+"""What a check found: for every limit, where it is used most, and the verdict on it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,17 +21,20 @@ STILL = 1e-6
 # A range with one end only is taken to have its middle this far from it [rad].
 ONE_SIDED = np.pi
 
+VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
+# A limit counts as kept if rounding alone may have made the excess, and the excess is below this
+# part of the limit: a plan that uses a limit in full exceeds it, once printed, by a last digit.
+UNSEEN = 1e-3
+
 # A quantity of the motion, from q, dq and ddq as far as it takes them.
 Quantity = Callable[..., FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LimitUse:
-    """How far one limit is used, at the place where it is certainly used most.
+class Occurrence:
+    """How far a limit is used at one time.
 
     Args:
-        name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation",
-            "position_step" or "velocity_step".
         ratio: value / limit; for joint_lower and joint_upper both counted from the middle of the
             joint's range.
         value: Amount [unit of the limit].
@@ -40,9 +43,9 @@ class LimitUse:
         joint: Joint number from 1; None for a limit of the tool.
         s: Nearest place on the path [m], if a path was given.
         slack: The part of `ratio` that rounding may have made.
+        certain: The ratio that is left when rounding is given the benefit of the doubt.
     """
 
-    name: str
     ratio: float
     value: float
     limit: float
@@ -50,11 +53,43 @@ class LimitUse:
     joint: int | None
     s: float | None
     slack: float
+    certain: float
 
-    @property
-    def certain(self) -> float:
-        """The ratio that is left when rounding is given the benefit of the doubt."""
-        return self.ratio - self.slack
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitUse(Occurrence):
+    """How far one limit is used, at the time where it is certainly used most.
+
+    Args:
+        name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation",
+            "position_step" or "velocity_step".
+        highest: Where the ratio of the numbers as they stand is largest, in the narrowest windows;
+            rounding may have made it.
+        verdict: "violated": every motion through the samples, as far as their digits tell, exceeds
+            the limit. "kept": the motion as it is written keeps it everywhere. "cannot tell":
+            neither.
+    """
+
+    name: str
+    highest: Occurrence
+    verdict: str
+
+
+def judge_use(certain: float, highest: float, tolerance: float) -> str:
+    """The verdict on a limit, from its largest certain ratio and its largest ratio."""
+    if certain > 1 + tolerance:
+        return VIOLATED
+    return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
+
+
+def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
+    """The use of a limit by two motions, from its uses by each."""
+    use = max(first, second, key=lambda x: x.certain)
+    return replace(
+        use,
+        highest=max(first.highest, second.highest, key=lambda x: x.ratio),
+        verdict=max(first.verdict, second.verdict, key=VERDICTS.index),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,9 +130,12 @@ class Tally:
     ):
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
-        self.found: dict[str, LimitUse] = {}
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
-        self._q: dict[str, FloatArray] = {}
+        # Whether what is offered counts as it stands. Means over wider windows say more of what is
+        # certain, but as they stand they are never above those over the windows in them.
+        self.narrow = True
+        self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
+        self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
     def offer(
         self,
@@ -109,7 +147,9 @@ class Tally:
         error: npt.ArrayLike = 0.0,
         zero: FloatArray | float = 0.0,
     ) -> float:
-        """Remember the place where a limit is certainly used most; returns the largest slack.
+        """Remember where a limit is used most, certainly and as it stands; returns largest slack.
+
+        NaN counts as a ratio without bound, of which nothing is certain.
 
         Args:
             name: The limit.
@@ -123,22 +163,36 @@ class Tally:
         if not value.size:
             return 0.0
         allowed = np.broadcast_to(np.asarray(limit, dtype=np.float64), value.shape)
-        room = allowed - zero
-        ratio = (value - zero) / room
-        slack = np.broadcast_to(np.asarray(error, dtype=np.float64), value.shape) / np.abs(room)
-        at = np.unravel_index(int(np.argmax(ratio - slack)), value.shape)
-        use = LimitUse(
-            name=name,
-            ratio=float(ratio[at]),
-            value=float(value[at]),
-            limit=float(allowed[at]),
-            t=float(t[at[0]]),
-            joint=int(at[1]) + 1 if value.ndim == 2 else None,
-            s=None,
-            slack=float(slack[at]),
-        )
-        if name not in self.found or use.certain > self.found[name].certain:
-            self.found[name], self._q[name] = use, q[at[0]]
+        off = np.broadcast_to(np.asarray(error, dtype=np.float64), value.shape)
+        # A limit may be so small that a ratio to it is beyond all floats.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            room = np.abs(allowed - zero)
+            used = np.where(allowed < zero, zero - value, value - zero)
+            ratio = _without_nan(used / room, np.inf)
+            slack = _without_nan(off / room, np.inf)
+            certain = _without_nan((used - off) / room, -np.inf)
+
+        def occurrence(i: int) -> tuple[Occurrence, FloatArray]:
+            at = np.unravel_index(i, value.shape)
+            found = Occurrence(
+                ratio=float(ratio[at]),
+                value=float(value[at]),
+                limit=float(allowed[at]),
+                t=float(t[at[0]]),
+                joint=int(at[1]) + 1 if value.ndim == 2 else None,
+                s=None,
+                slack=float(slack[at]),
+                certain=float(certain[at]),
+            )
+            return found, q[at[0]]
+
+        i = int(np.argmax(certain))
+        if name not in self._certain or certain.flat[i] > self._certain[name][0].certain:
+            self._certain[name] = occurrence(i)
+        i = int(np.argmax(ratio))
+        known = self._highest.get(name)
+        if known is None or (self.narrow and ratio.flat[i] > known[0].ratio):
+            self._highest[name] = occurrence(i)
         return float(slack.max())
 
     def joint_acceleration(
@@ -159,7 +213,7 @@ class Tally:
         """Offer joint positions to both ends of their ranges."""
         lower, upper = self.limits.joint_range(self.arm.dof)
         both = np.isfinite(lower) & np.isfinite(upper)
-        half = np.where(both, np.where(both, upper - lower, 0.0) / 2, ONE_SIDED)
+        half = np.where(both, np.where(both, upper / 2 - lower / 2, 0.0), ONE_SIDED)
         for name, end, middle in (
             ("joint_lower", lower, lower + half),
             ("joint_upper", upper, upper - half),
@@ -191,8 +245,10 @@ class Tally:
         # Where a joint may stand, dry friction is whatever helps most.
         helping = -np.clip(torque, -coulomb, coulomb)
         still = np.abs(x.dq) <= STILL + x.errors[1]
-        torque += np.where(still, helping, coulomb * np.sign(x.dq))
-        self.offer("joint_torque", x.t, np.abs(torque), limit, x.q, error)
+        least = np.abs(torque + np.where(still, helping, coulomb * np.sign(x.dq)))
+        stands = np.abs(x.dq) <= STILL
+        value = np.abs(torque + np.where(stands, helping, coulomb * np.sign(x.dq)))
+        self.offer("joint_torque", x.t, value, limit, x.q, error + np.maximum(value - least, 0.0))
 
     def turning(self, x: States) -> None:
         """Offer angular velocity and acceleration of the tool, where it has an orientation."""
@@ -281,7 +337,7 @@ class Tally:
             return
         points, off = self.tool(q, error)
         nearest = self.path.project(points)
-        worst = int(np.argmax(nearest.distance))
+        worst = int(np.argmax(_without_nan(nearest.distance, np.inf)))
         if nearest.distance[worst] >= self.farthest["distance"]:
             self.farthest = {
                 "distance": float(nearest.distance[worst]),
@@ -301,13 +357,22 @@ class Tally:
         slack = float(error.sum()) + rate * off
         self.offer("orientation_deviation", t, angle, allowed, q, slack)
 
-    def uses(self) -> tuple[LimitUse, ...]:
-        """The uses, each with its place on the path."""
-        if self.path is None or not self.found:
-            return tuple(self.found.values())
-        s = self.path.project(self.arm.forward(np.array([self._q[x] for x in self.found]))).s
+    def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
+        """The uses, each with its place on the path and the verdict on it."""
+        found = [*self._certain.values(), *self._highest.values()]
+        uses = [x for x, _ in found]
+        if self.path is not None and found:
+            s = self.path.project(self.arm.forward(np.array([q for _, q in found]))).s
+            uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
+        certain, highest = uses[: len(self._certain)], uses[len(self._certain) :]
         return tuple(
-            replace(use, s=float(at)) for use, at in zip(self.found.values(), s, strict=True)
+            LimitUse(
+                name=name,
+                highest=most,
+                verdict=judge_use(x.certain, most.ratio, tolerance),
+                **{y.name: getattr(x, y.name) for y in fields(x)},
+            )
+            for name, x, most in zip(self._certain, certain, highest, strict=True)
         )
 
     def _spread(self, x: States, function: Quantity, value: FloatArray, order: int) -> FloatArray:
@@ -315,7 +380,9 @@ class Tally:
         total = np.zeros(len(value))
         for change in _changes(x, function, value, order):
             total += np.linalg.norm(change, axis=1)
-        return total
+        # What the errors of two joints do together is less than the one's part times the other's
+        # angle.
+        return np.asarray(total * (1 + x.errors[0].sum()))
 
 
 def judges_torque(arm: Arm) -> bool:
@@ -335,6 +402,10 @@ def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> It
             moved[k] = columns[k].copy()
             moved[k][:, joint] += x.errors[k][joint]
             yield function(*moved) - value
+
+
+def _without_nan(values: FloatArray, instead: float) -> FloatArray:
+    return np.where(np.isnan(values), instead, values)
 
 
 def _angular(twist: Quantity) -> Quantity:

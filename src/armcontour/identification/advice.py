@@ -19,6 +19,8 @@ HIGHEST = (5.0, 10.0, 25.0, 50.0)
 SHARE = 0.85
 # A motion is worth telling if it determines the parameter this much better than needed.
 RESERVE = 2.0
+# A motion with less acceleration than this [rad/s²] is not worth telling: no encoder shows it.
+LEAST_DEMAND = 1e-6
 # Samples of a motion are at most so many.
 MOST_SAMPLES = 20_000
 
@@ -40,7 +42,7 @@ def better_motion(data: Data, state: State, name: str, noise: float, allowed: fl
     state = replace(state, limit=math.inf, start="rest", first=0, q0=0.0, dq0=0.0)
     sentence, least = "", math.inf
     for highest in HIGHEST:
-        if highest > 0.2 / interval or top <= 0:
+        if highest > 0.2 / interval or top <= LEAST_DEMAND:
             break
         trial, scale = multisine(data, state, interval, highest, top)
         sd = _bound(trial, state, name, noise)

@@ -21,15 +21,17 @@ DETERMINED = 0.10
 DETERMINED_DELAY = 0.5e-3
 # Less motion than this, in standard deviations of the noise, is none.
 STILL = 1.5
+# Nor is this [rad]: an encoder of 32 bits has steps of 1.5e-9 rad.
+LEAST_MOTION = 1e-9
 
 
 def why_still(data: Data) -> str:
     """Why nothing can be said of a joint that does not move; empty if it does."""
     noise = noise_of(data.y)
-    if np.std(data.y) > STILL * noise and np.ptp(data.y) > 0:
+    if np.std(data.y) > STILL * noise and np.ptp(data.y) > LEAST_MOTION:
         return ""
     told = float(np.ptp(data.u))
-    if told <= 6 * noise or told == 0:
+    if told <= max(6 * noise, LEAST_MOTION):
         return f"The joint is not told to move: its commands stay within {told:.2g} rad."
     return (
         f"The joint does not move, though its commands go over {told:.3g} rad: is its brake "

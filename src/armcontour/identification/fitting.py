@@ -306,7 +306,9 @@ def covariance(found: Fit, *, white: bool) -> FloatArray:
     else:
         middle = inverse @ _long_run(unit * found.residuals, found.residuals) @ inverse
     middle[lost, lost] = math.inf
-    return np.asarray(middle / np.outer(scale, scale))
+    # A variance beyond all floats is infinite: the log tells nothing of that parameter.
+    with np.errstate(over="ignore"):
+        return np.asarray(middle / np.outer(scale, scale))
 
 
 def _inverse(normal: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -17,6 +17,9 @@ MODELS = ("auto", "second", "first")
 # a dead time of zero is not cut off on one side.
 LONGEST_DELAY = 0.25
 BELOW_ZERO = 10e-3
+# Times between samples [s] from which a servo can be told. Faster than 1 MHz no controller samples.
+# Slower than 10 Hz, all that the gains decide happens between two samples.
+INTERVALS = (1e-6, 0.1)
 
 
 def identify(
@@ -41,8 +44,8 @@ def identify(
         longest_dead_time: Dead times are looked for up to this [s].
 
     Raises:
-        InvalidInput: An unknown option, or a log in which command and measurement cannot belong
-            together.
+        InvalidInput: An unknown option, samples too far apart, or a log in which command and
+            measurement cannot belong together.
     """
     _checks.choice("model", model, MODELS)
     if interpolation is not None:
@@ -54,6 +57,7 @@ def identify(
             )
     between = interpolation or log.interpolation or "linear"
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
+    _refuse_interval(log)
     duration = float(log.t[-1] - log.t[0])
     delays = (-min(BELOW_ZERO, duration / 50), min(longest, duration / 4))
     joints = []
@@ -67,6 +71,19 @@ def identify(
         )
         joints.append(_joint(data, log, j, model))
     return Identification(log=log, interpolation=between, joints=tuple(joints))
+
+
+def _refuse_interval(log: Log) -> None:
+    low, high = INTERVALS
+    # Times are rounded.
+    if not low * (1 - 1e-6) <= log.interval <= high * (1 + 1e-6):
+        raise InvalidInput(
+            f"{log.source} has a sample every {log.interval:.3g} s, but a servo can be told only "
+            f"from samples every {low:g} s to {high:g} s: record at another rate, or give the "
+            "column of times its unit, such as t [ms].",
+            needed=log.interval,
+            allowed=high if log.interval > high else low,
+        )
 
 
 def _joint(data: Data, log: Log, j: int, model: str) -> JointIdentification:

@@ -10,6 +10,14 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._sampling import (
+    LARGEST,
+    LATEST,
+    describe_short_step,
+    find_far_time,
+    find_large,
+    find_short_step,
+)
 from armcontour.errors import InvalidInput
 
 # What is known of a command between two samples of a log: not more.
@@ -80,6 +88,8 @@ class Log:
             object.__setattr__(self, name, _checks.locked(values))
         object.__setattr__(self, "joint_names", names)
         self._check_times()
+        for name in arrays:
+            self._check_size(name)
         for j in range(dof):
             for name in arrays:
                 self._check_turns(name, j)
@@ -102,12 +112,20 @@ class Log:
         )  # fmt: skip
 
     def _check_times(self) -> None:
-        steps = np.diff(self.t)
-        if (steps <= 0).any():
-            i = int(np.argmax(steps <= 0)) + 1
+        i = find_far_time(self.t)
+        if i is not None:
             raise InvalidInput(
-                f"{self.source}: times must increase, but sample {i + 1} at {self.t[i]:g} s does "
-                f"not come after {self.t[i - 1]:g} s.",
+                f"{self.source}: sample {i + 1} is at t = {self.t[i]:.3g} s, but times must stay "
+                f"within {LATEST:g} s: give the column its unit, such as t [ms].",
+                index=i,
+                t=float(self.t[i]),
+            )
+        steps = np.diff(self.t)
+        i = find_short_step(self.t)
+        if i is not None:
+            before, after = (f"sample {k + 1} at {self.t[k]:.9g} s" for k in (i - 1, i))
+            raise InvalidInput(
+                f"{self.source}: {describe_short_step(before, after, float(steps[i - 1]))}.",
                 index=i,
                 t=float(self.t[i]),
             )
@@ -121,6 +139,20 @@ class Log:
                 t=float(self.t[i]),
                 needed=float(steps[i]),
                 allowed=GAP * self.interval,
+            )
+
+    def _check_size(self, name: str) -> None:
+        found = find_large("q", getattr(self, name))
+        if found is not None:
+            i, j = found
+            raise InvalidInput(
+                f"{self.source}: the {name} position of {self.joint_names[j]} is "
+                f"{getattr(self, name)[i, j]:.3g} rad at t = {self.t[i]:g} s, but no joint "
+                f"position is above {LARGEST['q']:g} rad: mend the number, or give the column its "
+                "unit.",
+                index=i,
+                t=float(self.t[i]),
+                joint=j + 1,
             )
 
     def _check_turns(self, name: str, j: int) -> None:
@@ -167,9 +199,18 @@ def cut(
     Raises:
         InvalidInput: As `Log` does.
     """
+    for name, value in (("first", start), ("last", end)):
+        if math.isnan(value):
+            raise InvalidInput(f"The {name} time to use must be a number of seconds, not nan.")
     used = (np.asarray(t) >= start) & (np.asarray(t) <= end)
+    if len(t) and not used.any():
+        raise InvalidInput(
+            f"{source} has no sample from {start:g} s to {end:g} s: its times go from "
+            f"{np.min(t):g} s to {np.max(t):g} s."
+        )
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]
-    if unwrap:
+    # Jumps of numbers that no joint has are refused below, not undone.
+    if unwrap and all(find_large("q", x) is None for x in (command, measured)):
         command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)
         # Both start in the same turn.
         measured = measured + 2 * math.pi * np.round((command[0] - measured[0]) / (2 * math.pi))

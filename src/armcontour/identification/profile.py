@@ -20,6 +20,8 @@ LOWER = 0.9
 TRIES = 12
 # Strides of K_v on the way there.
 STRIDE = 2.0
+# Larger exponents are beyond all floats.
+LARGEST_EXPONENT = 700.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,12 +46,17 @@ class Profile:
         What K_v leaves open and what would be open if it were known add in squares, as they do
         where the likelihood is a Gaussian.
         """
-        forth, back = (math.log, math.exp) if name == "kp" else (float, float)
+        forth, back = (math.log, _exp) if name == "kp" else (float, float)
         value, *ends = (forth(getattr(x.state, name)) for x in (self.best, self.slow, self.fast))
         k = self.best.state.free.index(name)
         own = quantile * math.sqrt(max(covariance(self.best, white=white)[k, k], 0.0))
         below, above = max(value - min(ends), 0.0), max(max(ends) - value, 0.0)
         return back(value - math.hypot(below, own)), back(value + math.hypot(above, own))
+
+
+def _exp(x: float) -> float:
+    """The exponential, infinite where it is beyond all floats: the log tells nothing."""
+    return math.exp(x) if x < LARGEST_EXPONENT else math.inf
 
 
 def with_kv(data: Data, found: Fit, kv: float) -> Fit:

@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 
 from pydantic import ValidationError
 
+from armcontour._files import read_text
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
@@ -33,11 +34,7 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
         InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
     """
     place = FilePath(file)
-    try:
-        text = place.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InvalidInput(f"Cannot read the limits file {place}: {reason}.") from None
+    text = read_text(place, "limits file")
     data = load(text, place.name)
     if not isinstance(data, dict):
         raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")

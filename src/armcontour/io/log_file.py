@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Sequence
@@ -11,9 +10,10 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from armcontour._files import LARGE, read_text
 from armcontour.errors import InvalidInput
 from armcontour.identification import INTERPOLATIONS, Log, cut
-from armcontour.io.trajectory_file import _values
+from armcontour.io.number_table import read_columns, split_csv
 from armcontour.io.units import parse
 
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
@@ -72,13 +72,8 @@ def read_log(
     Raises:
         InvalidInput: A file of another form; names it and the line. As `Log`.
     """
-    place = FilePath(file)
-    try:
-        text = place.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InvalidInput(f"Cannot read the log {place}: {reason}.") from None
-    return parse_log(text, source=place.name, start=start, end=end, unwrap=unwrap)
+    text = read_text(file, "log", most=LARGE)
+    return parse_log(text, source=FilePath(file).name, start=start, end=end, unwrap=unwrap)
 
 
 def parse_log(
@@ -94,42 +89,32 @@ def parse_log(
     Raises:
         InvalidInput: As in `read_log`.
     """
-    numbered = [(n, x) for n, x in enumerate(text.splitlines(), start=1) if x.strip()]
-    lines = [(n, x) for n, x in numbered if not x.lstrip().startswith("#")]
-    if not lines:
-        raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
-    separator = next((x for x in ";\t" if x in lines[0][1]), ",")
-    names, *rows = (
-        [x.strip() for x in row] for row in csv.reader((x for _, x in lines), delimiter=separator)
-    )
-    where = f"{source}, line {lines[0][0]}"
-    columns = [_column(name, where) for name in names]
-    joints = _paired(columns, names, where)
-    values = _values(rows, names, [n for n, _ in lines[1:]], source)
-
-    def of(role: str, joint: str = "") -> int:
-        return next(i for i, x in enumerate(columns) if x and (x.role, x.joint) == (role, joint))
-
-    def scaled(indices: Sequence[int]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        factors = [x.factor for x in (columns[i] for i in indices) if x is not None]
-        return np.asarray(values[:, list(indices)] * np.array(factors))
-
+    table = split_csv(text, source)
+    where = f"{source}, line {table.header}"
+    columns = [_column(name, where) for name in table.names]
+    joints = _paired(columns, table.names, where)
+    keys = [("t", ""), *(("command", x) for x in joints), *(("measured", x) for x in joints)]
+    found = {(x.role, x.joint): i for i, x in enumerate(columns) if x is not None}
+    used = [found[key] for key in keys]
+    factors = [x.factor for x in (columns[i] for i in used) if x is not None]
+    values = read_columns(table, used)[0] * np.array(factors)
+    dof = len(joints)
     return cut(
-        scaled([of("t")])[:, 0],
-        scaled([of("command", x) for x in joints]),
-        scaled([of("measured", x) for x in joints]),
+        values[:, 0],
+        values[:, 1 : dof + 1],
+        values[:, dof + 1 :],
         start,
         end,
         [f"joint {x}" if x.isdigit() else x for x in joints],
-        interpolation=_said(x for _, x in numbered),
+        interpolation=_said(text.splitlines()),
         source=source,
         unwrap=unwrap,
     )
 
 
-def _said(lines: object) -> str | None:
+def _said(lines: Sequence[str]) -> str | None:
     """The interpolation that a comment names."""
-    for line in lines:  # type: ignore[attr-defined]
+    for line in lines:
         match = _SAID.fullmatch(line.strip())
         if match and match["what"].lower() in INTERPOLATIONS:
             return str(match["what"].lower())

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-import numpy as np
-
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._files import LARGE, read_text
+from armcontour._sampling import (
+    LARGEST,
+    LATEST,
+    describe_short_step,
+    find_far_time,
+    find_large,
+    find_short_step,
+)
 from armcontour.errors import InvalidInput
+from armcontour.io.number_table import NUMBER, CsvTable, last_digit, read_columns, split_csv
 from armcontour.io.units import parse
 
+# What a column of each kind has, for messages.
+CALLED = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 # Columns that are passed over.
 BESIDE = ("events",)
@@ -28,9 +36,6 @@ _NAME = re.compile(
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
 # A quantity of a joint that is called by its name.
 _CALLED = re.compile(r"(?P<kind>ddq|dq|q)[ _](?P<name>.+)", re.IGNORECASE)
-_NUMBER = re.compile(
-    r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,13 +84,8 @@ def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> Tr
     Raises:
         InvalidInput: Anything else; names the file and the line.
     """
-    place = FilePath(file)
-    try:
-        text = place.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InvalidInput(f"Cannot read the trajectory file {place}: {reason}.") from None
-    return parse_trajectory(text, joint_names, source=place.name)
+    text = read_text(file, "trajectory file", most=LARGE)
+    return parse_trajectory(text, joint_names, source=FilePath(file).name)
 
 
 def parse_trajectory(
@@ -96,43 +96,25 @@ def parse_trajectory(
     Raises:
         InvalidInput: As in `read_trajectory`.
     """
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
-    header = lines[0][1]
-    separator = next((x for x in ";\t" if x in header), ",")
-    names, *rows = (
-        [x.strip() for x in row] for row in csv.reader((x for _, x in lines), delimiter=separator)
-    )
-    # What is switched on the way says nothing about joints.
-    kept = [i for i, name in enumerate(names) if name.lower() not in BESIDE]
-    if len(kept) < len(names):
-        rows = [[row[i] for i in kept] if len(row) == len(names) else row for row in rows]
-        names = [names[i] for i in kept]
-    columns = _columns(names, joint_names, f"{source}, line {lines[0][0]}")
-    numbers = [number for number, _ in lines[1:]]
-    values = _values(rows, names, numbers, source)
-    time = next(i for i, x in enumerate(columns) if x.kind == "t")
-    late = np.flatnonzero(np.diff(values[:, time]) <= 0)
-    if len(late):
-        row = int(late[0]) + 1
-        raise InvalidInput(
-            f"{source}, line {numbers[row]}: times must increase, but {rows[row][time]} does not "
-            f"come after {rows[row - 1][time]}.",
-            index=row,
-        )
+    table = split_csv(text, source)
+    # What is switched during the motion says nothing about joints.
+    kept = [i for i, name in enumerate(table.names) if name.lower() not in BESIDE]
+    names = [table.names[i] for i in kept]
+    columns = _columns(names, joint_names, f"{source}, line {table.header}")
+    values, digits = read_columns(table, kept)
     arrays, resolution = {}, {}
     for kind in SI:
-        of = sorted((i for i, x in enumerate(columns) if x.kind == kind), key=_joint_of(columns))
+        of = sorted(
+            (i for i, x in enumerate(columns) if x.kind == kind), key=lambda i: columns[i].joint
+        )
         if of:
             factors = [columns[i].factor for i in of]
-            printed = _resolution([row[i] for row in rows for i in of])
             arrays[kind] = values[:, of] * factors
-            resolution[kind] = max(factors) * printed
+            resolution[kind] = max(factors) * last_digit([digits[i] for i in of])
+            if kind == "t":
+                _refuse_times(table, kept[of[0]], arrays["t"][:, 0])
+            else:
+                _refuse_large(table, [kept[i] for i in of], kind, arrays[kind])
     return TrajectoryFile(
         source=source,
         t=arrays["t"][:, 0],
@@ -143,8 +125,34 @@ def parse_trajectory(
     )
 
 
-def _joint_of(columns: Sequence[_Column]) -> Callable[[int], int]:
-    return lambda i: columns[i].joint
+def _refuse_times(table: CsvTable, column: int, t: FloatArray) -> None:
+    row = find_far_time(t)
+    if row is not None:
+        raise InvalidInput(
+            f"{table.place(row)}: {table.cell(row, column)} is {t[row]:.3g} s, but times must stay "
+            f"within {LATEST:g} s: give the column its unit, such as t [ms].",
+            index=row,
+        )
+    row = find_short_step(t)
+    if row is not None:
+        before, after = (table.cells(i)[column] for i in (row - 1, row))
+        said = describe_short_step(before, after, float(t[row] - t[row - 1]))
+        raise InvalidInput(
+            f"{table.place(row)}: {said} (column {table.names[column]!r}).", index=row
+        )
+
+
+def _refuse_large(table: CsvTable, columns: Sequence[int], kind: str, values: FloatArray) -> None:
+    found = find_large(kind, values)
+    if found is not None:
+        row, k = found
+        raise InvalidInput(
+            f"{table.place(row)}: {table.cell(row, columns[k])} is {values[row, k]:.3g} "
+            f"{SI[kind]}, but no {CALLED[kind]} is above {LARGEST[kind]:g} {SI[kind]}: mend the "
+            "number, or give the column its unit, such as q1 [deg].",
+            index=row,
+            joint=k + 1,
+        )
 
 
 def _columns(names: Sequence[str], joint_names: Sequence[str], where: str) -> list[_Column]:
@@ -153,7 +161,7 @@ def _columns(names: Sequence[str], joint_names: Sequence[str], where: str) -> li
     Raises:
         InvalidInput: A name or unit that is not known, a column twice, or one that is missing.
     """
-    if all(_NUMBER.fullmatch(x) for x in names):
+    if all(NUMBER.fullmatch(x) for x in names):
         raise InvalidInput(
             f"{where}: the first line must name the columns, such as t,q1,q2 or "
             "t [s],joint 1 [rad],joint 2 [rad]."
@@ -208,55 +216,3 @@ def _column(name: str, joint_names: Sequence[str], where: str) -> _Column:
             f"{where}: the unit {unit!r} of the column {name!r} is not one of {SI[kind]}."
         )
     return _Column(kind, joint, factor)
-
-
-def _values(
-    rows: Sequence[Sequence[str]], names: Sequence[str], numbers: Sequence[int], source: str
-) -> FloatArray:
-    """The samples as numbers, (n, columns).
-
-    Raises:
-        InvalidInput: A line with too few or too many values, or one that is not a finite number.
-    """
-    if not rows:
-        raise InvalidInput(f"{source} has column names, but no samples.")
-    values = np.empty((len(rows), len(names)))
-    for i, (row, number) in enumerate(zip(rows, numbers, strict=True)):
-        if len(row) != len(names):
-            raise InvalidInput(
-                f"{source}, line {number}: {len(row)} values, but {len(names)} columns.", index=i
-            )
-        for k, text in enumerate(row):
-            try:
-                value = float(text)
-            except ValueError:
-                value = math.nan
-            if not math.isfinite(value):
-                raise InvalidInput(
-                    f"{source}, line {number}: {text!r} in the column {names[k]!r} is not a finite "
-                    "number.",
-                    index=i,
-                )
-            values[i, k] = value
-    return values
-
-
-def _resolution(texts: Sequence[str]) -> float:
-    """The last digit of numbers that were all printed in one format, where it counts most.
-
-    That a format cuts zeros off at the end does not matter: the number of digits is the largest
-    that is seen, behind the point and in all.
-    """
-    places, digits, highest = -99, 0, -math.inf
-    for text in texts:
-        match = _NUMBER.fullmatch(text)
-        if match is None:
-            continue
-        part, power = match["part"] or "", int(match["power"] or 0)
-        number = (match["whole"] + part).lstrip("0")
-        places = max(places, len(part) - power)
-        if number.strip("0"):
-            digits = max(digits, len(number))
-            # Power of ten of the first digit.
-            highest = max(highest, len(number) - 1 - len(part) + power)
-    return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)

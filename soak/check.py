@@ -1,0 +1,320 @@
+"""`python -m soak.check`: random trajectories that break a limit or keep all, printed and judged.
+
+`armcontour check` must never say "kept" of samples that prove a violation, and never "violated" of
+samples that do not prove one, or of a motion that keeps its limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_trajectory
+from soak import oracle
+from soak.oracle import HAIR, Interval
+
+LIMITS = ("joint_velocity", "joint_acceleration", "joint_upper", "speed")
+# A violation is at least this large, as the digits of a file can hide smaller ones.
+LEAST, MOST = 1.01, 1e6
+# Numbers that no joint and no clock has.
+WILD = ("1e308", "-1e308", "1e200", "-1e30", "9e9", "1e-308", "5e-324", "1e999", "-0.0")
+# How far each joint's axis may be from the tool [m]: all links stretched.
+REACH = {"pmk3s": np.array([0.465, 0.215]), "ur5e": np.array([1.1, 1.1, 0.7, 0.35, 0.2, 0.1])}
+FORWARD = {"pmk3s": oracle.pmk3s, "ur5e": oracle.ur5e}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Uniform joint accelerations one after the other, so that all extremes are known exactly."""
+
+    breaks: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+
+    def __call__(self, t):
+        """Positions, velocities and accelerations at times t."""
+        i = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.ddq) - 1)
+        u = (t - self.breaks[i])[:, None]
+        dq = self.dq[i] + self.ddq[i] * u
+        return self.q[i] + self.dq[i] * u + self.ddq[i] * u**2 / 2, dq, self.ddq[i]
+
+    def extremes(self):
+        """Times at which a position, a velocity or an acceleration may be largest."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = self.breaks[:-1, None] - self.dq / self.ddq
+        inside = (turn > self.breaks[:-1, None]) & (turn < self.breaks[1:, None])
+        return np.concatenate([self.breaks, turn[inside]])
+
+    def largest(self, limit, forward):
+        """The largest amount of what a limit bounds, per joint or of the tool."""
+        q, dq, ddq = self(self.extremes())
+        if limit == "speed":
+            # Dense and a little more: the tool's speed has no closed form.
+            t = np.linspace(self.breaks[0], self.breaks[-1], 20_001)
+            points = forward(self(t)[0])
+            speed = np.linalg.norm(np.diff(points, axis=0), axis=1).max() / (t[1] - t[0])
+            return np.array([speed * (1 + 1e-3)])
+        amount = {"joint_velocity": dq, "joint_acceleration": ddq, "joint_upper": q}[limit]
+        return np.abs(amount).max(axis=0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One printed trajectory.
+
+    Args:
+        seed: Its seed.
+        arm: Name of the arm.
+        limit: Name of its only limit.
+        allowed: The limit, one value or one per joint.
+        kind: "kept", "scaled", "spike" or "wild".
+        text: The file.
+        log: What stands in it, as intervals; None if no clock or no joint goes there.
+    """
+
+    seed: int
+    arm: str
+    limit: str
+    allowed: np.ndarray
+    kind: str
+    text: str
+    log: oracle.Log | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was said of a case.
+
+    Args:
+        case: The case.
+        said: The verdict, "refused", or "crash".
+        proof: "proven", "open" (nearer than floating point can tell, or than the bound of the
+            tool's rounding) or "not proven".
+        note: What a refusal or a crash said.
+    """
+
+    case: Case
+    said: str
+    proof: str
+    note: str = ""
+
+    @property
+    def wrong(self):
+        """Whether this must not happen."""
+        blamed = self.proof == "not proven" or self.case.kind == "kept"
+        return (
+            self.said == "crash"
+            or (self.said == "refused" and self.case.log is not None)
+            or (self.said == "kept" and self.proof == "proven")
+            or (self.said == "kept" and self.case.log is None)
+            or (self.said == "violated" and blamed)
+        )
+
+
+@cache
+def load(name):
+    """A built-in arm."""
+    return ac.load_arm(name)
+
+
+def draw(seed, violating):
+    """The case of a seed."""
+    rng = np.random.default_rng([seed, int(violating)])
+    name = str(rng.choice(["pmk3s", "ur5e"]))
+    limit = str(rng.choice(LIMITS))
+    motion = _motion(rng, 2 if name == "pmk3s" else 6)
+    t, printed_t, even, half = _times(rng, motion.breaks[-1])
+    largest = motion.largest(limit, FORWARD[name])
+    columns = dict(zip(("q", "dq", "ddq"), motion(t), strict=True))
+    names = str(rng.choice(["q", "q dq", "q dq ddq"])).split()
+    columns = {x: columns[x] for x in names}
+    kind = "kept"
+    if violating:
+        kind = str(rng.choice(["scaled", "spike", "wild"], p=[0.45, 0.45, 0.1]))
+    factor = float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
+    # At the limit, a little below it, or far below it.
+    allowed = largest * float(rng.choice([1.0, 1.001, 1.1, 10.0]))
+    if kind == "scaled":
+        allowed = largest / factor
+    elif kind == "spike":
+        _add_spike(rng, columns, t, limit, allowed, factor)
+    form = str(rng.choice(["f", "g"])), int(rng.integers(3, 16))
+    texts = {x: _printed(values, form) for x, values in columns.items()}
+    rows = [[x] for x in printed_t]
+    for part in texts.values():
+        for row, cells in zip(rows, part, strict=True):
+            row.extend(cells)
+    if kind == "wild":
+        row = rows[int(rng.integers(len(rows)))]
+        row[int(rng.integers(len(row)))] = str(rng.choice(WILD))
+    dof = motion.q.shape[1]
+    head = ["t", *(f"{x}{j + 1}" for x in texts for j in range(dof))]
+    return Case(
+        seed=seed,
+        arm=name,
+        limit=limit,
+        allowed=np.maximum(allowed, 1e-9),
+        kind=kind,
+        text="\n".join(",".join(x) for x in [head, *rows]) + "\n",
+        log=_intervals(np.array(rows, dtype=float), names, form, 0.0 if even else half),
+    )
+
+
+def judge(case):
+    """Read and check a case; warnings count as crashes."""
+    note = ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            arm = load(case.arm)
+            samples = parse_trajectory(case.text, arm.joint_names)
+            said = ac.check(samples, arm, _limits(case)).verdict
+        except InvalidInput as error:
+            said, note = "refused", str(error)
+        except Exception as error:  # noqa: BLE001 - every crash is a finding
+            said, note = "crash", f"{type(error).__name__}: {error}"
+    return Outcome(case, said, "open" if case.log is None else prove(case), note)
+
+
+def prove(case):
+    """Whether the samples prove a violation, by the oracle."""
+    log, allowed = case.log, case.allowed
+    if case.limit == "speed":
+        low, high = oracle.proven_speed(log, FORWARD[case.arm], REACH[case.arm])
+        ratios = low / allowed, high / allowed
+    else:
+        prove_limit = {
+            "joint_velocity": oracle.proven_velocity,
+            "joint_acceleration": oracle.proven_acceleration,
+            "joint_upper": oracle.proven_position,
+        }[case.limit]
+        ratios = (prove_limit(log) / allowed,) * 2
+    if np.max(ratios[0]) > 1 + HAIR:
+        return "proven"
+    return "not proven" if np.max(ratios[1]) <= 1 - HAIR else "open"
+
+
+def _limits(case):
+    if case.limit == "speed":
+        return ac.Limits(speed=float(case.allowed[0]))
+    if case.limit == "joint_upper":
+        return ac.Limits(joint_lower=-case.allowed, joint_upper=case.allowed)
+    return ac.Limits(**{case.limit: case.allowed})
+
+
+def _motion(rng, dof):
+    n = int(rng.integers(2, 12))
+    h = rng.uniform(0.05, 0.4, n)
+    ddq = rng.uniform(-1, 1, (n, dof)) * float(rng.choice([0.1, 1.0, 10.0]))
+    ddq[rng.random((n, dof)) < 0.2] = 0.0
+    q, dq = [rng.uniform(-1.5, 1.5, dof)], [np.zeros(dof)]
+    for a, step in zip(ddq, h, strict=True):
+        q.append(q[-1] + dq[-1] * step + a * step**2 / 2)
+        dq.append(dq[-1] + a * step)
+    breaks = np.concatenate([[0.0], np.cumsum(h)])
+    return Motion(breaks, np.array(q[:-1]), np.array(dq[:-1]), ddq)
+
+
+def _times(rng, end):
+    """Times, how they are printed, whether they are even, and half of their last digit."""
+    even = bool(rng.random() < 0.5)
+    if even:
+        step = float(rng.choice([x for x in (0.001, 0.004, 0.01, 0.05) if 3 * x < end]))
+        digits, t = 3, np.arange(1 + int(min(end / step, 200))) * step
+    else:
+        digits = int(rng.integers(4, 13))
+        t = np.unique(rng.uniform(0, end, int(rng.integers(10, 150))))
+        t = t[np.append(True, np.diff(np.round(t, digits)) > 0.5 * 10.0**-digits)]
+    return t, [f"{x:.{digits}f}" for x in t], even, 10.0**-digits / 2
+
+
+def _add_spike(rng, columns, t, limit, allowed, factor):
+    """Move one sample so far that, but for the rounding, the limit is exceeded by `factor`."""
+    i = int(rng.integers(1, len(t) - 1))
+    j = int(rng.integers(columns["q"].shape[1]))
+    before, after = t[i] - t[i - 1], t[i + 1] - t[i]
+    sign = float(rng.choice([-1.0, 1.0]))
+    q = columns["q"]
+    if limit == "joint_upper":
+        q[i, j] = sign * factor * allowed[j]
+    elif limit == "joint_velocity" and "dq" in columns and rng.random() < 0.5:
+        columns["dq"][i, j] = sign * factor * allowed[j]
+    elif limit == "joint_acceleration" and "ddq" in columns and rng.random() < 0.5:
+        columns["ddq"][i, j] = sign * factor * allowed[j]
+    elif limit == "joint_velocity":
+        q[i, j] = q[i - 1, j] + sign * factor * allowed[j] * before
+    elif limit == "joint_acceleration":
+        chord = q[i - 1, j] + (q[i + 1, j] - q[i - 1, j]) * before / (before + after)
+        q[i, j] = chord + sign * factor * allowed[j] * before * after / 2
+    else:
+        q[i, j] += sign * factor * allowed[0] * before
+
+
+def _printed(values, form):
+    kind, digits = form
+    return [[f"{x:.{digits}{kind}}" for x in row] for row in values.tolist()]
+
+
+def _intervals(values, names, form, late):
+    """What printed numbers stand for; None if no clock or no joint goes there.
+
+    Args:
+        values: The numbers as they are printed, times first, (n, columns).
+        names: "q", and perhaps "dq", "ddq".
+        form: Format and digits of all but the times.
+        late: Half of the last digit of times; none of times that are even, as these are exact.
+    """
+    t, dof = values[:, :1], (values.shape[1] - 1) // len(names)
+    if not (np.diff(t[:, 0]) > 1e-9).all() or not (np.abs(t) < 1e10).all():
+        return None
+    kind, digits = form
+    columns = {}
+    for k, name in enumerate(names):
+        part = values[:, 1 + k * dof : 1 + (k + 1) * dof]
+        if not (np.abs(part) <= {"q": 1e4, "dq": 1e9, "ddq": 1e12}[name]).all():
+            return None
+        error = np.full(part.shape, 10.0**-digits / 2)
+        if kind == "g":
+            first = np.floor(np.log10(np.where(part == 0, 1.0, np.abs(part))))
+            error = np.where(part == 0, 0.0, 10.0 ** (first - digits + 1) / 2)
+        columns[name] = Interval.around(part, error)
+    return oracle.Log(t=Interval.around(t, late), **columns)
+
+
+def main() -> int:
+    """Run it; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m soak.check", description=__doc__)
+    parser.add_argument("--count", type=int, default=2000, help="how many of either sort")
+    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
+    given = parser.parse_args()
+    bad = 0
+    for violating in (True, False):
+        counts: Counter[tuple[str, ...]] = Counter()
+        for seed in range(given.first_seed, given.first_seed + given.count):
+            found = judge(draw(seed, violating))
+            counts[found.said, found.proof] += 1
+            if found.wrong:
+                bad += 1
+                case = found.case
+                print(
+                    f"seed {seed} ({case.kind}, {case.arm}, {case.limit}): {found.said}, "
+                    f"{found.proof} {found.note}"
+                )
+        print(f"{given.count} trajectories that {'break a limit' if violating else 'keep all'}:")
+        for (said, proof), count in sorted(counts.items()):
+            print(f"  {said:12} violation {proof:10} {count:6d}")
+    print(f"{bad} wrong answers")
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,55 @@
+"""Times and joint values that a sampled motion can have, whoever recorded it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+
+# Steps of time [s]. Controllers and planners sample at 1 MHz at most; a nanosecond is the last
+# digit of times that are printed with nine decimals. Shorter steps come of damaged files, and
+# dividing by their squares would exceed all floats.
+SHORTEST_STEP = 1e-9
+# Nor can two times be told apart that differ by less than this many units in the last binary place.
+STEP_ULPS = 4
+# Times [s]: 300 years. Seconds since 1970 are below it, milliseconds without their unit are not.
+LATEST = 1e10
+# Joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600 turns.
+# The others only keep sums and squares finite: wrong values below them are there to be judged.
+LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
+
+
+def needed_step(t: FloatArray) -> FloatArray:
+    """The shortest usable steps after times `t` [s]."""
+    ulp = STEP_ULPS * np.finfo(np.float64).eps
+    # The difference of two times that are printed a nanosecond apart may be a little less.
+    return np.asarray(np.maximum(0.999 * SHORTEST_STEP, ulp * np.abs(t)))
+
+
+def find_short_step(t: FloatArray) -> int | None:
+    """Index of the first time that does not follow the one before it by a usable step."""
+    # Compared with the later time: where times jump back, any bound is missed.
+    short = np.flatnonzero(~(np.diff(t) >= needed_step(t[1:])))
+    return int(short[0]) + 1 if len(short) else None
+
+
+def describe_short_step(before: str, after: str, step: float) -> str:
+    """Why two times cannot follow each other, in words."""
+    if step <= 0:
+        return f"times must increase, but {after} does not come after {before}"
+    return (
+        f"times must increase by at least {SHORTEST_STEP * 1e9:g} ns and by more than their own "
+        f"rounding, but {after} comes only {step:.3g} s after {before}"
+    )
+
+
+def find_far_time(t: FloatArray) -> int | None:
+    """Index of the first time beyond `LATEST`."""
+    far = np.flatnonzero(np.abs(t) > LATEST)
+    return int(far[0]) if len(far) else None
+
+
+def find_large(kind: str, values: FloatArray) -> tuple[int, int] | None:
+    """Row and column of the first value of "q", "dq" or "ddq" that no joint has."""
+    large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
+    return (int(large[0, 0]), int(large[0, 1])) if len(large) else None

@@ -1,0 +1,208 @@
+"""Numbers from CSV text, with the lines that they stand in and the digits they are printed with."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._numbers import LONGEST, parse_number
+from armcontour.errors import InvalidInput
+
+NUMBER = re.compile(
+    r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
+)
+# Lines that are converted at a time: more take memory and save no time.
+CHUNK = 1 << 14
+# More of a cell than this does not go into a message.
+SHOWN = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CsvTable:
+    """Lines of CSV: the names of columns, then one line per sample.
+
+    Args:
+        source: Name of the file, for messages.
+        names: Names of the columns.
+        header: Number of the line that has them, from 1.
+        separator: What stands between cells.
+        lines: The lines of samples; blank lines and comments are left out.
+        numbers: The numbers of these lines in the file, from 1.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    header: int
+    separator: str
+    lines: list[str]
+    numbers: list[int]
+
+    def cells(self, row: int) -> list[str]:
+        """The cells of one sample."""
+        return _split(self.lines[row], self.separator)
+
+    def place(self, row: int) -> str:
+        """The file and the line of a sample, for messages."""
+        return f"{self.source}, line {self.numbers[row]}"
+
+    def cell(self, row: int, column: int) -> str:
+        """A cell and its column, for messages."""
+        return f"{shorten(self.cells(row)[column])} in the column {self.names[column]!r}"
+
+
+@dataclass(slots=True)
+class Digits:
+    """How the numbers of a column are printed.
+
+    Args:
+        places: Largest number of decimals.
+        digits: Largest number of significant digits.
+        highest: Power of ten of the first digit of the largest number.
+    """
+
+    places: int = -99
+    digits: int = 0
+    highest: float = -math.inf
+
+    def add(self, text: str) -> None:
+        """Count the digits of a number in."""
+        match = NUMBER.fullmatch(text)
+        if match is None:
+            return
+        whole, part, power = match.group("whole", "part", "power")
+        part, exponent = part or "", int(power or 0)
+        number = (whole + part).lstrip("0")
+        self.places = max(self.places, len(part) - exponent)
+        if number.strip("0"):
+            self.digits = max(self.digits, len(number))
+            self.highest = max(self.highest, len(number) - 1 - len(part) + exponent)
+
+
+def last_digit(columns: Sequence[Digits]) -> float:
+    """The last digit of numbers that were all printed in one format, where it counts most.
+
+    That a format cuts zeros off at the end does not matter: the number of digits is the largest
+    that is seen, after the point and in all.
+    """
+    places = max(x.places for x in columns)
+    digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
+    return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)
+
+
+def split_csv(text: str, source: str) -> CsvTable:
+    """The table in CSV text with commas, semicolons or tabs; lines that start with # are comments.
+
+    Raises:
+        InvalidInput: There is no line of column names, or no sample.
+    """
+    kept = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line and not line.isspace() and not line.lstrip().startswith("#")
+    ]
+    if not kept:
+        raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
+    header, first = kept[0]
+    separator = next((x for x in ";\t" if x in first), ",")
+    return CsvTable(
+        source=source,
+        names=tuple(_split(first, separator)),
+        header=header,
+        separator=separator,
+        lines=[line for _, line in kept[1:]],
+        numbers=[number for number, _ in kept[1:]],
+    )
+
+
+def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, list[Digits]]:
+    """The numbers in some columns (n, columns), and how each column prints them.
+
+    Raises:
+        InvalidInput: There are no samples, a line has too few or too many cells, or a cell of these
+            columns is not a finite decimal number.
+    """
+    if not table.lines:
+        raise InvalidInput(f"{table.source} has column names, but no samples.")
+    values = np.empty((len(table.lines), len(columns)))
+    digits = [Digits() for _ in columns]
+    for first in range(0, len(table.lines), CHUNK):
+        rows = _rows(table, first)
+        texts = [[row[i] for row in rows] for i in columns]
+        part = values[first : first + len(rows)]
+        if not _convert(texts, part):
+            _convert_each(table, first, columns, texts, part)
+        for count, column in zip(digits, texts, strict=True):
+            for text in column:
+                count.add(text)
+    return values, digits
+
+
+def shorten(text: str) -> str:
+    """A cell in quotes, cut off where it is long."""
+    return repr(text if len(text) <= SHOWN else text[:SHOWN] + "...")
+
+
+def _rows(table: CsvTable, first: int) -> list[list[str]]:
+    lines = table.lines[first : first + CHUNK]
+    rows = [_split(line, table.separator) for line in lines]
+    wanted = len(table.names)
+    for i, row in enumerate(rows):
+        if len(row) != wanted:
+            raise InvalidInput(
+                f"{table.place(first + i)}: {len(row)} values, but {wanted} columns.",
+                index=first + i,
+            )
+    return rows
+
+
+def _split(line: str, separator: str) -> list[str]:
+    if '"' not in line:
+        return [x.strip() for x in line.split(separator)]
+    try:
+        # One line at a time, so that a quote that is never closed does not swallow the next lines.
+        return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
+    except csv.Error:
+        # Such a quote, or a cell of more than 131,072 characters: no number, whatever it is.
+        return line.split(separator)
+
+
+def _convert(texts: list[list[str]], values: FloatArray) -> bool:
+    """Fill `values` with all numbers at once; returns whether all of them surely are numbers."""
+    for k, column in enumerate(texts):
+        joined = "".join(column)
+        if not joined.isascii() or "_" in joined or max(map(len, column)) > LONGEST:
+            return False
+        try:
+            values[:, k] = list(map(float, column))
+        except ValueError:
+            return False
+    return bool(np.isfinite(values).all())
+
+
+def _convert_each(
+    table: CsvTable,
+    first: int,
+    columns: Sequence[int],
+    texts: list[list[str]],
+    values: FloatArray,
+) -> None:
+    for i, row in enumerate(_transposed(texts)):
+        for k, text in enumerate(row):
+            try:
+                values[i, k] = parse_number(text)
+            except ValueError:
+                raise InvalidInput(
+                    f"{table.place(first + i)}: {shorten(text)} in the column "
+                    f"{table.names[columns[k]]!r} is not a finite number.",
+                    index=first + i,
+                ) from None
+
+
+def _transposed(texts: list[list[str]]) -> Iterator[tuple[str, ...]]:
+    return zip(*texts, strict=True)
