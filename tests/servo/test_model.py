@@ -91,3 +91,37 @@ def test_refused(values, words, refuses):
 def test_wrong_number_of_joints_is_refused(refuses):
     servo = ac.ServoModel(kp=[25.0, 25.0], kv=150.0)
     refuses(lambda: servo.for_joints(3), ac.InvalidInput, "servo gain kp has 2 values", "3 joints")
+
+
+@pytest.mark.parametrize("kv", [1e300, 1e15, 1e9, 1e-12, 5e-324])
+def test_gains_that_no_robot_has_are_refused(kv: float) -> None:
+    with pytest.raises(
+        ac.InvalidInput, match=r"servo gain kv must be (from 0\.001 to 1e\+06|between)"
+    ):
+        ac.ServoModel(kp=25.0, kv=kv)
+    with pytest.raises(ac.InvalidInput, match="servo gain kp must be"):
+        ac.ServoModel(kp=kv, kv=150.0)
+
+
+@pytest.mark.parametrize("late", [1e5, 1e6, 1e9, 1e300, 1e308])
+def test_dead_time_of_more_than_a_minute_is_refused(late: float) -> None:
+    with pytest.raises(ac.InvalidInput, match="dead_time must be"):
+        ac.ServoModel(kp=25.0, kv=150.0, dead_time=late)
+
+
+def test_gains_fit_the_command_interval() -> None:
+    servo = ac.ServoModel(kp=25.0, kv=1e6)
+    servo.refuse_too_fast(1e-3)
+    with pytest.raises(
+        ac.InvalidInput, match=r"4e\+03 time constants in .* of 0\.004 s.* 250000 1/s"
+    ):
+        servo.refuse_too_fast(4e-3)
+
+
+def test_the_slowest_rate_is_that_of_the_servo_s_slowest_pole() -> None:
+    for kp, kv in [(25.0, 150.0), (25.0, 100.0), (25.0, 40.0)]:
+        poles = np.roots([1.0, kv, kp * kv])
+        np.testing.assert_allclose(
+            ac.ServoModel(kp=kp, kv=kv).slowest, -poles.real.max(), rtol=1e-6
+        )
+    assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0

@@ -208,11 +208,12 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
 
 
 def test_an_experiment_that_cannot_be_says_so_with_its_run(job, refuses):
-    this = dataclasses.replace(job.runs[0], experiment=Experiment(step=-1.0))
+    this = dataclasses.replace(job.runs[0], experiment=Experiment())
+    lag = ac.ServoModel(kp=25.0, order="first")
     refuses(
-        lambda: ac.run(dataclasses.replace(job, runs=(this,))),
+        lambda: ac.run(dataclasses.replace(job, runs=(this,), plant_servo=lag)),
         ac.InvalidInput,
-        "Run proposed: experiment: step must be above zero",
+        "Run proposed: experiment: The drives of the rigid-body plant",
     )
 
 

@@ -17,6 +17,8 @@ from armcontour.program.process import AUTO, DRAWN, Process
 
 # Orientations at both ends that differ by no more are one [rad]: what adding up turns rounds.
 SAME_HOLD = 1e-6
+# An overlap hides where a contour begins; every time around has all of the contour's segments.
+MOST_ROUNDS = 100
 
 
 def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour:
@@ -75,7 +77,17 @@ def _goes_on(path: Path) -> bool:
 
 
 def _gone_on(path: Path, overlap: float) -> Path:
-    """A closed path gone on with behind its end, as often around as it takes."""
+    """A closed path gone on with behind its end, as often around as it takes.
+
+    Raises:
+        InvalidInput: More than MOST_ROUNDS.
+    """
+    rounds = overlap / path.length
+    if rounds > MOST_ROUNDS:
+        raise InvalidInput(
+            f"An overlap of {overlap:g} m goes {rounds:.3g} times around a contour of "
+            f"{path.length:.4g} m, but at most {MOST_ROUNDS} times are run: take a shorter overlap."
+        )
     parts, over = [path], overlap
     while over > REPEATED_POINT:
         more = min(over, path.length)

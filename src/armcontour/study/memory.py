@@ -64,10 +64,11 @@ def needed_by(job: Job, this: Run, duration: float, simulated: bool) -> float:
     found += plant.memory(span, this.period, RESOLUTION)
     if this.experiment is not None:
         step = this.experiment.step
-        found += bytes_of(job.plant_servo, step, span, this.period, max(RESOLUTION, step))
+        found += bytes_of(plant.servo, step, span, this.period, max(RESOLUTION, step))
     return found
 
 
 def _count(job: Job, this: Run, duration: float) -> float:
     poles = this.compensation_options.get("poles")
-    return set_point_count(duration, job.servo, this.period, this.compensation, poles)
+    servo = job.servo.for_joints(job.arm.dof)
+    return set_point_count(duration, servo, this.period, this.compensation, poles)

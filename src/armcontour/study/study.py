@@ -23,6 +23,7 @@ from armcontour.study.memory import RESOLUTION, refuse_too_large
 from armcontour.study.programs import planned, program_of, slow_ends
 from armcontour.timing import (
     Explanation,
+    assigned_time,
     explain,
     plan,
     refuse_jerk,
@@ -260,6 +261,10 @@ def _taught(
     # Before tracing, which can take seconds.
     refuse_jerk(this.limits, this.ignore_jerk)
     earlier = list(earlier)
+    done_before = [(x.run, x.trajectory.duration) for x in earlier]
+    # Before planning, by the least time: corners may leave half of the path out.
+    least = assigned_time(job.path, this.limits) / 2
+    refuse_too_large(job, this, least, done_before, simulated)
     objective: Path | Program
     path: Path | Program
     joint_path: JointPath | None = None
@@ -268,7 +273,6 @@ def _taught(
     else:
         objective = job.path
         path, joint_path, trajectory = _planned_path(job, this, progress, earlier)
-    done_before = [(x.run, x.trajectory.duration) for x in earlier]
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     progress(this.name, "compensation")
     taught = compensate(

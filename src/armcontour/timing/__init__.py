@@ -2,13 +2,21 @@
 
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
-from armcontour.timing.planner import METHODS, plan, refuse_endless, refuse_jerk, with_reserve
+from armcontour.timing.planner import (
+    METHODS,
+    assigned_time,
+    plan,
+    refuse_endless,
+    refuse_jerk,
+    with_reserve,
+)
 
 __all__ = [
     "METHODS",
     "Binding",
     "Explanation",
     "Shortfall",
+    "assigned_time",
     "explain",
     "plan",
     "refuse_endless",

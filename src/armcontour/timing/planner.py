@@ -12,7 +12,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Trajectory
-from armcontour.program import Program
+from armcontour.program import Dwell, Program
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.grid import DEFAULT_INTERVALS
@@ -135,26 +135,33 @@ def plan(
 
 
 def refuse_endless(path: Path | Program, limits: Limits) -> None:
-    """Refuse an assigned velocity at which a path takes longer than LONGEST_MOTION.
+    """Refuse assigned velocities and dwells that take longer than LONGEST_MOTION.
 
     Raises:
-        InvalidInput: It does.
+        InvalidInput: They do.
     """
-    paths = [path] if isinstance(path, Path) else [x.path for x in path.contours]
-    total = 0.0
-    for x in paths:
-        speeds = np.fmin(x.speeds, np.inf if limits.speed is None else limits.speed)
-        # A segment without a speed of its own, and without a limit, takes no time that is known.
-        total += float(np.nansum(x.lengths / np.where(np.isnan(speeds), np.inf, speeds)))
-    if total > LONGEST_MOTION:
-        length = sum(x.length for x in paths)
+    total = assigned_time(path, limits)
+    if not total <= LONGEST_MOTION:
         raise InvalidInput(
-            f"At its assigned velocities the path of {length:.4g} m takes {total:.3g} s, but a "
-            f"motion lasts {LONGEST_MOTION:g} s at most: raise speed.",
+            f"At its assigned velocities, and with its dwells, the path takes {total:.3g} s, but a "
+            f"motion lasts {LONGEST_MOTION:g} s at most: raise speed, or shorten the dwells.",
             limit="speed",
             needed=total,
             allowed=LONGEST_MOTION,
         )
+
+
+def assigned_time(path: Path | Program, limits: Limits) -> float:
+    """Time that a path takes at its assigned velocities, where there are any, and its dwells [s].
+
+    Rounded corners make it shorter, limits longer.
+    """
+    if isinstance(path, Program):
+        dwells = sum(x.duration for x in path.moves if isinstance(x, Dwell))
+        return dwells + sum(assigned_time(x.path, limits) for x in path.contours)
+    # A segment without a velocity takes a time that is not known yet.
+    speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    return float(np.sum(path.lengths / np.where(np.isnan(speeds), np.inf, speeds)))
 
 
 def _ending(trajectory: Trajectory) -> Trajectory:
