@@ -6,6 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
+from armcontour import _memory
 from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.errors import ArmContourError
@@ -29,7 +30,7 @@ def _command() -> int:
         _complain(str(error))
         return error.exit_code
     except MemoryError:
-        _complain("There is not enough memory for this: close other programs, or ask for less.")
+        _complain(_memory.describe_memory_error())
         return 1
     except BrokenPipeError:
         _mute()
