@@ -52,7 +52,11 @@ def certify_file(
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
-    overrides = _lengths(tolerance=tolerance, servo=servo)
+    lengths = {
+        "tolerance": _length("--total-tolerance", tolerance),
+        "servo": _length("--servo", servo),
+    }
+    overrides = {name: value for name, value in lengths.items() if value is not None}
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.study import certify
 
@@ -70,24 +74,19 @@ def certify_file(
         open_page(out / "report.html")
 
 
-def _lengths(**given: str | None) -> dict[str, float]:
-    """Lengths of options [m].
+def _length(option: str, text: str | None) -> float | None:
+    """The length that an option gives [m]; None without the option.
 
     Raises:
-        InvalidInput: Text that is no length.
+        InvalidInput: The text is not a length.
     """
     from armcontour.errors import InvalidInput
     from armcontour.io.units import parse
 
-    found = {}
-    for name, text in given.items():
-        if text is None:
-            continue
-        try:
-            found[name] = parse(text, "m")
-        except ValueError as error:
-            raise InvalidInput(f"--{name}: {error}.") from None
-    return found
+    try:
+        return None if text is None else parse(text, "m")
+    except ValueError as error:
+        raise InvalidInput(f"{option}: {error}.") from None
 
 
 def with_memory(job: Job, text: str | None) -> Job:

@@ -224,11 +224,16 @@ def certify(
     run_name: Name = None,
     tolerance: Annotated[
         str | None,
-        typer.Option("--tolerance", help="Total tolerance, such as '1 mm'; else the job's."),
+        typer.Option(
+            "--total-tolerance",
+            help="Tolerance of rounding and execution together, such as '1 mm'; else the job's.",
+        ),
     ] = None,
     servo: Annotated[
         str | None,
-        typer.Option("--servo", help="Contour error of the execution, such as '2 um'; likewise."),
+        typer.Option(
+            "--servo", help="Contour error of the execution, such as '2 um'; else the job's."
+        ),
     ] = None,
     out: Annotated[
         FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
