@@ -377,7 +377,6 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
         problem = _Problem(grid, path, task.active, bounds)
         lost = problem.margin_lost(half_turn)
         if (lost > most).any():
-            path.give_back()
             # Without skew they may do, where it alone is at fault or finer grids did not help.
             skewed = (lost > most) & (skew != 0) & ((lost >= 1) | (most > LARGEST_MARGIN))
             if not skewed.any():
@@ -391,7 +390,6 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
             if bracket.found is None and len(grid) > FINE_ENOUGH:
                 raise
             return bracket.found, np.full(len(grid), 4 * LARGEST_MARGIN)
-        path.give_back()
         # With a growing u, x must not fall to 0 between two points.
         speed = np.sqrt(x)
         dips = 4 * sag * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
@@ -512,7 +510,6 @@ def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
             break
     skew = plain.skews(x)
-    path.give_back()
     most, least = np.maximum(x[:-1], x[1:])[of], np.minimum(x[:-1], x[1:])[of]
     return _Bracket(most, least, skew[of], np.full(len(grid), HEADROOM))
 

@@ -14,6 +14,7 @@ happens between the ends it is told how large x and u can get.
 
 from __future__ import annotations
 
+import sys
 import threading
 from dataclasses import dataclass
 
@@ -33,15 +34,13 @@ class JointDerivatives:
         first: dq_ds at the starts (index 0) and ends (1) of all intervals, (2, n, dof).
         second: d2q_ds2, likewise.
         third: Bound of |d3q_ds3| on each interval, (n, dof).
-        fourth: Bound of |d4q_ds4|, likewise.
-        block: The memory of all of this.
+        fourth: Bound of |d4q_ds4| on each interval, (n, dof).
     """
 
     first: FloatArray
     second: FloatArray
     third: FloatArray
     fourth: FloatArray
-    block: FloatArray
 
     @classmethod
     def on(cls, grid: Grid) -> JointDerivatives:
@@ -52,11 +51,7 @@ class JointDerivatives:
         arrays = block[: 6 * shape[0] * shape[1]].reshape(6, *shape)
         parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
-        return cls(*parts, block)
-
-    def give_back(self) -> None:
-        """Say that nobody will look at these arrays any more: the next plan may write to them."""
-        _memory.block = self.block if self.block.size <= MOST_KEPT else None
+        return cls(*parts)
 
 
 class _Memory(threading.local):
@@ -68,14 +63,20 @@ class _Memory(threading.local):
     block: FloatArray | None = None
 
     def take(self, size: int) -> FloatArray:
-        """A block of at least `size` numbers, for its taker alone."""
-        block, self.block = self.block, None
-        return np.empty(size) if block is None or block.size < size else block
+        """A block of at least `size` numbers that nobody else refers to."""
+        block = self.block
+        if block is not None and block.size >= size and sys.getrefcount(block) == UNUSED:
+            return block
+        block = np.empty(size)
+        self.block = block if size <= MOST_KEPT else None
+        return block
 
 
 _memory = _Memory()
 # A block of more numbers than this (16 MB) is not kept.
 MOST_KEPT = 2_000_000
+# References to a block while it is looked at: the attribute, the local name, the argument.
+UNUSED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +143,6 @@ class Disc:
 
 class Constraint:
     """One limit along a path; this base limits nothing.
-
-    The derivatives it is given are lent for the call: the next plan writes to the same memory.
 
     Attributes:
         name: What people call it, such as "acceleration".
