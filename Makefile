@@ -28,6 +28,7 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 soak: $(VENV)/test  ## Plan and judge 100,000 random problems, and read 100,000 broken files
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
+	$(BIN)/python -m soak.numbers
 
 bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 	$(BIN)/python -m benchmarks
