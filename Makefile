@@ -25,10 +25,12 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-soak: $(VENV)/test  ## Plan and judge 100,000 random problems, read 100,000 broken files, check 4,000
+soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.check
+	$(BIN)/python -m soak.numbers
+	$(BIN)/python -m soak.interrupts
 
 bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 	$(BIN)/python -m benchmarks

@@ -32,7 +32,7 @@ from soak.number_cases import FILES, HOSTILE, PLANE, base_of, fields, numeric_op
 # on a machine with other work.
 LONGEST = 10
 LARGEST = 2e9
-PATIENCE = 6.0
+PATIENCE = 30.0
 # How often memory is looked at [s].
 LOOK = 0.01
 GOOD = ("done", "refused")

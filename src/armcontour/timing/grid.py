@@ -16,6 +16,8 @@ DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # More than this does not fit in memory.
 MOST_INTERVALS = 10_000_000
+# What an interval takes of one joint while a plan is made [bytes], measured.
+AT_AN_INTERVAL = 720.0
 # Next to a rest that is made finer, an interval has the square of this many parts, the next one
 # this many, and further ones fewer; all rests together get at most this share of the intervals.
 PARTS_AT_REST = 8

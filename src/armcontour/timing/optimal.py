@@ -14,7 +14,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, _memory
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
@@ -39,7 +39,15 @@ from armcontour.timing.constraints import (
     turning_of,
 )
 from armcontour.timing.constraints._rows import margin_lost
-from armcontour.timing.grid import Grid, coarsened, finer_at_rests, given_grid, place_grid, split
+from armcontour.timing.grid import (
+    AT_AN_INTERVAL,
+    Grid,
+    coarsened,
+    finer_at_rests,
+    given_grid,
+    place_grid,
+    split,
+)
 
 # Where the margin for what happens between the points costs more than this share of a limit, the
 # grid is made finer, at most this many times; each time a larger share will do, up to the last.
@@ -85,6 +93,7 @@ def plan_optimal(
     start_speed: float = 0.0,
     end_speed: float = 0.0,
     constraints: Sequence[Constraint] = (),
+    memory: float = _memory.DEFAULT,
 ) -> Trajectory:
     """Plan the fastest motion along a path.
 
@@ -97,6 +106,7 @@ def plan_optimal(
         start_speed: ds at the start [m/s].
         end_speed: ds at the end [m/s].
         constraints: Further constraints.
+        memory: What the program may take [bytes]: a grid is made no finer than that.
 
     Raises:
         NotRealizable: A start or end speed that cannot be had, or a place where nothing is allowed.
@@ -109,7 +119,8 @@ def plan_optimal(
     else:
         placed = given_grid(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    law = _solve(placed, _Task(tuple(active), start_speed, end_speed, arm))
+    most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
+    law = _solve(placed, _Task(tuple(active), start_speed, end_speed, arm), most)
     return Trajectory(laws=(law,), method="optimal", path=joint_path.tool_path)
 
 
@@ -326,7 +337,7 @@ class _Problem:
         return at
 
 
-def _solve(grid: Grid, task: _Task) -> PathLaw:
+def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
     """The law on the grid, which is made finer where that is needed.
 
     A first pass without margins and without skew tells how large x and u get, and how u has to run
@@ -345,7 +356,7 @@ def _solve(grid: Grid, task: _Task) -> PathLaw:
             return found
         s = float(grid.s[int(np.argmax(lost))])
         parts = np.clip(np.ceil(np.sqrt(lost / LARGEST_MARGIN)), 1.0, MOST_PARTS)
-        if parts.sum() > MOST_GROWTH * len(grid):
+        if parts.sum() > min(MOST_GROWTH * len(grid), most_intervals):
             break
         grid = split(grid, parts)
     raise NotRealizable(

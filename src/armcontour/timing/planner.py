@@ -15,7 +15,7 @@ from armcontour.motion import JointPath, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
-from armcontour.timing.grid import DEFAULT_INTERVALS
+from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.programs import Progress, Ways, plan_program, plan_rapid
@@ -29,8 +29,8 @@ OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # Of many contours each has fewer grid intervals: they are shorter, and all of them cost time.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
-# What an interval of the grid, or a lap of a line, takes of one joint [bytes], measured.
-AT_A_PLACE = {"intervals": 720.0, "knots": 720.0}
+# Options that say how many places there are; a lap of a line takes what an interval does.
+COUNTS = ("intervals", "knots")
 # A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
 LONGEST_MOTION = 1e6
 OPTIONS = {
@@ -106,11 +106,14 @@ def plan(
     kept = with_reserve(bounds, reserve)
     if isinstance(path, Path | Program):
         refuse_endless(path, bounds)
-    for name, size in AT_A_PLACE.items():
+    for name in COUNTS:
         if options.get(name) is not None:
             wanted = _checks.number(name, options[name])
             _memory.refuse_above(
-                memory, wanted * size * arm.dof, f"A plan of {wanted:g} {name}", "take fewer"
+                memory,
+                wanted * AT_AN_INTERVAL * arm.dof,
+                f"A plan of {wanted:g} {name}",
+                "take fewer",
             )
     if isinstance(path, Program):
         for name in OF_ONE_PATH:
@@ -123,7 +126,7 @@ def plan(
             options.setdefault("intervals", fewer)
 
     def timed(joint_path: JointPath) -> Trajectory:
-        return _timed(joint_path, arm, kept, method, options)
+        return _timed(joint_path, arm, kept, method, memory, options)
 
     def rapid(joint_path: JointPath) -> Trajectory:
         return plan_rapid(joint_path, arm, kept)
@@ -197,11 +200,16 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
 
 
 def _timed(
-    joint_path: JointPath, arm: Arm, limits: Limits, method: str, options: dict[str, Any]
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    method: str,
+    memory: float,
+    options: dict[str, Any],
 ) -> Trajectory:
     """The plan of a joint path by a method."""
     if method == "optimal":
-        return plan_optimal(joint_path, arm, limits, **options)
+        return plan_optimal(joint_path, arm, limits, memory=memory, **options)
     if method == "mac":
         return plan_mac(joint_path, arm, limits, **options)
     return plan_conventional(joint_path, arm, limits)
