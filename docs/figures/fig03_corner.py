@@ -63,7 +63,7 @@ def draw() -> Figure:
 def _centre(path, s):
     """Centre of the arc that starts at `s`."""
     i = int(path.locate(s))
-    return path.starts[i] + path.inwards[i] / path.curvatures[i]
+    return path.starts[i] + path.normals[i] / path.curvatures[i]
 
 
 def _heading(axes, at, direction, text, size):

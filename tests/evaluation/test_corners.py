@@ -19,7 +19,7 @@ def dense(points, count=401):
 
 def test_a_perfect_corner_has_none():
     (found,) = corner_deviations(dense([(0, 0), (1, 0), (1, 1)]), RIGHT_ANGLE)
-    assert found.joint == 1 and found.point == (1.0, 0.0)
+    assert found.vertex == 1 and found.point == (1.0, 0.0)
     assert found.rounding == 0.0 and found.overshoot == 0.0
 
 
@@ -65,7 +65,7 @@ def test_every_corner_has_its_own_region():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
     tool = dense([(0, 0), (1.02, 0), (1.02, 0.4), (1, 0.5), (1, 1.05), (2, 1.0)], 4001)
     first, second = corner_deviations(tool, path)
-    assert (first.joint, second.joint) == (1, 2)
+    assert (first.vertex, second.vertex) == (1, 2)
     assert first.overshoot == pytest.approx(0.02, rel=1e-3)
     assert second.overshoot == pytest.approx(0.05, rel=1e-2)
 
@@ -84,7 +84,7 @@ def test_every_corner_of_many_has_its_own_region():
     found = corner_deviations(tool, path)
     assert len(found) == 58
     for x in found:
-        low = path.breaks[x.joint] - path.lengths[x.joint - 1] / 2
-        high = path.breaks[x.joint] + path.lengths[x.joint] / 2
+        low = path.breaks[x.vertex] - path.lengths[x.vertex - 1] / 2
+        high = path.breaks[x.vertex] + path.lengths[x.vertex] / 2
         near = tool[(s >= low) & (s <= high)] - x.point
         assert x.rounding == np.linalg.norm(near, axis=1).min()

@@ -57,7 +57,7 @@ def nearest(path: Path, points: np.ndarray) -> np.ndarray:
     """Distances to a path, segment by segment: feet on lines and circles, or the ends."""
     best = np.full(len(points), np.inf)
     for start, tangent, inward, k, length in zip(
-        path.starts, path.tangents, path.inwards, path.curvatures, path.lengths, strict=True
+        path.starts, path.tangents, path.normals, path.curvatures, path.lengths, strict=True
     ):
         if k == 0:
             foot = start + np.clip((points - start) @ tangent, 0, length)[:, None] * tangent

@@ -13,9 +13,13 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 import armcontour as ac
-from armcontour.geometry.curves import arcs_of
+from armcontour.geometry.fit import fit_arcs
 
 QUARTER = np.pi / 2
+
+
+def fitted(curve, breaks, tolerance):
+    return ac.Path(segments=fit_arcs(curve, breaks, tolerance))
 
 
 def ellipse(a, b):
@@ -39,7 +43,7 @@ def bezier(*points):
 
 def judged(curve, breaks, tolerance, *, corners=0, places=6001):
     """The path, once it is near the curve both ways, on it at its breaks, and tangent."""
-    path = arcs_of(curve, breaks, tolerance)
+    path = fitted(curve, breaks, tolerance)
     at = np.linspace(breaks[0], breaks[-1], places)
     dense = curve(at, 0)
     assert path.project(dense).distance.max() <= tolerance
@@ -84,8 +88,8 @@ def test_arcs_stay_near_the_curve_both_ways_and_are_tangent(name, tolerance):
 
 
 def test_a_quarter_of_an_ellipse_of_50_mm_takes_few_arcs():
-    assert len(arcs_of(ellipse(0.05, 0.025), [0, QUARTER], 1e-5)) <= 14
-    assert len(arcs_of(ellipse(0.05, 0.025), np.arange(5) * QUARTER, 1e-5)) <= 56
+    assert len(fitted(ellipse(0.05, 0.025), [0, QUARTER], 1e-5)) <= 14
+    assert len(fitted(ellipse(0.05, 0.025), np.arange(5) * QUARTER, 1e-5)) <= 56
 
 
 @given(
@@ -97,7 +101,7 @@ def test_a_quarter_of_an_ellipse_of_50_mm_takes_few_arcs():
 def test_any_bezier_curve(points, tolerance):
     curve = bezier(*points)
     try:
-        path = arcs_of(curve, [0, 1], tolerance)
+        path = fitted(curve, [0, 1], tolerance)
     except ac.InvalidInput as error:
         assert "no length" in str(error) and np.ptp(np.array(points), axis=0).max() < 1e-8
         return
@@ -169,7 +173,7 @@ def test_rational_splines_whose_weights_differ_by_thousands(seed):
         p = h[:, :2] / h[:, 2:]
         return p if order == 0 else (dh[:, :2] - p * dh[:, 2:]) / h[:, 2:]
 
-    path = arcs_of(curve, [0, *inner, 1], 1e-5)
+    path = fitted(curve, [0, *inner, 1], 1e-5)
     dense = curve(np.linspace(0, 1, 30001), 0)
     assert path.project(dense).distance.max() <= 1e-5
     assert path.turns.max() < 1e-9 and len(path) < 400
@@ -197,27 +201,27 @@ def test_a_corner_at_a_break_stays_and_the_derivative_may_jump_there():
 
 
 def test_a_closed_curve_that_is_smooth_where_it_starts_is_closed_to_the_last_digit():
-    path = arcs_of(ellipse(0.05, 0.025), [0.4, 0.4 + 2 * np.pi], 1e-5)
+    path = fitted(ellipse(0.05, 0.025), [0.4, 0.4 + 2 * np.pi], 1e-5)
     np.testing.assert_allclose(path(0.0), path(path.length), atol=1e-15)
     np.testing.assert_allclose(path(0.0, 1), path(path.length, 1), atol=1e-14)
 
 
 def test_where_a_parametrization_stands_still_the_limit_of_the_tangent_counts():
     # At both ends two control points are one: the tangent there points to the next but one.
-    path = arcs_of(bezier((0, 0), (0, 0), (1, 2), (3, 1), (3, 1)), [0, 1], 1e-6)
+    path = fitted(bezier((0, 0), (0, 0), (1, 2), (3, 1), (3, 1)), [0, 1], 1e-6)
     np.testing.assert_allclose(path(0.0, 1), np.array([1, 2]) / np.sqrt(5), atol=1e-9)
     np.testing.assert_allclose(path(path.length, 1), np.array([2, -1]) / np.sqrt(5), atol=1e-9)
 
 
 def test_both_branches_of_a_cusp_have_its_tangent():
-    path = arcs_of(CURVES["cusp"][0], [0, 1], 1e-5)
+    path = fitted(CURVES["cusp"][0], [0, 1], 1e-5)
     i = int(np.argmax(path.turns))
     np.testing.assert_allclose(path.turns[i], np.pi, atol=1e-6)
     np.testing.assert_allclose(path.vertices[i + 1], (0.5, 0.75), atol=1e-9)
 
 
 def test_a_curve_too_small_for_the_tolerance_keeps_its_ends():
-    path = arcs_of(bezier((1, 1), (1 + 1e-8, 1), (1 + 1e-8, 1 + 1e-8)), [0, 1], 1e-5)
+    path = fitted(bezier((1, 1), (1 + 1e-8, 1), (1 + 1e-8, 1 + 1e-8)), [0, 1], 1e-5)
     np.testing.assert_allclose(path.vertices[[0, -1]], [(1, 1), (1 + 1e-8, 1 + 1e-8)], atol=1e-15)
 
 
@@ -229,7 +233,7 @@ def test_many_breaks_at_one_place_are_no_gap():
         rate = np.where((t > 1) & (t < 2), 1e-9, 1.0)
         return np.column_stack([x, 0 * t] if order == 0 else [rate, 0 * t])
 
-    path = arcs_of(curve, np.concatenate([[0], np.linspace(1, 2, 50), [3]]), 1e-5)
+    path = fitted(curve, np.concatenate([[0], np.linspace(1, 2, 50), [3]]), 1e-5)
     assert path.length == pytest.approx(2, abs=1e-8) and len(path) <= 4
 
 
@@ -246,13 +250,13 @@ def test_many_breaks_at_one_place_are_no_gap():
     ],
 )
 def test_what_is_no_curve_is_refused(curve, breaks, tolerance, words, refuses):
-    refuses(lambda: arcs_of(curve, breaks, tolerance), ac.InvalidInput, *words)
+    refuses(lambda: fitted(curve, breaks, tolerance), ac.InvalidInput, *words)
 
 
 def test_a_tolerance_far_too_small_for_the_curve_is_refused(monkeypatch, refuses):
-    monkeypatch.setattr("armcontour.geometry.curves.MOST_INTERVALS", 100)
+    monkeypatch.setattr("armcontour.geometry.fit.MOST_INTERVALS", 100)
     words = ("more than 200 arcs", "1e-08 m", "larger tolerance")
-    refuses(lambda: arcs_of(ellipse(1, 0.5), [0, 6], 1e-8), ac.InvalidInput, *words)
+    refuses(lambda: fitted(ellipse(1, 0.5), [0, 6], 1e-8), ac.InvalidInput, *words)
 
 
 def test_twenty_thousand_intervals_take_no_time_to_speak_of():
@@ -261,6 +265,6 @@ def test_twenty_thousand_intervals_take_no_time_to_speak_of():
 
     spline = CubicSpline(t, np.column_stack([np.cos(t / 500), np.sin(t / 380)]))
     begin = time.process_time()
-    path = arcs_of(lambda x, order: spline(x, order), t, 1e-5)
+    path = fitted(lambda x, order: spline(x, order), t, 1e-5)
     assert time.process_time() - begin < 3.0  # it takes 0.3 s
     assert len(path) <= 40002 and path.turns.max() < 1e-9

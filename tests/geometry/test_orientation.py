@@ -272,7 +272,7 @@ def test_a_turn_back_is_refused_where_the_tool_follows(refuses):
     refuses(
         lambda: path.following_tangent([0, 0, 1]),
         ac.InvalidInput,
-        "behind segment 2",
+        "after segment 2",
         "180°",
         "split the path",
         index=1,

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.geometry import angle_between
+from armcontour.geometry import Segments, angle_between
 
 R = 0.3
 
@@ -72,7 +72,7 @@ def test_plane_arc_is_a_rotation_about_its_centre(sign, angle):
 def test_space_arc_turns_by_the_right_hand_rule():
     path = space_path()
     corner = path.vertices[1]
-    center = corner + R * path.inwards[1]
+    center = corner + R * path.normals[1]
     u = np.linspace(0, R * 2.2, 23)
     expected = center + rotated(corner - center, [1.0, -2.0, 0.5], u / R)
     np.testing.assert_allclose(path(path.breaks[1] + u), expected, atol=1e-14)
@@ -250,7 +250,7 @@ def test_rounding_beyond_the_end_is_not_outside():
 GOOD = {
     "starts": np.zeros((1, 2)),
     "tangents": np.array([[1.0, 0.0]]),
-    "inwards": np.zeros((1, 2)),
+    "normals": np.zeros((1, 2)),
     "curvatures": np.zeros(1),
     "lengths": np.ones(1),
 }
@@ -271,13 +271,13 @@ GOOD = {
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(change, words, refuses):
-    assert ac.Path(**GOOD).length == 1.0
-    refuses(lambda: ac.Path(**GOOD | change), ac.InvalidInput, *words)
+    assert ac.Path(segments=Segments(**GOOD)).length == 1.0
+    refuses(lambda: ac.Path(segments=Segments(**GOOD | change)), ac.InvalidInput, *words)
 
 
 def test_a_path_is_frozen_and_owns_its_arrays():
     lengths = np.ones(1)
-    path = ac.Path(**GOOD | {"lengths": lengths})
+    path = ac.Path(segments=Segments(**GOOD | {"lengths": lengths}))
     lengths[0] = 7.0
     assert path.lengths[0] == 1.0
     for name in ("starts", "tangents", "lengths", "breaks", "speeds"):

@@ -99,7 +99,7 @@ def test_one_value_per_joint():
     found = ac.round_corners(path, tolerance=[0.01, 0.0, 0.02]).corners
     np.testing.assert_allclose(found.error, [0.01, 0, 0.02], atol=1e-15)
     np.testing.assert_array_equal(found.stopped, [False, True, False])
-    np.testing.assert_array_equal(found.joint, [1, 2, 3])
+    np.testing.assert_array_equal(found.vertex, [1, 2, 3])
     np.testing.assert_array_equal(found.point, [(1, 0), (1, 1), (0, 1)])
 
 
@@ -211,13 +211,13 @@ def test_corners_are_read_only(rounded):
         ({"acceleration": 0.1}, ("case II",)),
         ({"tolerance": -1e-3}, ("tolerance", "negative", "-0.001 m")),
         ({"tolerance": np.nan}, ("tolerance", "finite")),
-        ({"tolerance": [1e-3] * 3}, ("tolerance has 3 values", "2 joints")),
+        ({"tolerance": [1e-3] * 3}, ("tolerance has 3 values", "2 vertices")),
         ({"tolerance": [[1e-3, 1e-3]]}, ("tolerance has 2 values",)),
         ({"tolerance": "wide"}, ("tolerance", "numbers in m")),
         ({"speed": -0.1, "acceleration": 0.1}, ("corner speed", "negative", "-0.1 m/s")),
         ({"speed": 0.1, "acceleration": 0.0}, ("corner acceleration", "above zero")),
         ({"tolerance": 1e-3, "acceleration": -0.5}, ("corner acceleration", "-0.5 m/s²")),
-        ({"speed": [0.1], "acceleration": 0.1}, ("corner speed has 1 values", "2 joints")),
+        ({"speed": [0.1], "acceleration": 0.1}, ("corner speed has 1 values", "2 vertices")),
     ],
 )
 def test_round_corners_refuses(options, words, refuses):

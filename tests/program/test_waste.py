@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.geometry.cutting import reversed_path
+from armcontour.geometry.cutting import reverse_path
 from armcontour.program.waste import waste_sides
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -23,7 +23,7 @@ def contours(*paths, layer="CUT"):
 def test_waste_is_outside_of_outlines_inside_of_holes_and_left_of_open_contours():
     sides = waste_sides(contours(OUTLINE, HOLE, ISLAND, OPEN), UP)
     assert sides == ["right", "left", "right", "left"]
-    turned = [reversed_path(x) for x in (OUTLINE, HOLE, ISLAND)]
+    turned = [reverse_path(x) for x in (OUTLINE, HOLE, ISLAND)]
     assert waste_sides(contours(*turned), UP) == ["left", "right", "left"]
 
 
@@ -41,7 +41,7 @@ def test_in_space_it_is_looked_at_from_above():
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_arcs_of_leads_lie_in_the_waste(turned):
-    paths = [reversed_path(x) if turned else x for x in (OUTLINE, HOLE)]
+    paths = [reverse_path(x) if turned else x for x in (OUTLINE, HOLE)]
     lead = ac.Lead(length=4e-3, shape="arc")
     process = ac.Process(lead_in=lead, lead_out=lead, overlap=2e-3)
     outline, hole = ac.prepared(ac.Program(moves=tuple(contours(*paths))), process).contours

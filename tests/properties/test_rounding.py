@@ -71,7 +71,7 @@ def test_ten_thousand_random_polylines(batch):
         assert rounded.length <= path.length * (1 + 1e-12)
         assert (corners.start[1:] >= corners.end[:-1] - 1e-12).all()
         cut = np.zeros(len(path) + 1)
-        cut[corners.joint] = corners.tangent
+        cut[corners.vertex] = corners.tangent
         assert (cut[:-1] + cut[1:] <= path.lengths * (1 + 1e-12)).all()
         rounded_ones += len(arcs)
         stopped_ones += int(corners.stopped.sum())

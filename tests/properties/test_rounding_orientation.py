@@ -54,7 +54,7 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     off = np.linalg.norm(rounded(middle) - corners.point, axis=1)
     assert (off <= tolerance + 1e-12).all()
     np.testing.assert_allclose(off, corners.error, atol=1e-12)
-    at_corner = path.orientation.starts[corners.joint]
+    at_corner = path.orientation.starts[corners.vertex]
     apart = axis_angles if axis_only else angles
     turned = apart(orientation(middle), at_corner)
     assert (turned <= angular + 1e-9).all()
@@ -91,7 +91,7 @@ def test_turning_about_a_free_axis_makes_no_arc_smaller(seed):
     )
     assert (free.corners.tangent >= 0.5 * whole.corners.tangent - 1e-12).all()
     middle = (free.corners.start + free.corners.end) / 2
-    at_corner = path.oriented(turns).orientation.starts[free.corners.joint]
+    at_corner = path.oriented(turns).orientation.starts[free.corners.vertex]
     off = axis_angles(free.orientation(middle), at_corner)
     assert (off <= angular + 1e-9).all()
     np.testing.assert_allclose(off, free.corners.angular_error, atol=1e-9)
@@ -131,7 +131,7 @@ def test_nowhere_on_a_corner_is_the_rotation_farther_off_than_in_its_middle(seed
     for k in range(len(corners)):
         s = corners.start[k] + share * (corners.end[k] - corners.start[k])
         t = corners.tangent[k]
-        was = path.orientation(path.breaks[corners.joint[k]] + (2 * share - 1) * t)
+        was = path.orientation(path.breaks[corners.vertex[k]] + (2 * share - 1) * t)
         off = angles(rounded.orientation(s), was)
         assert off.max() <= max(angular, corners.angular_error[k]) + 1e-9
 
@@ -183,7 +183,7 @@ def test_a_kink_without_a_corner_needs_an_angular_tolerance(refuses):
     refuses(
         lambda: ac.round_corners(kinked, tolerance=0.1),
         ac.InvalidInput,
-        "another rate behind segment 2",
+        "another rate after segment 2",
         "angular_tolerance",
     )
     rounded = ac.round_corners(kinked, tolerance=0.1, angular_tolerance=0.01)

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path
-from armcontour.geometry.path import TANGENT_TOLERANCE
+from armcontour.geometry.segments import TANGENT_TOLERANCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +16,7 @@ class CornerDeviation:
     """How the tool took one corner.
 
     Args:
-        joint: Index of the corner's joint between segments of the objective path, from 1.
+        vertex: Index of the corner among the vertices of the objective path, from 0.
         point: The corner [m].
         rounding: Cornering round-off CR: smallest distance between corner and tool [m].
         overshoot: Cornering overshoot CO: how far the tool went beyond the line that leaves the
@@ -24,7 +24,7 @@ class CornerDeviation:
         contour: Of a program, the number of the corner's contour, from 1.
     """
 
-    joint: int
+    vertex: int
     point: tuple[float, ...]
     rounding: float
     overshoot: float
@@ -62,8 +62,8 @@ def corner_deviations(
     rounding = np.minimum.reduceat(np.linalg.norm(off, axis=1), starts)
     overshoot = np.maximum.reduceat(np.sum(off * across[of], axis=1), starts)
     return tuple(
-        CornerDeviation(joint=joint, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
-        for joint, point, cr, co in zip(
+        CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
+        for vertex, point, cr, co in zip(
             corners.tolist(), points.tolist(), rounding.tolist(), overshoot.tolist(), strict=True
         )
     )
@@ -79,7 +79,7 @@ def _members(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
 
 def _across(path: Path, corners: IntArray) -> FloatArray:
     """Beyond a corner: the arriving direction at right angles to the leaving one, (n, dim)."""
-    before = path.on_segment(corners - 1, path.lengths[corners - 1], 1)
+    before = path.segments.end_tangents[corners - 1]
     after = path.tangents[corners]
     across = before - np.sum(before * after, axis=1, keepdims=True) * after
     size = np.linalg.norm(across, axis=1, keepdims=True)

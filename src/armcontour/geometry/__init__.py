@@ -1,11 +1,12 @@
 """Path geometry: lines and arcs, nearest points, rounded corners. Knows no robot and no time."""
 
 from armcontour.frames import angle_between
+from armcontour.geometry.nearest import Projection
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
-from armcontour.geometry.projection import Projection
+from armcontour.geometry.primitives import Arc, Demand, Line
 from armcontour.geometry.rounding import Corners, RoundedPath, corner_error, round_corners
-from armcontour.geometry.segments import Arc, Demand, Line
+from armcontour.geometry.segments import Segments
 
 __all__ = [
     "Arc",
@@ -16,6 +17,7 @@ __all__ = [
     "Path",
     "Projection",
     "RoundedPath",
+    "Segments",
     "angle_between",
     "corner_error",
     "round_corners",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,7 +29,7 @@ LINEAR = _checks.locked([0.0, 1.0, 0.0, 0.0])
 class Orientation:
     """Rotations along a path, piece by piece.
 
-    On piece i, at distance u behind its start, the tool's axes are the columns of
+    On piece i, at distance u after its start, the tool's axes are the columns of
     `exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`; f and g are cubic polynomials. A piece that
     turns evenly has f(u) = u and g = 0.
 
@@ -37,7 +39,7 @@ class Orientation:
         first: Rotation vectors per unit of f [rad/m], (n, 3).
         second: Rotation vectors per unit of g [rad/m], (n, 3).
         f: Coefficients of 1, u, u², u³, (n, 4).
-        g: Likewise.
+        g: Coefficients of 1, u, u², u³, (n, 4).
         axis_only: Only the tool axis, the third column, counts: turning about it is free.
         follows: The orientation follows the tangent of its path.
 
@@ -107,6 +109,21 @@ class Orientation:
             follows=follows,
         )
 
+    @classmethod
+    def join(cls, parts: Sequence[Orientation], lengths: Sequence[float]) -> Orientation:
+        """One orientation of several in order, along paths of these lengths [m]."""
+        offsets = np.concatenate([[0.0], np.cumsum(lengths)])
+        breaks = [x.breaks[:-1] + offset for x, offset in zip(parts, offsets, strict=False)]
+        return cls(
+            breaks=np.concatenate([*breaks, offsets[-1:]]),
+            **{
+                name: np.concatenate([getattr(x, name) for x in parts])
+                for name in ("starts", "first", "second", "f", "g")
+            },
+            axis_only=all(x.axis_only for x in parts),
+            follows=all(x.follows for x in parts),
+        )
+
     def __len__(self) -> int:
         """Number of pieces."""
         return len(self.starts)
@@ -129,7 +146,7 @@ class Orientation:
         return np.clip(found, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
-        """Rotation matrices at distance `u` behind the start of piece `i`."""
+        """Rotation matrices at distance `u` after the start of piece `i`."""
         if self.fixed:
             return np.array(self.starts[i])
         turn = exp(_value(self.f[i], u)[..., None] * self.first[i])
@@ -137,7 +154,7 @@ class Orientation:
         return np.asarray(back @ turn @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rate of turning and its derivative at distance `u` behind the start of piece `i`."""
+        """Rate of turning and its derivative at distance `u` after the start of piece `i`."""
         if self.fixed:
             return np.zeros((*np.shape(u), 3)), np.zeros((*np.shape(u), 3))
         g, dg, ddg = (_value(self.g[i], u, order)[..., None] for order in range(3))
@@ -183,6 +200,68 @@ class Orientation:
     def stops(self) -> FloatArray:
         """Arc lengths at which the rate jumps, (k,): no motion passes them moving."""
         return self.breaks[1:-1][(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)]
+
+    def cut(self, begin: float, length: float, shortest: float) -> Orientation:
+        """The part of so great a length after `begin`; pieces up to `shortest` are left out [m]."""
+        breaks = self.breaks - begin
+        i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
+        rows = {x: getattr(self, x)[i].copy() for x in ("starts", "first", "second", "f", "g")}
+        before = max(-float(breaks[i[0]]), 0.0)
+        if before > 0:
+            # A piece starts with its own rotation; what g has turned so far carries the axis of f.
+            rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
+            for c in (rows["f"], rows["g"]):
+                c[0] = _shifted(c[0], before)
+            turned = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
+            rows["first"][0] = turned @ rows["first"][0]
+            rows["f"][0, 0] = rows["g"][0, 0] = 0.0
+        ends = np.concatenate([[0.0], breaks[i[1:]], [length]])
+        return dataclasses.replace(self, breaks=ends, **rows)
+
+    def reverse(self) -> Orientation:
+        """From its end to its start; each piece starts with the rotation that it ends with."""
+        lengths = np.diff(self.breaks)
+        at_end = [
+            np.array([_shifted(c, u) for c, u in zip(x, lengths, strict=True)])
+            for x in (self.f, self.g)
+        ]
+        back = exp(at_end[1][:, :1] * self.second)
+        # f(end) - f(end - u), about the axis turned round.
+        f, g = (-x * [0, -1, 1, -1] for x in at_end)
+        return dataclasses.replace(
+            self,
+            breaks=np.concatenate([[0.0], np.cumsum(lengths[::-1])]),
+            starts=self.on_piece(np.arange(len(self)), lengths)[::-1],
+            first=-np.einsum("nij,nj->ni", back, self.first)[::-1],
+            second=-self.second[::-1],
+            f=f[::-1],
+            g=g[::-1],
+        )
+
+    def place(self, rotation: FloatArray, scale: float) -> Orientation:
+        """Along a path that is scaled and then turned."""
+        return dataclasses.replace(
+            self,
+            breaks=self.breaks * scale,
+            starts=rotation @ self.starts,
+            first=self.first @ rotation.T,
+            second=self.second @ rotation.T,
+            f=self.f / scale ** np.arange(4),
+            g=self.g / scale ** np.arange(4),
+        )
+
+
+def _shifted(c: FloatArray, by: float) -> FloatArray:
+    """Coefficients of the cubic polynomial with `u + by` in the place of u."""
+    a0, a1, a2, a3 = c
+    return np.array(
+        [
+            a0 + by * (a1 + by * (a2 + by * a3)),
+            a1 + by * (2 * a2 + 3 * by * a3),
+            a2 + 3 * by * a3,
+            a3,
+        ]
+    )
 
 
 def _value(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:

@@ -15,100 +15,54 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between
 from armcontour.geometry import orienting
-from armcontour.geometry.cell_index import CellIndex
+from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.projection import PIECES_PER_SEGMENT, Projection, pieces_wanted
-from armcontour.geometry.segments import NO_DEMAND, Arc, Demand, Line, arc_frame, line_frame
-from armcontour.geometry.tree_index import SegmentIndex
+from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulate
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
 
-# Points closer than this are one point: a nanometre is below what any arm can resolve.
-REPEATED_POINT = 1e-9
-# Tangents closer than this [rad] are one tangent: at 1 m/s the step in velocity is 1 nm/s.
-TANGENT_TOLERANCE = 1e-9
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
-NOT_GIVEN = _checks.locked([])
 EVERY_VERTEX = _checks.locked_copy(np.empty(0, dtype=np.intp))
-# Breaks of an orientation this near to a joint of its path are that joint, in metres and in path
-# lengths: what rounding of corners leaves out, and what adding lengths up rounds.
+# Breaks of an orientation this near to a vertex of its path are at that vertex, in metres and in
+# path lengths: what rounding of corners leaves out, and what adding lengths up rounds.
 SAME_BREAK = 1e-12
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+# Without slots: with them Python's frozen classes have no clear refusal to set a property.
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
-    Segment i is `starts[i] + tangents[i] sin(k u)/k + inwards[i] (1 - cos(k u))/k` with
-    `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0. Build one with `polyline`
-    or `from_segments`.
+    Build one with `polyline`, `spline` or `from_segments`.
 
     Args:
-        starts: First point of every segment [m], (n, 2) or (n, 3).
-        tangents: Unit tangents there, same shape.
-        inwards: Unit vectors towards the arcs' centres, zero for lines, same shape.
-        curvatures: (n,) [1/m], zero for lines.
-        lengths: (n,) [m], above zero.
-        speeds: (n,) assigned velocity of the segment [m/s], NaN where it has none of its own.
-        tolerances: (n,) largest corner error of the segment [m], NaN where it has none.
-        tags: Free text per segment.
+        segments: The table of its lines and arcs, whose columns are properties of the path.
         merged: Indices of the input points that were left out because they repeat the one before.
         waypoints: Vertices at which the input points that were kept lie; by default every vertex is
             one. A spline has more vertices than points.
         orientation: How the tool is held along the path, in space only; None says nothing of it.
             `oriented`, `pointing` and `following_tangent` give it.
 
+    Attributes:
+        breaks: Arc lengths of the segments' ends, from 0 [m], (n + 1,).
+
     Raises:
-        InvalidInput: Arrays that do not fit, or a gap between segments.
+        InvalidInput: Columns that do not fit, or a gap between segments.
     """
 
-    starts: FloatArray
-    tangents: FloatArray
-    inwards: FloatArray
-    curvatures: FloatArray
-    lengths: FloatArray
-    speeds: FloatArray = field(default_factory=lambda: NOT_GIVEN)
-    tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
-    tags: tuple[str | None, ...] = ()
+    segments: Segments
     merged: tuple[int, ...] = ()
     waypoints: IntArray = field(default_factory=lambda: EVERY_VERTEX)
     orientation: Orientation | None = None
     breaks: FloatArray = field(init=False, repr=False)
-    _index: list[SegmentIndex | CellIndex] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        starts = _checks.points("starts", self.starts)
-        n = len(starts)
-        if n == 0:
-            raise InvalidInput("A path needs at least one segment.")
-        for name in ("starts", "tangents", "inwards", "curvatures", "lengths"):
-            array = _checks.locked(getattr(self, name))
-            shape = starts.shape if name in ("starts", "tangents", "inwards") else (n,)
-            if array.shape != shape or not np.isfinite(array).all():
-                raise InvalidInput(f"{name} of a path must be finite and of shape {shape}.")
-            object.__setattr__(self, name, array)
-        if (self.lengths <= 0).any() or (self.curvatures < 0).any():
-            raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
-        for name in ("speeds", "tolerances"):
-            values = getattr(self, name)
-            array = _checks.locked(np.full(n, np.nan) if values is NOT_GIVEN else values)
-            if array.shape != (n,):
-                raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
-            object.__setattr__(self, name, array)
-        if (self.speeds <= 0).any() or (self.tolerances < 0).any():
-            raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
-        if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
-            raise InvalidInput("The tangents of a path must be unit vectors.")
-        if len(self.tags) not in (0, n):
-            raise InvalidInput(f"tags of a path must be one per segment ({n}).")
-        object.__setattr__(self, "tags", tuple(self.tags) or (None,) * n)
+        object.__setattr__(self, "segments", self.segments.check())
+        n = len(self.segments)
         at = np.arange(n + 1) if self.waypoints is EVERY_VERTEX else np.asarray(self.waypoints)
         if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or (np.diff(at) <= 0).any():
             raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
         object.__setattr__(self, "waypoints", _checks.locked_copy(at))
-        object.__setattr__(
-            self, "breaks", _checks.locked(np.concatenate([[0.0], np.cumsum(self.lengths)]))
-        )
-        object.__setattr__(self, "_index", [])
-        self._refuse_gaps()
+        object.__setattr__(self, "breaks", _checks.locked(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
@@ -127,19 +81,8 @@ class Path:
                 f"point{'s were' if len(given) != 1 else ' was'} given"
                 f"{' that are all the same' if len(given) > 1 else ''}."
             )
-        vertices = given[kept]
-        steps = np.diff(vertices, axis=0)
-        lengths = np.linalg.norm(steps, axis=1)
-        n = len(steps)
         return Path(
-            starts=vertices[:-1],
-            tangents=steps / lengths[:, None],
-            inwards=np.zeros_like(steps),
-            curvatures=np.zeros(n),
-            lengths=lengths,
-            speeds=np.full(n, np.nan if demand.speed is None else demand.speed),
-            tolerances=np.full(n, np.nan if demand.tolerance is None else demand.tolerance),
-            tags=(demand.tag,) * n,
+            segments=Segments.lines(given[kept], **demand.columns(len(kept) - 1)),
             merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
         )
 
@@ -150,31 +93,7 @@ class Path:
         Raises:
             InvalidInput: A segment that is none, or a gap, with the segment's index.
         """
-        listed = list(segments)
-        for i, x in enumerate(listed):
-            if not isinstance(x, (Line, Arc)):
-                raise InvalidInput(
-                    f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
-                )
-        frames = [
-            line_frame(x, i) if isinstance(x, Line) else arc_frame(x, i)
-            for i, x in enumerate(listed)
-        ]
-        if not frames:
-            raise InvalidInput("A path needs at least one segment.")
-        if len({len(frame.start) for frame in frames}) > 1:
-            raise InvalidInput("All segments of a path must have the same number of coordinates.")
-        demands = [x.demand for x in listed]
-        return Path(
-            starts=np.array([x.start for x in frames]),
-            tangents=np.array([x.tangent for x in frames]),
-            inwards=np.array([x.inward for x in frames]),
-            curvatures=np.array([x.curvature for x in frames]),
-            lengths=np.array([x.length for x in frames]),
-            speeds=np.array([np.nan if x.speed is None else x.speed for x in demands]),
-            tolerances=np.array([np.nan if x.tolerance is None else x.tolerance for x in demands]),
-            tags=tuple(x.tag for x in demands),
-        )
+        return Path(segments=tabulate(segments))
 
     @classmethod
     def spline(
@@ -197,7 +116,7 @@ class Path:
         Raises:
             InvalidInput: Fewer than two different points, or a closed spline that is not closed.
         """
-        from armcontour.geometry.spline import arcs_along
+        from armcontour.geometry.spline import fit_spline
 
         given = _checks.points("points of a spline", points)
         kept = _without_repeats(given)
@@ -208,17 +127,9 @@ class Path:
                 f"The spline tolerance must be at least {REPEATED_POINT:g} m, but is "
                 f"{tolerance:g} m."
             )
-        frames, waypoints = arcs_along(given[kept], tolerance, closed)
-        n = len(frames.lengths)
+        segments, waypoints = fit_spline(given[kept], tolerance, closed)
         return Path(
-            starts=frames.starts,
-            tangents=frames.tangents,
-            inwards=frames.inwards,
-            curvatures=frames.curvatures,
-            lengths=frames.lengths,
-            speeds=np.full(n, np.nan if demand.speed is None else demand.speed),
-            tolerances=np.full(n, np.nan if demand.tolerance is None else demand.tolerance),
-            tags=(demand.tag,) * n,
+            segments=segments.replace(**demand.columns(len(segments))),
             merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
             waypoints=waypoints,
         )
@@ -238,7 +149,9 @@ class Path:
             InvalidInput: A path in the plane; no rotations or a wrong number of them; or
                 neighbours that differ by half a turn.
         """
-        found = orienting.held(self, rotations, axis_only=axis_only)
+        found = orienting.orient(
+            self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
+        )
         return dataclasses.replace(self, orientation=found)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
@@ -252,7 +165,7 @@ class Path:
         Raises:
             InvalidInput: A path in the plane, or directions that are none.
         """
-        found = orienting.pointing(self, directions)
+        found = orienting.point(self.segments, self.waypoints, self.merged, directions)
         return dataclasses.replace(self, orientation=found)
 
     def following_tangent(
@@ -271,8 +184,48 @@ class Path:
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        found = orienting.following(self, up, tool, axis_only=axis_only)
+        found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
+
+    @property
+    def starts(self) -> FloatArray:
+        """First point of every segment [m], (n, dimension)."""
+        return self.segments.starts
+
+    @property
+    def tangents(self) -> FloatArray:
+        """Unit tangents at the segments' starts, (n, dimension)."""
+        return self.segments.tangents
+
+    @property
+    def normals(self) -> FloatArray:
+        """Unit vectors at the segments' starts towards the arcs' centres, zero for lines."""
+        return self.segments.normals
+
+    @property
+    def curvatures(self) -> FloatArray:
+        """Curvatures of the segments [1/m], zero for lines, (n,)."""
+        return self.segments.curvatures
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths of the segments [m], (n,)."""
+        return self.segments.lengths
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Assigned velocities of the segments [m/s], NaN where they have none, (n,)."""
+        return self.segments.speeds
+
+    @property
+    def tolerances(self) -> FloatArray:
+        """Largest corner errors of the segments [m], NaN where they have none, (n,)."""
+        return self.segments.tolerances
+
+    @property
+    def tags(self) -> tuple[str | None, ...]:
+        """Free texts of the segments."""
+        return tuple(self.segments.tags.tolist())
 
     @property
     def length(self) -> float:
@@ -282,11 +235,11 @@ class Path:
     @property
     def dimension(self) -> int:
         """2 in the plane, 3 in space."""
-        return int(self.starts.shape[1])
+        return self.segments.dimension
 
     def __len__(self) -> int:
         """Number of segments."""
-        return len(self.lengths)
+        return len(self.segments)
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Point (order 0) or derivative with respect to arc length at `s`.
@@ -294,7 +247,7 @@ class Path:
         Args:
             s: Arc lengths [m], any shape, within the path.
             order: 0, 1, 2, ...
-            side: "right" or "left": whose derivative to take at a joint between segments.
+            side: "right" or "left": whose derivative to take at a vertex between segments.
 
         Returns:
             Shape `s.shape + (dimension,)` [m, -, 1/m, ...].
@@ -304,32 +257,16 @@ class Path:
         """
         at = _within(s, self.length)
         i = self.locate(at, side=side)
-        return self.on_segment(i, at - self.breaks[i], order)
+        return self.segments.at(i, at - self.breaks[i], order)
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the segment that holds each arc length; `side` decides at joints."""
+        """Index of the segment that holds each arc length; `side` decides at vertices."""
         found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`."""
-        k = self.curvatures[i]
-        angle = k * u
-        if order == 0:
-            along = u * np.sinc(angle / np.pi)
-            inward = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
-            result = (
-                self.starts[i]
-                + along[..., None] * self.tangents[i]
-                + inward[..., None] * self.inwards[i]
-            )
-        else:
-            phase = angle + (order - 1) * np.pi / 2 if order > 1 else angle
-            scale = k ** (order - 1)
-            result = (scale * np.cos(phase))[..., None] * self.tangents[i] + (
-                scale * np.sin(phase)
-            )[..., None] * self.inwards[i]
-        return np.asarray(result)
+        return self.segments.at(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
         """The nearest point of the path for each of `points`, (n, dimension) [m].
@@ -340,27 +277,12 @@ class Path:
         Raises:
             InvalidInput: Points of another dimension, or not finite.
         """
-        queries = _checks.points("points to project", points)
-        if queries.shape[1] != self.dimension:
-            raise InvalidInput(
-                f"Points to project have {queries.shape[1]} coordinates, "
-                f"the path has {self.dimension}."
-            )
-        if not self._index:
-            self._index.append(self._build_index())
-        return self._index[0].nearest(queries)
-
-    def _build_index(self) -> SegmentIndex | CellIndex:
-        """Cells for a path so tangled that a tree would need too many pieces, else a tree."""
-        tangled = pieces_wanted(self) > PIECES_PER_SEGMENT * len(self)
-        return (CellIndex if tangled and self.dimension == 2 else SegmentIndex).build(self)
+        return find_nearest(self.segments, points)
 
     @property
     def turns(self) -> FloatArray:
-        """Angle between the tangents at every joint between segments [rad], (n - 1,)."""
-        i = np.arange(len(self) - 1)
-        before = self.on_segment(i, self.lengths[:-1], 1)
-        return angle_between(before, self.tangents[1:])
+        """Angle between the tangents at every vertex between segments [rad], (n - 1,)."""
+        return angle_between(self.segments.end_tangents[:-1], self.tangents[1:])
 
     @property
     def stops(self) -> FloatArray:
@@ -371,8 +293,7 @@ class Path:
     @property
     def vertices(self) -> FloatArray:
         """The segments' ends, (n + 1, dimension) [m]."""
-        last = self.on_segment(np.array([len(self) - 1]), self.lengths[-1:])
-        return np.concatenate([self.starts, last])
+        return np.concatenate([self.starts, self.segments[-1:].ends])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
         """The orientation with its breaks on the path's own where they are the same.
@@ -392,7 +313,7 @@ class Path:
         low, high = self.breaks[nearest - 1], self.breaks[nearest]
         own = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
         off = np.abs(own - orientation.breaks)
-        # Of two near the same joint the nearer one is it.
+        # If two breaks are near one vertex, only the nearer one is moved there.
         first, again = np.append(np.inf, off[:-1]), np.append(off[1:], np.inf)
         first[1:][own[1:] != own[:-1]] = np.inf
         again[:-1][own[1:] != own[:-1]] = np.inf
@@ -400,21 +321,6 @@ class Path:
         snapped = np.where((off <= slack) & nearer, own, orientation.breaks)
         snapped[-1] = self.length
         return dataclasses.replace(orientation, breaks=snapped)
-
-    def _refuse_gaps(self) -> None:
-        i = np.arange(len(self) - 1)
-        gaps = np.linalg.norm(self.on_segment(i, self.lengths[:-1]) - self.starts[1:], axis=1)
-        if (gaps > REPEATED_POINT).any():
-            first = int(np.argmax(gaps > REPEATED_POINT))
-            point = self.starts[first + 1].tolist()
-            raise InvalidInput(
-                f"Segment {first + 2} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
-                f"of segment {first + 1}: a path must be continuous.",
-                index=first + 1,
-                point=point,
-                needed=float(gaps[first]),
-                allowed=REPEATED_POINT,
-            )
 
 
 def _within(s: npt.ArrayLike, length: float) -> FloatArray:
@@ -433,10 +339,6 @@ def _within(s: npt.ArrayLike, length: float) -> FloatArray:
 
 def _without_repeats(points: FloatArray) -> IntArray:
     """Indices of the points that differ from the last one kept."""
-    if len(points) < 2 or (np.linalg.norm(np.diff(points, axis=0), axis=1) > REPEATED_POINT).all():
-        return np.arange(len(points))
-    kept = [0]
-    for i in range(1, len(points)):
-        if np.linalg.norm(points[i] - points[kept[-1]]) > REPEATED_POINT:
-            kept.append(i)
-    return np.array(kept)
+    none = np.zeros(max(len(points) - 1, 0), dtype=bool)
+    _, kept = close_up(points[:-1], points[1:], none, REPEATED_POINT)
+    return np.flatnonzero(np.append(True, kept))

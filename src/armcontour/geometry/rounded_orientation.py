@@ -1,8 +1,9 @@
 """What rounding makes of a tool's orientation: its rate of turning becomes continuous.
 
-Across a rounded joint the orientation leaves the rotation behind it and takes up the next one
-together, `exp(g b) exp(f a) R`, where R is the orientation at the joint, a and b are the rates
-before and behind it, f runs out to 0 with slope 0 and g starts from 0 with slope 0.
+Across a rounded vertex the orientation leaves the rotation before it and takes up the next one
+together, `exp(g b) exp(f a) R`, where R is the orientation at the vertex, a and b are the rates
+before and after it, f runs out to 0 with slope 0 and g starts from 0 with slope 0. A vertex is
+given by the segment before it.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log
 from armcontour.geometry.orientation import LINEAR, RATE_FLOOR, SAME_RATE, Orientation
-from armcontour.geometry.orienting import turning_of_tangents
+from armcontour.geometry.orienting import tangent_rates
 from armcontour.geometry.path import Path
+from armcontour.geometry.segments import Segments
 
-# What two roundings leave of the even turning between them is nothing below this [m].
+# A rest of even turning between two roundings that is shorter than this is left out [m].
 SLIVER = 1e-12
 
 
-def kinked_joints(path: Path) -> IntArray:
-    """Joints of a path at which only the rate of turning jumps, and the tangent does not.
+def find_kinks(path: Path) -> IntArray:
+    """Vertices of a path at which its orientation's rate of turning jumps.
 
     Raises:
         InvalidInput: The path's orientation was rounded before.
@@ -38,14 +40,14 @@ def kinked_joints(path: Path) -> IntArray:
     return np.flatnonzero(orientation.kinks > 0)
 
 
-def largest_tangent(path: Path, joint: IntArray, half: FloatArray, allowed: float) -> FloatArray:
+def largest_tangent(path: Path, vertex: IntArray, half: FloatArray, allowed: float) -> FloatArray:
     """Tangent lengths at which the orientation in the middle of a corner is off by `allowed`.
 
     With tangent length t, the middle is `exp(k b) exp(-k a) R` with `k = t (1/2 - arc / 8 t)`.
 
     Args:
         path: The objective path.
-        joint: Joints, (k,).
+        vertex: Vertices, (k,).
         half: Half of the turn at each [rad], (k,).
         allowed: Largest angle [rad].
 
@@ -54,33 +56,28 @@ def largest_tangent(path: Path, joint: IntArray, half: FloatArray, allowed: floa
     """
     orientation = path.orientation
     if orientation is None or orientation.follows:
-        return np.full(len(joint), np.inf)
-    return np.asarray(_largest_part(orientation, joint, allowed) / (0.5 - _ratio(half) / 8))
+        return np.full(len(vertex), np.inf)
+    return np.asarray(_largest_part(orientation, vertex, allowed) / (0.5 - _ratio(half) / 8))
 
 
-def with_orientation(
-    objective: Path,
-    lengths: FloatArray,
-    joint: IntArray,
-    half: FloatArray,
-    tangent: FloatArray,
+def round_orientation(
+    objective: Path, vertex: IntArray, half: FloatArray, tangent: FloatArray
 ) -> tuple[Orientation, FloatArray]:
     """Orientation of a rounded path, where it does not follow the tangent.
 
     Args:
         objective: The path before rounding.
-        lengths: Of its segments [m], (n,).
-        joint: Rounded joints, (k,).
+        vertex: Rounded vertices, (k,).
         half: Half of the turn at each [rad], (k,).
         tangent: Tangent length of each [m], (k,); 0 where it stays sharp.
 
     Returns:
         The orientation, and by how much it, or its axis where only that counts, is off in the
-        middle of each joint [rad], (k,).
+        middle of each rounding [rad], (k,).
     """
     own = objective.orientation
     assert own is not None
-    n = len(lengths)
+    lengths, n = objective.lengths, len(objective)
     if not own.first.any():
         one = Orientation.even(
             np.array([lengths.sum() - (2 * tangent - _arc_lengths(half, tangent)).sum()]),
@@ -88,25 +85,27 @@ def with_orientation(
             np.zeros((1, 3)),
             axis_only=own.axis_only,
         )
-        return one, np.zeros(len(joint))
+        return one, np.zeros(len(vertex))
     reach, way = np.zeros(n - 1), np.zeros(n - 1)
-    reach[joint] = tangent
-    way[joint] = _arc_lengths(half, tangent)
+    reach[vertex] = tangent
+    way[vertex] = _arc_lengths(half, tangent)
     found = _pieces(lengths, own, reach, way)
-    middle = exp((tangent / 2 - way[joint] / 8)[:, None] * own.first[joint + 1]) @ exp(
-        -(tangent / 2 - way[joint] / 8)[:, None] * own.first[joint]
+    middle = exp((tangent / 2 - way[vertex] / 8)[:, None] * own.first[vertex + 1]) @ exp(
+        -(tangent / 2 - way[vertex] / 8)[:, None] * own.first[vertex]
     )
     if own.axis_only:
-        axis = own.starts[joint + 1][:, :, 2]
+        axis = own.starts[vertex + 1][:, :, 2]
         return found, angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
     return found, np.linalg.norm(log(middle), axis=1)
 
 
-def along_rounded(rounded: Path, objective: Path, segment: IntArray, allowed: float) -> Orientation:
+def follow_rounded(
+    rounded: Segments, objective: Path, segment: IntArray, allowed: float
+) -> Orientation:
     """Orientation of a rounded path whose tangent it follows.
 
     Args:
-        rounded: The rounded path, its segments in order.
+        rounded: The segments of the rounded path.
         objective: The path before rounding.
         segment: For each segment of the rounded path, the objective one that it is a part of or
             that lies before its corner, (n,).
@@ -114,7 +113,7 @@ def along_rounded(rounded: Path, objective: Path, segment: IntArray, allowed: fl
     """
     own = objective.orientation
     assert own is not None
-    rates = turning_of_tangents(rounded)
+    rates = tangent_rates(rounded)
     starts = np.empty((len(rounded), 3, 3))
     here = own.starts[0]
     turned = exp(rates * rounded.lengths[:, None])
@@ -125,15 +124,15 @@ def along_rounded(rounded: Path, objective: Path, segment: IntArray, allowed: fl
         starts[k] = here
         here = turned[k] @ here
     sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
-    joint = np.arange(len(sharp) - 1)
-    wanted = np.where(sharp.kinks > 0, 4 * _largest_part(sharp, joint, allowed), 0.0)
+    vertex = np.arange(len(sharp) - 1)
+    wanted = np.where(sharp.kinks > 0, 4 * _largest_part(sharp, vertex, allowed), 0.0)
     room = rounded.lengths / 2
     reach = np.minimum(wanted, np.minimum(room[:-1], room[1:]))
     reach[sharp.jumps > 1e-9] = 0.0
     return _pieces(rounded.lengths, sharp, reach, 2 * reach)
 
 
-def _largest_part(sharp: Orientation, joint: IntArray, allowed: float) -> FloatArray:
+def _largest_part(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
     """The largest k with which `exp(k b) exp(-k a)` turns the tool by no more than `allowed`.
 
     Rotations are nowhere farther apart than their rotation vectors: it turns by no more than
@@ -143,13 +142,13 @@ def _largest_part(sharp: Orientation, joint: IntArray, allowed: float) -> FloatA
 
     Args:
         sharp: The even orientation.
-        joint: Joints between its pieces, (k,).
+        vertex: Vertices between its pieces, (k,).
         allowed: Largest angle [rad].
 
     Returns:
         (k,) [m], infinite where the rate goes on.
     """
-    a, b = sharp.first[joint], sharp.first[joint + 1]
+    a, b = sharp.first[vertex], sharp.first[vertex + 1]
     step = b - a
     size = np.linalg.norm(step, axis=1)
     # A rate that goes on asks for nothing, though rounding makes two numbers of it.
@@ -158,8 +157,8 @@ def _largest_part(sharp: Orientation, joint: IntArray, allowed: float) -> FloatA
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.where(size > play, allowed / size, np.inf)
         if sharp.axis_only and np.isfinite(allowed):
-            axis = sharp.starts[joint + 1][:, :, 2]
-            across = sharp.kinks[joint]
+            axis = sharp.starts[vertex + 1][:, :, 2]
+            across = sharp.kinks[vertex]
             along = np.abs(np.sum(step * axis, axis=1))
             tilt = np.minimum(*(np.linalg.norm(np.cross(x, axis), axis=1) for x in (a, b)))
             bend = along * np.where(tilt > play, tilt, 0.0)
@@ -187,14 +186,14 @@ def _pieces(
     Args:
         lengths: Of the even pieces [m], (n,).
         sharp: The even orientation.
-        reach: How far each joint's rounding reaches into both neighbours, (n - 1,) [m].
+        reach: How far each vertex's rounding reaches into both neighbours, (n - 1,) [m].
         way: Path length of each rounding, (n - 1,) [m].
     """
     n = len(lengths)
     size = 2 * n - 1
-    before, behind = np.append(0.0, reach), np.append(reach, 0.0)
+    before, after = np.append(0.0, reach), np.append(reach, 0.0)
     spans = np.zeros(size)
-    spans[::2] = lengths - before - behind
+    spans[::2] = lengths - before - after
     spans[::2][spans[::2] <= SLIVER] = 0.0
     spans[1::2] = way
     starts, first, second = np.empty((size, 3, 3)), np.empty((size, 3)), np.zeros((size, 3))

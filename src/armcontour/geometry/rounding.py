@@ -17,15 +17,16 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.geometry.path import EVERY_VERTEX, REPEATED_POINT, TANGENT_TOLERANCE, Path
+from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
-    along_rounded,
-    kinked_joints,
+    find_kinks,
+    follow_rounded,
     largest_tangent,
-    with_orientation,
+    round_orientation,
 )
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
-# What two arcs leave of the line between them is nothing below this [m]: rounding of coordinates.
+# A rest of a line between two arcs that is shorter than this is left out [m]: it is rounding.
 SLIVER = 1e-12
 
 
@@ -34,7 +35,7 @@ class Corners:
     """The corners of an objective path and what became of each, in path order.
 
     Args:
-        joint: Index of the joint between segments of the objective path, from 1, (n,).
+        vertex: Index of the corner among the vertices of the objective path, from 0, (n,).
         point: The corner points [m], (n, dimension).
         turn: Angle between the lines [rad], above 0 and at most pi, (n,).
         radius: Radius of the arc [m], 0 where the tool stops at the corner, (n,).
@@ -50,7 +51,7 @@ class Corners:
             the orientation follows the tangent or is not given.
     """
 
-    joint: IntArray
+    vertex: IntArray
     point: FloatArray
     turn: FloatArray
     radius: FloatArray
@@ -68,7 +69,7 @@ class Corners:
 
     def __len__(self) -> int:
         """Number of corners."""
-        return len(self.joint)
+        return len(self.vertex)
 
     @property
     def stopped(self) -> BoolArray:
@@ -76,7 +77,7 @@ class Corners:
         return np.asarray(self.radius == 0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RoundedPath(Path):
     """A path whose corners were rounded; it remembers how, and from what.
 
@@ -91,7 +92,7 @@ class RoundedPath(Path):
     def place(self, s: npt.ArrayLike) -> FloatArray:
         """Where places of the objective path lie on this one [m]: on an arc, by their share."""
         c = self.corners
-        at = self.objective.breaks[c.joint]
+        at = self.objective.breaks[c.vertex]
         before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])
         after = np.concatenate([[0.0], np.stack([c.start, c.end], axis=1).ravel()])
         ends = self.objective.length, self.length
@@ -116,15 +117,15 @@ def round_corners(
     smallest radius (13) and the smallest corner error (14). Where both are given, `tolerance`
     caps the corner error of case I.
 
-    Each value is one for all corners, or one per joint between segments (joints where the path
+    Each value is one for all corners, or one per vertex between segments (vertices where the path
     goes straight on ignore theirs). A tolerance of the path's own segments caps the corner error.
     Arcs that would overlap shrink, each as far as its own lines ask. A zero radius (zero
     tolerance, a turn of 180°, a corner beside an arc) leaves the corner as a full stop.
 
     The tool's orientation is rounded with the position: `angular_tolerance` bounds how far it is
     off in the middle of a corner, and makes arcs smaller where it has to. It also rounds what only
-    the orientation does at a joint that goes straight on. An orientation that follows the tangent
-    may leave it by that angle where lines and arcs meet.
+    the orientation does at a vertex where the path goes straight on. An orientation that follows
+    the tangent may leave it by that angle where lines and arcs meet.
 
     Args:
         path: The objective path.
@@ -145,7 +146,7 @@ def round_corners(
         )
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
-    kinked = np.setdiff1d(kinked_joints(path), corner)
+    kinked = np.setdiff1d(find_kinks(path), corner)
     angle = _angular_tolerance(path, angular_tolerance, kinked)
     half = turn[corner] / 2
     radius, pull = _asked_radius(path, corner, half, (tolerance, speed, acceleration))
@@ -156,11 +157,11 @@ def round_corners(
     wanted[wanted <= REPEATED_POINT] = 0.0
     wanted[np.pi - turn[corner] <= TANGENT_TOLERANCE] = 0.0
     # Where only the orientation turns, it shares the segments with the corners.
-    joint, halves = np.concatenate([corner, kinked]), np.append(half, np.zeros(len(kinked)))
+    which, halves = np.concatenate([corner, kinked]), np.append(half, np.zeros(len(kinked)))
     turning = largest_tangent(path, kinked, halves[len(corner) :], angle)
-    order = np.argsort(joint)
-    tangents = np.empty(len(joint))
-    tangents[order] = _fit(np.concatenate([wanted, turning])[order], joint[order], path.lengths)
+    order = np.argsort(which)
+    tangents = np.empty(len(which))
+    tangents[order] = _fit(np.concatenate([wanted, turning])[order], which[order], path.lengths)
     tangent = tangents[: len(corner)]
     # A micro-segment between two corners can leave an arc below that resolution too.
     tangent[tangent <= REPEATED_POINT / 4] = 0.0
@@ -169,7 +170,7 @@ def round_corners(
     radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
     speeds = np.sqrt(pull * radius)
     rounded, of = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
-    return _turned(rounded, of, joint, halves, tangents, angle)
+    return _with_orientation(rounded, of, which, halves, tangents, angle)
 
 
 def _asked_radius(
@@ -182,7 +183,7 @@ def _asked_radius(
 
     Args:
         path: The objective path.
-        corner: Joints that are corners, (n,).
+        corner: Segments after which there is a corner, (n,).
         half: Half of the turn at each [rad], (n,).
         given: Tolerance, speed and acceleration as in `round_corners`.
 
@@ -190,11 +191,11 @@ def _asked_radius(
         InvalidInput: Values that are none.
     """
     tolerance, speed, acceleration = given
-    joints = len(path) - 1
-    allowed = _per_joint("corner error tolerance", tolerance, joints, "m", np.inf)
-    slowest = _per_joint("corner speed", speed, joints, "m/s", np.nan)
-    pull = _per_joint("corner acceleration", acceleration, joints, "m/s²", np.nan)
-    if acceleration is not None and joints and (pull <= 0).any():
+    vertices = len(path) - 1
+    allowed = _per_vertex("corner error tolerance", tolerance, vertices, "m", np.inf)
+    slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.nan)
+    pull = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
+    if acceleration is not None and vertices and (pull <= 0).any():
         raise InvalidInput(f"corner acceleration must be above zero, but is {pull.min():g} m/s².")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))
@@ -204,10 +205,10 @@ def _asked_radius(
     return radius, pull[corner]
 
 
-def _turned(
+def _with_orientation(
     rounded: RoundedPath,
     of: IntArray,
-    joint: IntArray,
+    which: IntArray,
     half: FloatArray,
     tangent: FloatArray,
     angle: float,
@@ -217,7 +218,7 @@ def _turned(
     Args:
         rounded: The path without it.
         of: As `_assemble` tells.
-        joint: Joints at which it may turn: the corners and then those that go straight on, (k,).
+        which: Segments after which it may turn: at corners, and then at kinks, (k,).
         half: Half of the turn at each [rad], (k,).
         tangent: Tangent length of each [m], (k,).
         angle: Largest angle by which it may be off [rad].
@@ -226,9 +227,9 @@ def _turned(
     if path.orientation is None:
         return rounded
     if path.orientation.follows:
-        orientation = along_rounded(rounded, path, of, angle)
+        orientation = follow_rounded(rounded.segments, path, of, angle)
         return dataclasses.replace(rounded, orientation=orientation)
-    orientation, off = with_orientation(path, path.lengths, joint, half, tangent)
+    orientation, off = round_orientation(path, which, half, tangent)
     corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
@@ -246,7 +247,7 @@ def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> flo
         why = (
             "follows the tangent"
             if orientation.follows
-            else f"turns at another rate behind segment {int(kinked[0]) + 1}, where the path goes "
+            else f"turns at another rate after segment {int(kinked[0]) + 1}, where the path goes "
             "straight on"
         )
         raise InvalidInput(
@@ -267,20 +268,20 @@ def _largest_radius(error: FloatArray, half: FloatArray) -> FloatArray:
     return np.asarray(error * np.cos(half) / (2 * np.sin(half / 2) ** 2))
 
 
-def _per_joint(
-    name: str, values: npt.ArrayLike | None, joints: int, unit: str, default: float
+def _per_vertex(
+    name: str, values: npt.ArrayLike | None, vertices: int, unit: str, default: float
 ) -> FloatArray:
     if values is None:
-        return np.full(joints, default)
+        return np.full(vertices, default)
     array = _checks.numbers(name, values, unit)
-    if array.ndim and array.shape != (joints,):
+    if array.ndim and array.shape != (vertices,):
         raise InvalidInput(
-            f"{name} has {array.size} values, but the path has {joints} joints between segments: "
-            f"give one value for all or {joints}."
+            f"{name} has {array.size} values, but the path has {vertices} vertices between "
+            f"segments: give one value for all or {vertices}."
         )
     if array.size and (array < 0).any():
         raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
-    return np.broadcast_to(array, (joints,)).copy()
+    return np.broadcast_to(array, (vertices,)).copy()
 
 
 def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArray:
@@ -306,64 +307,51 @@ def _assemble(
     shrunk: BoolArray,
     speed: FloatArray,
 ) -> tuple[RoundedPath, IntArray]:
-    """The rounded path, and of which objective segment each of its segments is, or lies behind."""
-    n = len(path)
+    """The rounded path, and of which objective segment each of its segments is, or comes after."""
+    n, rounded = len(path), radius > 0
     cut = np.zeros(n + 1)
     cut[corner + 1] = tangent
-    cut_start, cut_end = cut[:-1], cut[1:]
-    rest = path.lengths - cut_start - cut_end
-    # Twice as many slots as segments: each segment, then the arc behind it; unused slots drop out.
-    slots = 2 * n
-    of = np.repeat(np.arange(n), 2)
-    starts, tangents, inwards = (
-        np.repeat(x, 2, axis=0) for x in (path.starts, path.tangents, path.inwards)
+    # Only lines give something up to a corner.
+    lines = path.segments.replace(
+        starts=path.starts + cut[:-1, None] * path.tangents,
+        lengths=path.lengths - cut[:-1] - cut[1:],
     )
-    curvatures, lengths = np.repeat(path.curvatures, 2), np.zeros(slots)
-    line = np.arange(0, slots, 2)
-    starts[line] += cut_start[:, None] * path.tangents
-    lengths[line] = np.where(rest > SLIVER, rest, 0.0)
-
-    rounded = radius > 0
     which = corner[rounded]
-    arc = 2 * which + 1
-    direction = path.tangents[which]
-    starts[arc] = path.starts[which + 1] - tangent[rounded, None] * direction
-    towards = path.tangents[which + 1] - direction * np.sum(
-        direction * path.tangents[which + 1], axis=1, keepdims=True
+    before, after = path.segments[which], path.segments[which + 1]
+    across = np.sum(before.tangents * after.tangents, axis=1, keepdims=True)
+    normals = after.tangents - across * before.tangents
+    arcs = before.replace(
+        starts=after.starts - tangent[rounded, None] * before.tangents,
+        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        curvatures=1 / radius[rounded],
+        lengths=radius[rounded] * 2 * half[rounded],
+        # An arc lies on both its lines: the lower of their speeds and tolerances holds on it.
+        speeds=np.fmin(before.speeds, after.speeds),
+        tolerances=np.fmin(before.tolerances, after.tolerances),
     )
-    inwards[arc] = towards / np.linalg.norm(towards, axis=1, keepdims=True)
-    curvatures[arc] = 1 / radius[rounded]
-    lengths[arc] = radius[rounded] * 2 * half[rounded]
-
-    used = lengths > 0
-    after = np.cumsum(lengths)
-    arc_slot = 2 * corner + 1
-    # An arc lies on both its lines: the lower of their speeds and tolerances holds on it.
-    speeds, tolerances = (np.repeat(x, 2) for x in (path.speeds, path.tolerances))
-    for values, own in ((speeds, path.speeds), (tolerances, path.tolerances)):
-        values[arc] = np.fmin(own[which], own[which + 1])
+    # Each segment, and the arc after it.
+    of = np.append(np.arange(n), which)
+    in_order = np.argsort(of, kind="stable")
+    of, table = of[in_order], Segments.join([lines, arcs])[in_order]
+    used = (table.lengths > SLIVER) | (in_order >= n)
+    ends = np.cumsum(np.where(used, table.lengths, 0.0))[
+        np.searchsorted(of, corner, side="right") - 1
+    ]
     rounded_path = RoundedPath(
-        starts=starts[used],
-        tangents=tangents[used],
-        inwards=inwards[used],
-        curvatures=curvatures[used],
-        lengths=lengths[used],
-        speeds=speeds[used],
-        tolerances=tolerances[used],
-        tags=tuple(path.tags[i] for i in of[used]),
+        segments=table[used],
         merged=path.merged,
         # An arc leaves the waypoint of its corner aside: then every vertex is one.
         waypoints=EVERY_VERTEX if rounded.any() else path.waypoints,
         objective=path,
         corners=Corners(
-            joint=corner + 1,
+            vertex=corner + 1,
             point=path.starts[corner + 1],
             turn=2 * half,
             radius=radius,
             error=corner_error(radius, half),
             tangent=tangent,
-            start=after[arc_slot] - lengths[arc_slot],
-            end=after[arc_slot],
+            start=ends - radius * 2 * half,
+            end=ends,
             shrunk=shrunk,
             speed=speed,
             angular_error=np.zeros(len(corner)),

@@ -1,216 +1,271 @@
-"""The two segments a path is drawn from: straight lines and circular arcs."""
+"""The table of lines and arcs that every path is made of."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from armcontour._checks import FloatArray, number, numbers, positive
+from armcontour import _checks
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 
+# Points closer than this are one point: a nanometre is below what any arm can resolve.
+REPEATED_POINT = 1e-9
+# Tangents closer than this [rad] are one tangent: at 1 m/s the step in velocity is 1 nm/s.
+TANGENT_TOLERANCE = 1e-9
+# Beyond this [m] the rounding of coordinates comes near to a repeated point.
+FAR = 1e3
+EVERY = slice(None)
+VECTORS = ("starts", "tangents", "normals")
+NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
+COLUMNS = (*VECTORS, *NUMBERS, "tags")
+NOT_GIVEN = _checks.locked([])
+NO_TAGS = _checks.locked_copy(np.empty(0, dtype=object))
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Demand:
-    """What the process asks of one segment; limits cap it.
+
+@dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
+class Segments:
+    """Lines and arcs in the plane or in space, one per row.
+
+    Segment i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
+    `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0.
 
     Args:
-        speed: Assigned velocity on the segment [m/s].
-        tolerance: Largest corner error at the segment's ends [m].
-        tag: Free text that results carry along.
+        starts: First point of every segment [m], (n, 2) or (n, 3).
+        tangents: Unit tangents there, same shape.
+        normals: Unit vectors there towards the arcs' centres, zero for lines, same shape.
+        curvatures: (n,) [1/m], zero for lines.
+        lengths: (n,) [m], above zero.
+        speeds: (n,) assigned velocity of the segment [m/s], NaN where it has none of its own.
+        tolerances: (n,) largest corner error of the segment [m], NaN where it has none.
+        tags: Free text per segment, or None.
+        checked: Whether the segments are known to make a path; `check` finds out.
     """
 
-    speed: float | None = None
-    tolerance: float | None = None
-    tag: str | None = None
+    starts: FloatArray
+    tangents: FloatArray
+    normals: FloatArray
+    curvatures: FloatArray
+    lengths: FloatArray
+    speeds: FloatArray = field(default_factory=lambda: NOT_GIVEN)
+    tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
+    tags: npt.NDArray[np.object_] = field(default_factory=lambda: NO_TAGS)
+    checked: bool = False
 
     def __post_init__(self) -> None:
-        if self.speed is not None:
-            positive("segment speed", self.speed, "m/s")
-        if self.tolerance is not None and number("segment tolerance", self.tolerance, "m") < 0:
-            raise InvalidInput(
-                f"segment tolerance must not be negative, but is {self.tolerance:g} m."
-            )
-
-
-NO_DEMAND = Demand()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
-    """A straight segment from `start` to `end` [m]."""
-
-    start: Sequence[float]
-    end: Sequence[float]
-    demand: Demand = NO_DEMAND
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Arc:
-    """A circular segment from `start` around `center` [m].
-
-    Args:
-        start: First point.
-        center: Centre of the circle.
-        angle: Swept angle [rad], not zero, up to a full circle. In the plane, positive is
-            counter-clockwise; in space it turns about `normal` by the right-hand rule.
-        normal: Axis of the circle, in space only.
-        demand: What the process asks of the segment.
-    """
-
-    start: Sequence[float]
-    center: Sequence[float]
-    angle: float
-    normal: Sequence[float] | None = None
-    demand: Demand = NO_DEMAND
+        n = len(self.starts)
+        for name in ("speeds", "tolerances"):
+            if getattr(self, name) is NOT_GIVEN:
+                object.__setattr__(self, name, np.full(n, np.nan))
+        if self.tags is NO_TAGS:
+            object.__setattr__(self, "tags", np.full(n, None))
+        for name in COLUMNS:
+            array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
+            # What another table has locked is shared with it.
+            if array.flags.writeable or not array.flags.owndata:
+                object.__setattr__(self, name, _checks.locked_copy(array))
 
     @classmethod
-    def through(
-        cls,
-        start: Sequence[float],
-        via: Sequence[float],
-        end: Sequence[float],
-        *,
-        demand: Demand = NO_DEMAND,
-    ) -> Arc:
-        """The arc from `start` through `via` to `end`, in the plane or in space.
+    def lines(cls, points: FloatArray, **columns: Any) -> Segments:
+        """Straight lines through points, (n + 1, dimension) [m], no two neighbours of them equal.
 
-        Where `end` repeats `start`, the full circle through both points that has them at the ends
-        of a diameter: in the plane only, because in space there are many.
+        Args:
+            points: The ends of the lines.
+            columns: Other columns of the table.
+        """
+        steps = np.diff(points, axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        return cls(
+            starts=points[:-1],
+            tangents=steps / lengths[:, None],
+            normals=np.zeros_like(steps),
+            curvatures=np.zeros(len(steps)),
+            lengths=lengths,
+            **columns,
+        )
+
+    @classmethod
+    def join(cls, tables: Sequence[Segments], *, checked: bool = False) -> Segments:
+        """The rows of several tables in one."""
+        if len(tables) == 1:
+            return tables[0]
+        columns = {x: np.concatenate([getattr(table, x) for table in tables]) for x in COLUMNS}
+        return tables[0].replace(**columns, checked=checked)
+
+    def replace(self, *, checked: bool = False, **columns: npt.NDArray[Any]) -> Segments:
+        """The table with other columns: new arrays, which are locked and not copied."""
+        table = object.__new__(Segments)
+        for column in columns.values():
+            column.setflags(write=False)
+        for name in COLUMNS:
+            object.__setattr__(table, name, columns.get(name, getattr(self, name)))
+        object.__setattr__(table, "checked", checked)
+        return table
+
+    def __len__(self) -> int:
+        """Number of segments."""
+        return len(self.lengths)
+
+    def __getitem__(self, rows: Any) -> Segments:
+        """Some of the rows."""
+        return self.replace(**{name: getattr(self, name)[rows] for name in COLUMNS})
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return int(self.starts.shape[1])
+
+    @property
+    def breaks(self) -> FloatArray:
+        """Arc lengths of the segments' ends, from 0 [m], (n + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+
+    @property
+    def ends(self) -> FloatArray:
+        """Last point of every segment [m], (n, dimension)."""
+        return self.at(EVERY, self.lengths)
+
+    @property
+    def end_tangents(self) -> FloatArray:
+        """Unit tangents at the segments' ends, (n, dimension)."""
+        return self.at(EVERY, self.lengths, 1)
+
+    def at(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
+        """Point or derivative at distance `u` [m] from the start of segment `i`."""
+        k = self.curvatures[i]
+        angle = k * u
+        if order == 0:
+            along = u * np.sinc(angle / np.pi)
+            across = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
+            return np.asarray(
+                self.starts[i]
+                + along[..., None] * self.tangents[i]
+                + across[..., None] * self.normals[i]
+            )
+        phase = angle + (order - 1) * np.pi / 2 if order > 1 else angle
+        scale = k ** (order - 1)
+        along, across = scale * np.cos(phase), scale * np.sin(phase)
+        return np.asarray(along[..., None] * self.tangents[i] + across[..., None] * self.normals[i])
+
+    def normals_at(self, i: IntArray | slice, u: FloatArray) -> FloatArray:
+        """Unit vectors towards the centre at distance `u` [m] from the start of segment `i`."""
+        turn = (self.curvatures[i] * u)[..., None]
+        return np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
+
+    def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
+        """Parts of segments `i`, each between two distances from its start [m]."""
+        rows, later = self[i], begin > 0
+        starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
+        at = i[later], begin[later]
+        starts[later], tangents[later] = self.at(*at), self.at(*at, 1)
+        normals[later] = self.normals_at(*at)
+        return rows.replace(starts=starts, tangents=tangents, normals=normals, lengths=end - begin)
+
+    def run(self, i: IntArray, back: BoolArray) -> Segments:
+        """Segments `i`, those from end to start where `back` says so."""
+        rows, k = self[i], i[back]
+        starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
+        at = k, self.lengths[k]
+        starts[back], tangents[back] = self.at(*at), -self.at(*at, 1)
+        normals[back] = self.normals_at(*at)
+        return rows.replace(starts=starts, tangents=tangents, normals=normals)
+
+    def put(self, which: BoolArray, rows: Segments) -> Segments:
+        """The table with other rows in the place of some."""
+        columns = {name: getattr(self, name).copy() for name in COLUMNS}
+        for name, column in columns.items():
+            column[which] = getattr(rows, name)
+        return self.replace(**columns)
+
+    def place(self, rotation: FloatArray, origin: FloatArray, scale: float = 1.0) -> Segments:
+        """The segments, first scaled about zero, then turned, then moved by `origin`."""
+        starts = origin + scale * self.starts @ rotation.T
+        # Only what grows, or goes where coordinates are coarse, can come apart.
+        close = scale == 1.0 and float(np.abs(starts).max()) <= FAR
+        return self.replace(
+            starts=starts,
+            tangents=self.tangents @ rotation.T,
+            normals=self.normals @ rotation.T,
+            curvatures=self.curvatures / scale,
+            lengths=self.lengths * scale,
+            checked=self.checked and close,
+        )
+
+    def lift(self) -> Segments:
+        """Segments in the plane as segments in space, at z = 0."""
+        deeper = {x: np.pad(getattr(self, x), ((0, 0), (0, 1))) for x in VECTORS}
+        return self.replace(checked=self.checked, **deeper)
+
+    def check(self) -> Segments:
+        """The same segments, known to make a path.
 
         Raises:
-            InvalidInput: Points on one line, or a circle that is not determined.
+            InvalidInput: Arrays that do not fit, or a gap between segments.
         """
-        a, b, c = (
-            numbers(f"{name} of an arc", x, "m")
-            for name, x in (("start", start), ("via point", via), ("end", end))
-        )
-        if len({x.shape for x in (a, b, c)}) > 1 or a.shape not in ((2,), (3,)):
-            raise InvalidInput("The points of an arc must all have 2 or all have 3 coordinates.")
-        if np.array_equal(a, c) and len(a) == 2 and not np.array_equal(a, b):
-            return cls(
-                start=a.tolist(), center=((a + b) / 2).tolist(), angle=2 * np.pi, demand=demand
-            )
-        u, v = b - a, c - a
-        uu, vv, uv = u @ u, v @ v, u @ v
-        # Of the parallelogram, squared; not from the products above, which cancel where it is flat.
-        across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
-        area = across @ across
-        if not area > (1e-9**2) * max(uu, vv) ** 2:
+        if self.checked:
+            return self
+        n = len(_checks.points("starts", self.starts))
+        if n == 0:
+            raise InvalidInput("A path needs at least one segment.")
+        for name in (*VECTORS, "curvatures", "lengths"):
+            array = getattr(self, name)
+            shape = self.starts.shape if name in VECTORS else (n,)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InvalidInput(f"{name} of a path must be finite and of shape {shape}.")
+        if (self.lengths <= 0).any() or (self.curvatures < 0).any():
+            raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
+        for name in ("speeds", "tolerances", "tags"):
+            if getattr(self, name).shape != (n,):
+                raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
+        if (self.speeds <= 0).any() or (self.tolerances < 0).any():
+            raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
+        if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
+            raise InvalidInput("The tangents of a path must be unit vectors.")
+        self._refuse_gaps()
+        return self.replace(checked=True)
+
+    def _refuse_gaps(self) -> None:
+        if len(self) == 1:
+            return
+        gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
+        if (gaps > REPEATED_POINT).any():
+            first = int(np.argmax(gaps > REPEATED_POINT))
+            point = self.starts[first + 1].tolist()
             raise InvalidInput(
-                f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
-                "lie on one line: an arc needs three points that do not; for a full circle in "
-                "space give its center, angle and normal."
+                f"Segment {first + 2} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
+                f"of segment {first + 1}: a path must be continuous.",
+                index=first + 1,
+                point=point,
+                needed=float(gaps[first]),
+                allowed=REPEATED_POINT,
             )
-        center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
-        # The turn seen from the centre is twice the turn seen from the via point.
-        along, back = b - a, c - b
-        size = np.linalg.norm(along) * np.linalg.norm(back)
-        turn = 2 * np.arctan2(np.sqrt(area) / size, along @ back / size)
-        if len(a) == 3:
-            normal = np.cross(along, back).tolist()
-            return cls(
-                start=a.tolist(), center=center, angle=float(turn), normal=normal, demand=demand
-            )
-        sign = np.sign(along[0] * back[1] - along[1] * back[0])
-        return cls(start=a.tolist(), center=center, angle=float(sign * turn), demand=demand)
-
-    @classmethod
-    def circle(
-        cls,
-        start: Sequence[float],
-        center: Sequence[float],
-        *,
-        normal: Sequence[float] | None = None,
-        demand: Demand = NO_DEMAND,
-    ) -> Arc:
-        """The full circle from `start` around `center`, counter-clockwise (about `normal`)."""
-        return cls(start=start, center=center, angle=2 * np.pi, normal=normal, demand=demand)
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One segment as `start + tangent sin(k u)/k + inward (1 - cos(k u))/k`, `0 <= u <= length`."""
+def close_up(
+    starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
+) -> tuple[FloatArray, BoolArray]:
+    """Leave out what goes nowhere, so that what is left still meets.
 
-    start: FloatArray
-    tangent: FloatArray
-    inward: FloatArray
-    curvature: float
-    length: float
-    end: FloatArray
+    Args:
+        starts: Starts of segments in a row, (n, dimension).
+        ends: Their ends, (n, dimension).
+        stay: Segments that stay, however near their ends are.
+        nearest: Others stay if they end farther than this from the last end kept [m], which is how
+            many small steps are not lost.
 
-
-def line_frame(line: Line, index: int) -> Frame:
-    """The frame of a line.
-
-    Raises:
-        InvalidInput: Its ends coincide.
+    Returns:
+        The starts once the others are left out, and which are kept.
     """
-    start = numbers(f"start of segment {index + 1}", line.start, "m")
-    end = numbers(f"end of segment {index + 1}", line.end, "m")
-    _same_dimension(index, start, end)
-    length = float(np.linalg.norm(end - start))
-    if length == 0:
-        raise InvalidInput(
-            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: leave it "
-            "out.",
-            index=index,
-            point=start.tolist(),
-        )
-    return Frame(start, (end - start) / length, np.zeros_like(start), 0.0, length, end)
-
-
-def arc_frame(arc: Arc, index: int) -> Frame:
-    """The frame of an arc.
-
-    Raises:
-        InvalidInput: No radius, no angle, more than a circle, or a normal that does not fit.
-    """
-    start = numbers(f"start of segment {index + 1}", arc.start, "m")
-    center = numbers(f"centre of segment {index + 1}", arc.center, "m")
-    _same_dimension(index, start, center)
-    angle = number(f"angle of segment {index + 1}", arc.angle, "rad")
-    radius = float(np.linalg.norm(center - start))
-    if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
-        raise InvalidInput(
-            f"Segment {index + 1} must be an arc with a radius above zero and an angle between 0 "
-            f"and 2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
-            index=index,
-        )
-    inward = (center - start) / radius
-    tangent = np.sign(angle) * _counter_clockwise(inward, arc.normal, index)
-    turn = abs(angle)
-    end = center + radius * (np.sin(turn) * tangent - np.cos(turn) * inward)
-    return Frame(start, tangent, inward, 1 / radius, radius * turn, end)
-
-
-def _counter_clockwise(
-    inward: FloatArray, normal: Sequence[float] | None, index: int
-) -> FloatArray:
-    """Unit tangent of the counter-clockwise motion at the point whose inward normal is given."""
-    if len(inward) == 2:
-        if normal is not None:
-            raise InvalidInput(f"Segment {index + 1} lies in the plane and takes no normal.")
-        return np.array([inward[1], -inward[0]])
-    if normal is None:
-        raise InvalidInput(
-            f"Segment {index + 1} is an arc in space and needs its normal.", index=index
-        )
-    axis = numbers(f"normal of segment {index + 1}", normal)
-    size = float(np.linalg.norm(axis))
-    if axis.shape != (3,) or size == 0 or abs(axis @ inward) > 1e-9 * size:
-        raise InvalidInput(
-            f"The normal of segment {index + 1} must be a vector at right angles to its radius.",
-            index=index,
-        )
-    tangent: FloatArray = np.cross(inward, axis / size)
-    return tangent / np.linalg.norm(tangent)
-
-
-def _same_dimension(index: int, first: FloatArray, second: FloatArray) -> None:
-    if first.shape not in ((2,), (3,)) or first.shape != second.shape:
-        raise InvalidInput(
-            f"The points of segment {index + 1} must both have 2 or both have 3 coordinates.",
-            index=index,
-        )
+    kept = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
+    if kept.all():
+        return starts, kept
+    starts, tip = starts.copy(), starts[0]
+    for i in range(len(kept)):
+        starts[i] = tip
+        kept[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest
+        tip = ends[i] if kept[i] else tip
+    return starts, kept

@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.geometry.cutting import in_space, keeps_plane
+from armcontour.geometry.placing import keeps_plane, lift_path
 from armcontour.io.drawings.door import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of, rotation_of
@@ -105,7 +105,7 @@ def _drawn(
                 "tool: give it z = 0, and turn it about z alone, by the last angle of rpy."
             )
         return program.placed(frame)
-    program = program.mapped(in_space)
+    program = program.mapped(lift_path)
     if model.orientation is not None:
         how = model.orientation
         if not isinstance(how, OrientationModel):

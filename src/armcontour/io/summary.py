@@ -148,7 +148,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
 def _corners(c: Corners) -> list[dict[str, Any]]:
     return [
         {
-            "joint": c.joint[i],
+            "joint": c.vertex[i],
             "point": c.point[i],
             "turn": c.turn[i],
             "radius": c.radius[i],
@@ -272,7 +272,7 @@ def _judged(e: Evaluation) -> dict[str, Any]:
         "saturated": e.saturated,
         "cornering": [
             {
-                "joint": c.joint,
+                "joint": c.vertex,
                 **({} if c.contour is None else {"contour": c.contour}),
                 "point": c.point,
                 "rounding": c.rounding,

@@ -10,8 +10,8 @@ import numpy as np
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import joined, part
-from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, contour_called
 from armcontour.program.process import AUTO, DRAWN, Process
 
@@ -50,7 +50,7 @@ def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour
         )
     if moved:
         _refuse_cut_switching(contour, begin)
-        path = joined([part(path, begin, path.length), part(path, 0.0, begin)])
+        path = join_paths([cut_path(path, begin, path.length), cut_path(path, 0.0, begin)])
         events = tuple(_moved(x, begin, path.length) for x in events)
     once = path.length
     path = _gone_on(path, process.overlap)
@@ -91,9 +91,9 @@ def _gone_on(path: Path, overlap: float) -> Path:
     parts, over = [path], overlap
     while over > REPEATED_POINT:
         more = min(over, path.length)
-        parts.append(path if more == path.length else part(path, 0.0, more))
+        parts.append(path if more == path.length else cut_path(path, 0.0, more))
         over -= more
-    return joined(parts)
+    return join_paths(parts)
 
 
 def _refuse_cut_switching(contour: Contour, begin: float) -> None:

@@ -6,11 +6,12 @@ import dataclasses
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.orienting import tangent_rates
+from armcontour.geometry.segments import Segments
 
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
@@ -42,27 +43,28 @@ def lead_path(
     which = "left" if behind else "right"
     point, tangent = path(at), path(at, 1, side=which)
     i = -1 if behind else 0
-    speed, tolerance = path.speeds[[i]], path.tolerances[[i]]
     if shape == "line":
         start = point if behind else point - length * tangent
-        inward, curvature, first = np.zeros_like(tangent), 0.0, tangent
+        normal, curvature, first = np.zeros_like(tangent), 0.0, tangent
     else:
         curvature = QUARTER / length
-        inward = _beside(tangent, side, up)
+        normal = _beside(tangent, side, up)
         start, first = point, tangent
         if not behind:
             # The same circle, run a quarter earlier: it comes in from its side.
-            start = point - (tangent - inward) / curvature
-            first, inward = -inward, tangent
+            start = point - (tangent - normal) / curvature
+            first, normal = -normal, tangent
     lead = Path(
-        starts=start[None],
-        tangents=first[None],
-        inwards=inward[None],
-        curvatures=np.array([curvature]),
-        lengths=np.array([length]),
-        speeds=speed,
-        tolerances=tolerance,
-        tags=("lead-out" if behind else "lead-in",),
+        segments=Segments(
+            starts=start[None],
+            tangents=first[None],
+            normals=normal[None],
+            curvatures=np.array([curvature]),
+            lengths=np.array([length]),
+            speeds=path.speeds[[i]],
+            tolerances=path.tolerances[[i]],
+            tags=np.array(["lead-out" if behind else "lead-in"], dtype=object),
+        )
     )
     if path.orientation is None:
         return lead
@@ -92,14 +94,14 @@ def _held(orientation: Orientation, held: FloatArray, lead: Path, behind: bool) 
     """The tool held as at the end of the path, or going on to follow the tangent."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
-        rate = lead.curvatures[0] * np.cross(lead.tangents[0], lead.inwards[0])
+        rate = tangent_rates(lead.segments)[0]
     start = held
     if not behind and rate.any():
         from armcontour.frames import exp
 
         start = exp(-rate[None] * lead.length)[0] @ held
     return Orientation.even(
-        _checks.locked(lead.lengths),
+        lead.lengths,
         start[None],
         rate[None],
         axis_only=orientation.axis_only,

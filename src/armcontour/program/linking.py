@@ -9,8 +9,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import joined
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.cutting import join_paths
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program.moves import Contour, Move, Rapid
 
 
@@ -85,4 +85,4 @@ def _prolonged(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     before, behind = (
         [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in ways
     )
-    return Rapid(path=joined([*before, dataclasses.replace(path, orientation=None), *behind]))
+    return Rapid(path=join_paths([*before, dataclasses.replace(path, orientation=None), *behind]))

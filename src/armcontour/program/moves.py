@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,14 @@ from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import in_space, placed
-from armcontour.geometry.flattening import flat_place, flattened, goes_along
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.placing import (
+    arc_length_without_z,
+    drop_z,
+    has_length_without_z,
+    lift_path,
+    place_path,
+)
+from armcontour.geometry.segments import REPEATED_POINT
 
 Value = bool | float | str
 
@@ -123,13 +129,14 @@ class Contour:
     def flattened(self) -> tuple[Contour | Event, ...]:
         """The contour without z; of one of which nothing is left, what is switched there."""
         path, work = self.path, self.work
-        if not goes_along(path):
+        if not has_length_without_z(path):
             return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
+        at = partial(arc_length_without_z, path)
         flat = dataclasses.replace(
             self,
-            path=flattened(path),
-            events=tuple(dataclasses.replace(x, s=flat_place(path, x.s)) for x in self.events),
-            work=None if work is None else (flat_place(path, work[0]), flat_place(path, work[1])),
+            path=drop_z(path),
+            events=tuple(dataclasses.replace(x, s=at(x.s)) for x in self.events),
+            work=None if work is None else (at(work[0]), at(work[1])),
         )
         return (flat,)
 
@@ -273,11 +280,11 @@ class Program:
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
         """The program in space with the tool held in one way, as `Path.oriented`."""
-        return self.mapped(lambda path: in_space(path).oriented(rotations, axis_only=axis_only))
+        return self.mapped(lambda path: lift_path(path).oriented(rotations, axis_only=axis_only))
 
     def pointing(self, direction: npt.ArrayLike) -> Program:
         """The program in space with the tool axis in one direction, as `Path.pointing`."""
-        return self.mapped(lambda path: in_space(path).pointing(direction))
+        return self.mapped(lambda path: lift_path(path).pointing(direction))
 
     def __repr__(self) -> str:
         """What it is, and not all of its numbers."""
@@ -289,7 +296,7 @@ class Program:
 
         Speeds, tolerances and leads stay what they are.
         """
-        return self.mapped(lambda path: placed(path, frame, scale=scale))
+        return self.mapped(lambda path: place_path(path, frame, scale=scale))
 
     def flattened(self) -> Program:
         """The program without z; what only goes up and down is left out, but for its events.
@@ -309,8 +316,8 @@ class Program:
                     raise InvalidInput(f"{said}: {error}") from None
             elif not isinstance(x, Rapid) or x.path is None:
                 moves.append(x)
-            elif goes_along(x.path):
-                moves.append(Rapid(path=flattened(x.path)))
+            elif has_length_without_z(x.path):
+                moves.append(Rapid(path=drop_z(x.path)))
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
             notes = (*notes, "how the tool is held is left out with z.")

@@ -10,8 +10,8 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand, Path
-from armcontour.geometry.cutting import joined, part
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program.between import switched_off_between
 from armcontour.program.closing import closed_as_asked
 from armcontour.program.leading import WASTE, lead_path
@@ -127,8 +127,9 @@ def _demanding(contour: Contour, demand: Demand | None) -> Contour:
             (path.tolerances, demand.tolerance),
         )
     )
-    changed = dataclasses.replace(path, speeds=speeds, tolerances=tolerances)
-    return dataclasses.replace(contour, path=changed)
+    # What a Demand holds was checked.
+    segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
+    return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
 
 
 def _ordered(program: Program, order: str) -> Program:
@@ -206,7 +207,7 @@ def _around(
         parts.append(lead_path(path, leads.behind, shape, side, process.up, behind=True))
     return dataclasses.replace(
         contour,
-        path=joined(parts),
+        path=join_paths(parts),
         events=tuple(dataclasses.replace(x, s=x.s + before) for x in events),
         work=(before, before + path.length),
     )
@@ -221,7 +222,7 @@ def _lead_in(
 ) -> Path:
     """What comes before a path: where it is resumed, what comes before it on its contour."""
     if run_in is not None and run_in.path.length >= length:
-        return part(run_in.path, run_in.path.length - length, run_in.path.length)
+        return cut_path(run_in.path, run_in.path.length - length, run_in.path.length)
     return lead_path(path, length, lead.shape, _side(lead, waste), process.up, behind=False)
 
 

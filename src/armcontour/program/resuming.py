@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 
 from armcontour.errors import InvalidInput
-from armcontour.geometry.cutting import part
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.cutting import cut_path
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program.moves import Contour, Event, Program
 
 
@@ -72,10 +72,10 @@ def _behind(contour: Contour, place: float, run_in: bool) -> Contour:
     ]
     return dataclasses.replace(
         contour,
-        path=part(contour.path, place, contour.path.length),
+        path=cut_path(contour.path, place, contour.path.length),
         events=(*last.values(), *later),
     )
 
 
 def _until(contour: Contour, place: float) -> Contour:
-    return Contour(path=part(contour.path, 0.0, place), name=contour.name, layer=contour.layer)
+    return Contour(path=cut_path(contour.path, 0.0, place), name=contour.name, layer=contour.layer)

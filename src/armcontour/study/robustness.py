@@ -15,8 +15,8 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
-from armcontour.geometry.path import REPEATED_POINT
-from armcontour.geometry.projection import in_space, segment_table
+from armcontour.geometry.nearest import pack, pad
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
@@ -580,16 +580,16 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Any:
 
 
 def _table(path: Path) -> FloatArray:
-    """Per segment what `segment_table` has, and what the compiled code needs beside, (n, 19).
+    """Per segment what `pack` gives, and what the compiled code needs beside, (n, 19).
 
     Sine, cosine and angle of its turn; its end; the corner between the segment before and it [rad],
     of the first one on a closed path.
     """
     turn = path.curvatures * path.lengths
-    ends = in_space(path.on_segment(np.arange(len(path)), path.lengths))
+    ends = pad(path.segments.ends)
     closing = angle_between(path(path.length, 1, side="left"), path.tangents[0])
     corner = np.append(closing, path.turns)
-    table = [segment_table(path), np.sin(turn), np.cos(turn), turn, ends, corner]
+    table = [pack(path.segments), np.sin(turn), np.cos(turn), turn, ends, corner]
     return np.ascontiguousarray(np.column_stack(table))
 
 

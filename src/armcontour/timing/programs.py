@@ -15,9 +15,9 @@ from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, Unreachable, named
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import reversed_path
+from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.timing.choosing import trace_fastest
@@ -205,7 +205,7 @@ class _Chain:
             return self._traced(path)
         try:
             fastest = trace_fastest(contour.path, ways.arm, ways.limits)
-            back = trace(reversed_path(path), ways.arm, limits=ways.limits, start=fastest(0.0))
+            back = trace(reverse_path(path), ways.arm, limits=ways.limits, start=fastest(0.0))
             return trace(path, ways.arm, limits=ways.limits, start=back(back.length))
         except ArmContourError:
             # In another configuration, if there is one; what is wrong with the contour, it says.

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.io.drawings._dxf_shapes import Affine, Chain, Shape, Spline, Unreadable
+from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.shapes import Shape, Spline
 
 # An arc of less than this [rad] is a full one, whose angles were rounded.
 NO_SWEEP = 1e-8
@@ -17,6 +19,12 @@ MOST_POINTS = 100_000
 # Bit of a vertex of a polyline that is not drawn: a point of the frame of a spline.
 FRAME_POINT = 16
 CLOSED_SPLINE = 1
+# A bulge below this makes an arc that leaves its chord by half this part of it, a line.
+NO_BULGE = 1e-12
+
+
+class Unreadable(Exception):
+    """What is wrong with an entity, as the end of a sentence that names it."""
 
 
 def line(entity: Any) -> Shape | None:
@@ -85,7 +93,7 @@ def polyline(entity: Any) -> Shape | None:
 def _closed_or_not(
     points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
 ) -> Shape | None:
-    """A polyline in its plane; the bulge of a vertex is that of the segment behind it."""
+    """A polyline in its plane; the bulge of a vertex is that of the segment after it."""
     points = points @ axes.T
     if closed and len(points):
         return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
@@ -95,7 +103,31 @@ def _closed_or_not(
 def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape | None:
     if len(points) < 2:
         return None
-    return Chain.bulged(points, bulges, axes) if bulges.any() else Chain.straight(points)
+    return _bulged(points, bulges, axes) if bulges.any() else Chain.straight(points)
+
+
+def _bulged(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
+    """A polyline; a bulge is the tangent of a quarter of the angle that its arc sweeps.
+
+    Args:
+        points: (n + 1, 3).
+        bulges: (n,), positive to the left of the direction.
+        axes: Axes of the plane that the arcs lie in, as columns.
+    """
+    chord = np.diff(points, axis=0)
+    bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
+    b = np.where(bent, bulges, 1.0)[:, None]
+    left = np.cross(axes[:, 2], chord)
+    # From the centre to the start, without the difference of large numbers.
+    cosines = -chord / 2 - left * (1 - b * b) / (4 * b)
+    sines = np.sign(b) * np.cross(axes[:, 2], cosines)
+    return Chain(
+        starts=points[:-1],
+        ends=points[1:],
+        cosines=np.where(bent[:, None], cosines, 0.0),
+        sines=np.where(bent[:, None], sines, 0.0),
+        angles=np.where(bent, 4 * np.arctan(np.abs(bulges)), 0.0),
+    )
 
 
 def spline(entity: Any) -> Shape | None:
@@ -224,7 +256,7 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     apart = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
     k = np.arange(rows * columns)
     places = np.column_stack([k % columns * apart[0], k // columns * apart[1], np.zeros(len(k))])
-    return Affine(linear=linear, offset=at - linear @ base), places @ spin.T
+    return Affine(linear, at - linear @ base), places @ spin.T
 
 
 def plane_axes(extrusion: Any) -> FloatArray:

@@ -11,9 +11,16 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._dxf_document import said
-from armcontour.io.drawings._dxf_entities import SHAPES, grid, insertions, refuse_missing
-from armcontour.io.drawings._dxf_shapes import Affine, Shape, Unreadable
+from armcontour.io.drawings._dxf_entities import (
+    SHAPES,
+    Unreadable,
+    grid,
+    insertions,
+    refuse_missing,
+)
+from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.reading import FARTHEST, SKIP, Labels
+from armcontour.io.drawings.shapes import Shape
 
 # Blocks in blocks: more is a document made to do harm, as are more copies of entities.
 DEEPEST = 50
@@ -86,7 +93,7 @@ class Walk:
             entities = self.document.modelspace()
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
-        world = Affine(linear=unit * np.eye(3), offset=np.zeros(3))
+        world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = _Block(name="", affine=world, layer="0", inside=())
         yield from self._of(entities, drawing)
 
@@ -112,7 +119,7 @@ class Walk:
                     if shape is None:
                         self.empty.append(name)
                     else:
-                        placed = shape.placed(block.affine)
+                        placed = shape.place(block.affine)
                         _refuse_far(placed)
                         name, layer = self.labels(name), self.labels(layer)
                         yield Found(shape=placed, kind=kind, name=name, layer=layer)
@@ -155,10 +162,10 @@ class Walk:
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insertions(entity, base)
         for offset in offsets:
-            copy = Affine(linear=affine.linear, offset=affine.offset + offset)
+            copy = Affine(affine.linear, affine.offset + offset)
             inner = _Block(
                 name=name,
-                affine=block.affine.after(copy),
+                affine=block.affine @ copy,
                 layer=layer,
                 inside=(*block.inside, _key(called)),
             )
@@ -220,7 +227,7 @@ def _is_mesh(entity: Any) -> bool:
 
 
 def _refuse_far(shape: Shape) -> None:
-    far = float(np.abs(shape.corners).max())
+    far = float(np.abs(shape.reach).max())
     if not far <= FARTHEST:
         raise Unreadable(
             f"reaches to {far:.3g} m, further than {FARTHEST:g} m: is the unit of the drawing right"

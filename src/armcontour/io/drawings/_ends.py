@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour.geometry.path import REPEATED_POINT
-from armcontour.io.drawings._segments import Segments
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.io.drawings._pieces import Pieces
 
 # Ends nearer than this part of the tolerance touch.
 TOUCHING = 0.01
@@ -26,7 +26,7 @@ class Ends:
 
     Args:
         points: (2 n, dimension) [m].
-        inward: Unit tangents into the piece, same shape.
+        inwards: Unit tangents into the piece, same shape.
         layers: Number of the layer, (2 n,).
         lengths: Of the pieces [m], (n,).
         closed: Pieces whose ends are one point, (n,).
@@ -34,32 +34,32 @@ class Ends:
     """
 
     points: FloatArray
-    inward: FloatArray
+    inwards: FloatArray
     layers: IntArray
     lengths: FloatArray
     closed: BoolArray
     free: BoolArray
 
     @classmethod
-    def of(cls, segments: Segments, layers: IntArray, left_out: BoolArray) -> Ends:
+    def of(cls, pieces: Pieces, layers: IntArray, left_out: BoolArray) -> Ends:
         """The ends of pieces, some of which are left out."""
 
         def both(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
 
-        begin, end = segments.begin_points, segments.end_points
-        closed = np.linalg.norm(end - begin, axis=1) <= REPEATED_POINT
+        start, end = pieces.starts, pieces.ends
+        closed = np.linalg.norm(end - start, axis=1) <= REPEATED_POINT
         return cls(
-            points=both(begin, end),
-            inward=both(segments.begin_tangents, -segments.last_tangents),
+            points=both(start, end),
+            inwards=both(pieces.tangents, -pieces.end_tangents),
             layers=np.repeat(layers, 2),
-            lengths=segments.piece_lengths,
+            lengths=pieces.lengths,
             closed=closed,
             free=np.repeat(~(closed | left_out), 2),
         )
 
 
-def partners(ends: Ends, tolerance: float) -> IntArray:
+def find_partners(ends: Ends, tolerance: float) -> IntArray:
     """The end that each end goes on in, -1 where there is none, (2 n,)."""
     partner = np.full(len(ends.points), -1, dtype=np.intp)
     for near in (REPEATED_POINT, TOUCHING * tolerance, tolerance):
@@ -79,7 +79,7 @@ def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float
     allowed &= (a // 2 != b // 2) | (ends.lengths[a // 2] > tolerance)
     a, b = a[allowed], b[allowed]
     # The turn from one into the other, by its half: exact near zero.
-    u, v = ends.inward[a], ends.inward[b]
+    u, v = ends.inwards[a], ends.inwards[b]
     turn = 2 * np.arctan2(np.linalg.norm(u + v, axis=1), np.linalg.norm(u - v, axis=1))
     order = np.lexsort([b, a, np.round(turn / SAME_TURN)])
     taken = (partner >= 0).tolist()
@@ -105,19 +105,19 @@ def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
     place = connected_components(links, directed=False)[1][cell]
     alone = np.bincount(place)[place] == 1
     free, place = free[~alone], place[~alone]
-    return _pairs(free, *_smallest_turns(place, ends.inward[free]))
+    return _pairs(free, *_smallest_turns(place, ends.inwards[free]))
 
 
-def _smallest_turns(place: IntArray, inward: FloatArray) -> tuple[IntArray, IntArray]:
+def _smallest_turns(place: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of ends of one place, those with the smallest turns for each."""
     from scipy.spatial import cKDTree
 
     if len(place) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Directions differ by no more than 2, places by 4.
-    tree = cKDTree(np.column_stack([4.0 * place, inward]))
+    tree = cKDTree(np.column_stack([4.0 * place, inwards]))
     count = min(MOST_CANDIDATES + 1, len(place))
-    found = tree.query(np.column_stack([4.0 * place, -inward]), k=count, distance_upper_bound=3.0)
+    found = tree.query(np.column_stack([4.0 * place, -inwards]), k=count, distance_upper_bound=3.0)
     return _found(np.asarray(found[1]), len(place))
 
 

@@ -1,20 +1,15 @@
-"""The attribute d of SVG paths: svgpathtools reads it, and this keeps it from guessing.
-
-The library leaves out what it does not understand, joins subpaths that touch, and stops at arcs
-between equal points; so what it gets is checked before, and one subpath at a time.
-"""
+"""The attribute d of SVG paths, as outlines."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from armcontour.errors import InvalidInput
-from armcontour.io.drawings._svg_strokes import Bend, Straight, Stroke, Subpath, round_between
+from armcontour._checks import FloatArray
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
     EACH_NUMBER,
@@ -24,6 +19,8 @@ from armcontour.io.drawings._svg_units import (
     checked,
     limited,
 )
+from armcontour.io.drawings.chain import WELL_KNOWN, Chain
+from armcontour.io.drawings.shapes import Outline, Shape, Spline
 
 # How many numbers each command takes.
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
@@ -39,22 +36,21 @@ _ARC = re.compile(
 Command = tuple[str, list[float]]
 
 
-def subpaths_of(element: Element, spend: Callable[[int], None]) -> list[Subpath]:
-    """The subpaths of a path.
+def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]:
+    """The outlines of a path, one per subpath.
 
     Args:
         element: The path.
         spend: Called with the number of segments before they are made; may refuse them.
 
     Raises:
-        InvalidInput: Path data that is not of its grammar, svgpathtools is missing.
+        InvalidInput: Path data that is not of its grammar.
     """
-    found = []
-    for commands, closed in _subpaths(_commands(element, spend), element):
-        strokes = _strokes(commands, element)
-        if strokes:
-            found.append(Subpath(strokes, closed))
-    return found
+    pen = _Pen(element)
+    for letter, numbers in _commands(element, spend):
+        pen.obey(letter, numbers)
+    pen.lift(closed=False)
+    return pen.outlines
 
 
 def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Command]:
@@ -90,7 +86,7 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
         if not count:
             yield letter, []
         for k in range(0, len(values), count or 1):
-            # Behind a move, more points are lines.
+            # After a move, more points are lines.
             shown = letter if k == 0 or letter not in "Mm" else "L" if letter == "M" else "l"
             yield shown, values[k : k + count]
 
@@ -101,7 +97,7 @@ def _numbers(element: Element, chunk: str, at: int) -> list[float]:
     if end < len(chunk):
         _refuse(element, chunk, at, end)
     values = [float(x[0]) for x in limited(EACH_NUMBER.finditer(chunk))]
-    return checked(element, f"path data behind character {at}", values)
+    return checked(element, f"path data after character {at}", values)
 
 
 def _arcs(element: Element, chunk: str, at: int) -> list[float]:
@@ -112,7 +108,7 @@ def _arcs(element: Element, chunk: str, at: int) -> list[float]:
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):
         _refuse(element, chunk, at, end)
-    return checked(element, f"path data behind character {at}", values)
+    return checked(element, f"path data after character {at}", values)
 
 
 def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
@@ -122,112 +118,151 @@ def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
     )
 
 
-def _subpaths(
-    commands: Iterator[Command], element: Element
-) -> Iterator[tuple[list[Command], bool]]:
-    """Commands of one subpath each, the first of which is an absolute move, and whether closed."""
-    here = start = 0j
-    current: list[Command] = []
-    for letter, x in commands:
-        if letter in "Mm":
-            if len(current) > 1:
-                yield current, False
-            here = start = complex(*x) + (here if letter == "m" else 0)
-            current = [("M", [here.real, here.imag])]
-        elif letter in "Zz":
-            if len(current) > 1:
-                yield current, True
-            here = start
-            current = [("M", [start.real, start.imag])]
+@dataclass(slots=True, eq=False)
+class _Pen:
+    """What draws the commands of a path, one after the other.
+
+    Args:
+        element: The path.
+        outlines: Subpaths that are done.
+        shapes: What is drawn of this subpath.
+        here: The current point.
+        start: Where this subpath starts.
+        drawn: Points of lines, or control points of Bézier curves, that are not a shape yet.
+        curved: Whether they are those of Bézier curves.
+        before: The last command, in capitals, and its last control point.
+    """
+
+    element: Element
+    outlines: list[Outline] = field(default_factory=list)
+    shapes: list[Shape] = field(default_factory=list)
+    here: complex = 0j
+    start: complex = 0j
+    drawn: list[complex] = field(default_factory=list)
+    curved: bool = False
+    before: tuple[str, complex] = ("", 0j)
+
+    def obey(self, letter: str, numbers: Sequence[float]) -> None:
+        """Draw one command."""
+        kind, base = letter.upper(), self.here if letter.islower() else 0j
+        control = self.here
+        if kind in "MZ":
+            self.lift(closed=kind == "Z")
+            self.here = self.start if kind == "Z" else complex(*numbers) + base
+            self.start = self.here
+        elif kind == "H":
+            self._line(complex(numbers[0] + base.real, self.here.imag))
+        elif kind == "V":
+            self._line(complex(self.here.real, numbers[0] + base.imag))
+        elif kind == "A":
+            self._arc(numbers[:5], complex(*numbers[5:]) + base)
         else:
-            end = _end(letter, x, here)
-            current.append(_plain(letter, x, here, end))
-            here = end
-    if len(current) > 1:
-        yield current, False
+            points = [complex(*x) + base for x in zip(numbers[::2], numbers[1::2], strict=True)]
+            if kind == "L":
+                self._line(points[0])
+            else:
+                control = self._bezier(kind, points)
+        self.before = kind, control
 
+    def lift(self, *, closed: bool) -> None:
+        """End the subpath, if anything of it is drawn."""
+        self._finish()
+        if self.shapes:
+            self.outlines.append(Outline(self.shapes, closed))
+        self.shapes = []
 
-def _end(letter: str, x: list[float], here: complex) -> complex:
-    if letter in "Hh":
-        return complex(x[0] + (here.real if letter == "h" else 0.0), here.imag)
-    if letter in "Vv":
-        return complex(here.real, x[0] + (here.imag if letter == "v" else 0.0))
-    return complex(x[-2], x[-1]) + (here if letter.islower() else 0)
+    def _line(self, end: complex) -> None:
+        self._draw(False, [end])
 
+    def _bezier(self, kind: str, points: list[complex]) -> complex:
+        """Draw C, S, Q or T, and tell the last control point."""
+        last, control = self.before
+        if kind in "ST":
+            # The control point before, seen from the other side.
+            smooth = last in ("CS" if kind == "S" else "QT") and bool(last)
+            points = [2 * self.here - control if smooth else self.here, *points]
+        if kind in "CS":
+            self._draw(True, points)
+            return points[1]
+        # A quadratic as the cubic that it is.
+        (b, c), a = points, self.here
+        self._draw(True, [a + 2 / 3 * (b - a), c + 2 / 3 * (b - c), c])
+        return b
 
-def _plain(letter: str, x: list[float], here: complex, end: complex) -> Command:
-    """An arc without a radius or of no length as the line that it means."""
-    if letter in "Aa" and (x[0] == 0 or x[1] == 0 or here == end):
-        return "L", [end.real, end.imag]
-    return letter, x
+    def _draw(self, curved: bool, points: list[complex]) -> None:
+        if self.curved != curved:
+            self._finish()
+        self.curved = curved
+        self.drawn = self.drawn or [self.here]
+        if not curved or any(x != self.here for x in points):
+            self.drawn += points
+        self.here = points[-1]
 
+    def _finish(self) -> None:
+        """Make a shape of the points that are not one yet."""
+        if len(self.drawn) > 1:
+            points = _plane(self.drawn)
+            self.shapes.append(Spline.beziers(points) if self.curved else Chain.straight(points))
+        self.drawn = []
 
-def _strokes(commands: list[Command], element: Element) -> list[Stroke]:
-    """The strokes of one subpath."""
-    try:
-        from svgpathtools import parse_path  # type: ignore[import-untyped, unused-ignore]
-    except ImportError:
-        raise InvalidInput(
-            f"{element.source}: reading SVG needs svgpathtools: pip install 'armcontour[drawings]'."
-        ) from None
-    text = " ".join(_written(letter, x) for letter, x in commands)
-    try:
+    def _arc(self, numbers: Sequence[float], end: complex) -> None:
+        rx, ry, tilt, large, sweep = numbers
+        if rx == 0 or ry == 0 or self.here == end:
+            self._line(end)
+            return
+        self._finish()
+        first, last = _plane([self.here, end])
         with np.errstate(all="ignore"):
-            segments = list(parse_path(text))
-    except Exception:  # its parser checks little, and stops with whatever comes of it
-        element.refuse(f"path data near {text[:40]!r} cannot be followed")
-    return _grouped(segments, element)
+            try:
+                arc = _arc_between(
+                    first, last, (abs(rx), abs(ry)), math.radians(tilt), bool(large), bool(sweep)
+                )
+            except (ValueError, ZeroDivisionError, OverflowError):
+                arc = None
+        if arc is None or not all(np.isfinite(x).all() for x in (arc.cosines, arc.angles)):
+            self.element.refuse("an arc of the path data has radii that do not fit its ends")
+        self.shapes.append(arc)
+        self.here = end
 
 
-def _written(letter: str, x: list[float]) -> str:
-    if letter in "Aa":
-        return f"{letter}{x[0]!r} {x[1]!r} {x[2]!r} {int(x[3])} {int(x[4])} {x[5]!r} {x[6]!r}"
-    return letter + " ".join(map(repr, x))
-
-
-def _grouped(segments: list[Any], element: Element) -> list[Stroke]:
-    from svgpathtools import Arc, Line
-
-    strokes: list[Stroke] = []
-    line: list[complex] = []
-    for x in segments:
-        if isinstance(x, Line):
-            line = line or [x.start]
-            line.append(x.end)
-            continue
-        if line:
-            strokes.append(Straight(_points(line)))
-            line = []
-        strokes.append(_arc(x, element) if isinstance(x, Arc) else _bend(x.bpoints()))
-    if line:
-        strokes.append(Straight(_points(line)))
-    return strokes
-
-
-def _points(values: Any) -> Any:
-    array = np.array(values, dtype=np.complex128)
+def _plane(points: Sequence[complex]) -> FloatArray:
+    array = np.array(points, dtype=np.complex128)
     return np.stack([array.real, array.imag], axis=-1)
 
 
-def _bend(controls: tuple[complex, ...]) -> Bend:
-    points = _points(controls)
-    if len(points) == 3:
-        # A quadratic as the cubic that it is.
-        a, b, c = points
-        points = np.stack([a, a + 2 / 3 * (b - a), c + 2 / 3 * (b - c), c])
-    return Bend(points)
+def _arc_between(
+    first: FloatArray,
+    last: FloatArray,
+    radii: tuple[float, float],
+    tilt: float,
+    large: bool,
+    sweep: bool,
+) -> Chain:
+    """The elliptical arc between two points that SVG's command A means.
 
+    Radii that are too small are made larger until the ellipse reaches both points.
 
-def _arc(x: Any, element: Element) -> Stroke:
-    first, last = _points([x.start, x.end])
-    radii = (abs(x.radius.real), abs(x.radius.imag))
-    with np.errstate(all="ignore"):
-        try:
-            arc = round_between(
-                first, last, radii, math.radians(x.rotation), large=x.large_arc, sweep=x.sweep
-            )
-        except (ValueError, ZeroDivisionError, OverflowError):
-            element.refuse("an arc of the path data has radii that do not fit its ends")
-    if not all(np.isfinite(v).all() for v in (arc.center, arc.axes, arc.begin, arc.turn)):
-        element.refuse("an arc of the path data has radii that do not fit its ends")
-    return arc
+    Args:
+        first: Where it starts.
+        last: Where it ends, which is somewhere else.
+        radii: Of the ellipse, above zero.
+        tilt: By which it is turned [rad].
+        large: Whether to take the arc of more than half a turn.
+        sweep: Whether the angle grows.
+    """
+    c, s = math.cos(tilt), math.sin(tilt)
+    axes = np.array([[c, -s], [s, c]]) * radii
+    # In coordinates in which the ellipse is a unit circle, from the first point.
+    step = np.array([[c, s], [-s, c]]) @ (last - first) / radii
+    half = math.hypot(*step) / 2
+    if half > 1:
+        axes, step, half = axes * half, step / half, 1.0
+    across = np.array([-step[1], step[0]]) / (2 * half)
+    side = 1.0 if sweep != large else -1.0
+    center = step / 2 + side * math.sqrt((1 - half) * (1 + half)) * across
+    angle = 2 * math.asin(half)
+    angle = 2 * math.pi - angle if large else angle
+    sine = np.array([center[1], -center[0]]) * (1.0 if sweep else -1.0)
+    ends = np.stack([first, last])
+    arc = Chain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
+    return arc.halve() if angle > WELL_KNOWN else arc

@@ -1,25 +1,23 @@
-"""SVG's shapes as subpaths in the coordinates of their element."""
+"""SVG's shapes as outlines in the coordinates of their element."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.io.drawings._svg_path_data import subpaths_of
-from armcontour.io.drawings._svg_strokes import Round, Straight, Stroke, Subpath, ellipse
+from armcontour.io.drawings._svg_path_data import outlines_of
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import length_of, number_of, numbers_of
+from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.shapes import Outline
 
 Spend = Callable[[int], None]
-# A quarter of a turn.
-QUARTER = math.pi / 2
 
 
-def shape_of(element: Element, spend: Spend) -> list[Subpath]:
-    """The subpaths of one of `SHAPES`; none if it has no size.
+def shape_of(element: Element, spend: Spend) -> list[Outline]:
+    """The outlines of one of `SHAPES`; none if it has no size.
 
     Args:
         element: The shape.
@@ -31,18 +29,18 @@ def shape_of(element: Element, spend: Spend) -> list[Subpath]:
     return SHAPES[element.tag](element, spend)
 
 
-def _line(element: Element, spend: Spend) -> list[Subpath]:
+def _line(element: Element, spend: Spend) -> list[Outline]:
     spend(1)
     x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
         return []
-    return [Subpath([Straight(np.array([[x1, y1], [x2, y2]]))], False)]
+    return [Outline([Chain.straight(np.array([[x1, y1], [x2, y2]]))])]
 
 
-def _polyline(element: Element, spend: Spend) -> list[Subpath]:
+def _polyline(element: Element, spend: Spend) -> list[Outline]:
     points = _listed(element, spend)
     closed = element.tag == "polygon"
-    return [Subpath([Straight(points)], closed)] if len(points) > 1 else []
+    return [Outline([Chain.straight(points)], closed)] if len(points) > 1 else []
 
 
 def _listed(element: Element, spend: Spend) -> FloatArray:
@@ -53,7 +51,7 @@ def _listed(element: Element, spend: Spend) -> FloatArray:
     return np.array(values).reshape(-1, 2)
 
 
-def _rect(element: Element, spend: Spend) -> list[Subpath]:
+def _rect(element: Element, spend: Spend) -> list[Outline]:
     spend(8)
     x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
@@ -67,14 +65,12 @@ def _rect(element: Element, spend: Spend) -> list[Subpath]:
     rx, ry = min(rx, width / 2), min(ry, height / 2)
     if not (rx and ry):
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        return [Subpath([Straight(corners)], True)]
-    return [Subpath(_rounded(x, y, x + width, y + height, rx, ry), True)]
+        return [Outline([Chain.straight(corners)], closed=True)]
+    return [Outline([_rounded(x, y, x + width, y + height, rx, ry)], closed=True)]
 
 
-def _rounded(
-    left: float, top: float, right: float, bottom: float, rx: float, ry: float
-) -> list[Stroke]:
-    """The strokes of a rectangle with round corners, as SVG goes around it."""
+def _rounded(left: float, top: float, right: float, bottom: float, rx: float, ry: float) -> Chain:
+    """A rectangle with round corners, as SVG goes around it."""
     sides = [
         ((left + rx, top), (right - rx, top)),
         ((right, top + ry), (right, bottom - ry)),
@@ -87,39 +83,43 @@ def _rounded(
         (left + rx, bottom - ry),
         (left + rx, top + ry),
     ]
-    strokes: list[Stroke] = []
+    parts = []
     for k in range(4):
         ends = np.array([sides[k][1], sides[(k + 1) % 4][0]])
         if sides[k][0] != sides[k][1]:
-            strokes.append(Straight(np.array(sides[k])))
-        axes = np.diag([rx, ry])
-        strokes.append(Round(np.array(centers[k]), axes, (k - 1) * QUARTER, QUARTER, ends))
-    return strokes
+            parts.append(Chain.straight(np.array(sides[k])))
+        cosine, sine = np.roll([[0.0, -ry], [rx, 0.0], [0.0, ry], [-rx, 0.0]], -k, axis=0)[:2]
+        parts.append(Chain.arc(np.array(centers[k]), cosine, sine, np.pi / 2, ends))
+    return Chain.join(parts)
 
 
-def _circle(element: Element, spend: Spend) -> list[Subpath]:
+def _circle(element: Element, spend: Spend) -> list[Outline]:
     spend(1)
     radius = number_of(element, "r")
     return _around(element, (radius, radius), ("r", "r"))
 
 
-def _ellipse(element: Element, spend: Spend) -> list[Subpath]:
+def _ellipse(element: Element, spend: Spend) -> list[Outline]:
     spend(1)
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
     return _around(element, (rx or 0.0, ry or 0.0), ("rx", "ry"))
 
 
-def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Subpath]:
+def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Outline]:
     for key, value in zip(keys, radii, strict=True):
         if value < 0:
             element.refuse(f"{key} must not be negative, but is {value:g}")
-    center = number_of(element, "cx"), number_of(element, "cy")
-    return [Subpath([ellipse(center, radii)], True)] if all(radii) else []
+    if not all(radii):
+        return []
+    center = np.array([number_of(element, "cx"), number_of(element, "cy")])
+    # From the right, as SVG draws it.
+    cosine, sine = np.diag(radii)
+    return [Outline([Chain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
 
 
-SHAPES: dict[str, Callable[[Element, Spend], list[Subpath]]] = {
-    "path": subpaths_of,
+SHAPES: dict[str, Callable[[Element, Spend], list[Outline]]] = {
+    "path": outlines_of,
     "line": _line,
     "polyline": _polyline,
     "polygon": _polyline,

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, locked
+from armcontour._checks import locked
 from armcontour.io.drawings._svg_tree import Element
+from armcontour.io.drawings.affine import Affine
 
 # CSS pixels, which are SVG's user units unless a viewBox says otherwise, per unit.
 INCH = 0.0254
@@ -48,44 +49,21 @@ COUNTS = {
 SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Affine:
-    """`turn @ point + shift`, (2, 2) and (2,)."""
-
-    turn: FloatArray
-    shift: FloatArray
-
-    def __matmul__(self, inner: Affine) -> Affine:
-        """The inner one first, then this one."""
-        # What is too large for a number is found by `finite`.
-        with np.errstate(over="ignore", invalid="ignore"):
-            return Affine(self.turn @ inner.turn, self.turn @ inner.shift + self.shift)
-
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Points (..., 2) where it takes them."""
-        return np.asarray(points @ self.turn.T + self.shift)
-
-    @property
-    def finite(self) -> bool:
-        """Whether none of its numbers has overflown."""
-        return bool(np.isfinite(self.turn).all() and np.isfinite(self.shift).all())
-
-    @property
-    def flat(self) -> bool:
-        """Whether it leaves no area of anything."""
-        size = float(np.abs(self.turn).max())
-        if size == 0:
-            return True
-        unit = self.turn / size
-        return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
-
-
 STAY = Affine(locked(np.eye(2)), locked(np.zeros(2)))
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
     """The transform that SVG writes as `matrix(a b c d e f)`."""
     return Affine(np.array([[a, c], [b, d]]), np.array([e, f]))
+
+
+def is_flat(transform: Affine) -> bool:
+    """Whether a transform leaves no area of anything."""
+    size = float(np.abs(transform.linear).max())
+    if size == 0:
+        return True
+    unit = transform.linear / size
+    return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
 
 
 def numbers_of(element: Element, key: str, text: str) -> list[float]:

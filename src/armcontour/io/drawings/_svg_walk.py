@@ -10,15 +10,16 @@ from dataclasses import dataclass, field
 from armcontour.io.drawings._svg_shapes import SHAPES
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
-    Affine,
     Box,
     affine,
     fitted,
+    is_flat,
     length_of,
     number_of,
     transform_of,
     view_box,
 )
+from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.reading import SKIP, Labels
 
 # These draw nothing themselves.
@@ -159,7 +160,7 @@ class Walk:
         to = around.to @ transform_of(element)
         if not to.finite:
             element.refuse("its transforms together have numbers that are too large")
-        if to.flat:
+        if is_flat(to):
             self.leave_out(NO_SIZE, element)
             return None
         visibility = element.style("visibility")
@@ -237,7 +238,7 @@ class Walk:
         if box is None:
             box = Box(0.0, 0.0, width, height)
         inner = place.to @ fitted(element, box, Box(x, y, width, height))
-        if not inner.finite or inner.flat:
+        if not inner.finite or is_flat(inner):
             element.refuse("its viewBox does not fit its width and height")
         return dataclasses.replace(place, to=inner, view=box)
 

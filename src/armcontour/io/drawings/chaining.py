@@ -10,9 +10,9 @@ import numpy as np
 from armcontour._checks import BoolArray, IntArray, positive
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.geometry.path import REPEATED_POINT
-from armcontour.io.drawings._ends import Ends, partners
-from armcontour.io.drawings._segments import Segments
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.io.drawings._ends import Ends, find_partners
+from armcontour.io.drawings._pieces import Pieces
 from armcontour.program import Contour
 
 # Two pieces are the same if no point of one is further from the other [m]; the grid on which
@@ -38,7 +38,7 @@ class Piece:
     apart: int = 0
 
 
-def chained(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], list[str]]:
+def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], list[str]]:
     """Contours of pieces of the same layer whose ends are nearer than a tolerance.
 
     A piece may be turned round; a contour has the direction, the name and the place in the order
@@ -68,16 +68,16 @@ def chained(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], l
         raise InvalidInput("Pieces to chain must all be in the plane or all in space.")
     if any(x.path.orientation is not None for x in pieces):
         raise InvalidInput("Pieces to chain must not have an orientation.")
-    segments = Segments.of([x.path for x in pieces])
+    table = Pieces.of([x.path for x in pieces])
     # Not by numpy, whose texts are all as long as the longest.
     numbers: dict[tuple[str, int], int] = {}
     layers = np.array(
         [numbers.setdefault((x.layer, x.apart), len(numbers)) for x in pieces], dtype=np.intp
     )
-    again = _repeated(pieces, segments, layers)
-    lengths = segments.piece_lengths
-    ends = Ends.of(segments, layers, again)
-    partner = partners(ends, tolerance)
+    again = _repeated(pieces, table, layers)
+    lengths = table.lengths
+    ends = Ends.of(table, layers, again)
+    partner = find_partners(ends, tolerance)
     contours, short = [], []
     for chain, closed in _chains(partner, again):
         first = pieces[min(chain) // 2]
@@ -86,7 +86,7 @@ def chained(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], l
         if total <= tolerance and not ((closed or alone) and _touches(ends, chain)):
             short.append(first.name)
             continue
-        path = first.path if alone else segments.joined(chain, closed, tolerance)
+        path = first.path if alone else table.join(chain, closed, tolerance)
         contours.append(Contour(path=path, name=first.name, layer=first.layer))
     return contours, _notes(pieces, again, short, tolerance)
 
@@ -125,12 +125,10 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
     return chains
 
 
-def _repeated(pieces: Sequence[Piece], segments: Segments, layers: IntArray) -> BoolArray:
+def _repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> BoolArray:
     """Pieces that lie exactly on an earlier one of their layer."""
     n = len(pieces)
-    begin, end = segments.begin_points, segments.end_points
-    lengths = segments.piece_lengths
-    feature = np.column_stack([begin + end, segments.middle_points, lengths])
+    feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
     group = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(group, kind="stable")

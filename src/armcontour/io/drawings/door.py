@@ -14,7 +14,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
 from armcontour.io.units import parse
 from armcontour.program import Program

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from armcontour.errors import InvalidInput
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings._dxf_document import opened, quietly
 from armcontour.io.drawings._dxf_walk import Found, Walk
-from armcontour.io.drawings.chaining import Piece, chained
+from armcontour.io.drawings.affine import WITHOUT_Z
+from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.shapes import Outline
 from armcontour.program import Program
 
 # Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
@@ -65,7 +67,7 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
     if not pieces:
         left_out = f" ({' '.join(walk.notes).rstrip('.')})" if walk.notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
-    contours, said = chained(pieces, reading.join_tolerance)
+    contours, said = chain_pieces(pieces, reading.join_tolerance)
     if not contours:
         raise InvalidInput(
             f"{source} has no contour that is longer than the join tolerance of "
@@ -87,13 +89,12 @@ def _unit(document: Any, source: str, reading: Reading) -> float:
 
 def _pieces(found: list[Found], walk: Walk, source: str, reading: Reading) -> list[Piece]:
     """Paths of shapes, all in the plane or all in space."""
-    dimension = 3
-    if all(np.abs(x.shape.corners[:, 2]).max() <= REPEATED_POINT for x in found):
-        dimension = 2
+    flat = all(np.abs(x.shape.reach[:, 2]).max() <= REPEATED_POINT for x in found)
     pieces = []
     for x in found:
+        shape = x.shape.place(WITHOUT_Z) if flat else x.shape
         try:
-            path = x.shape.path(dimension, reading.chord_tolerance)
+            path = Outline([shape]).to_path(reading.chord_tolerance)
         except InvalidInput as error:
             said = str(error)
             raise InvalidInput(

@@ -9,11 +9,9 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._svg_shapes import shape_of
-from armcontour.io.drawings._svg_strokes import Subpath, mapped
 from armcontour.io.drawings._svg_tree import Element, tree_of
 from armcontour.io.drawings._svg_units import (
     PIXEL,
-    Affine,
     Box,
     affine,
     fitted,
@@ -21,8 +19,10 @@ from armcontour.io.drawings._svg_units import (
     view_box,
 )
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
-from armcontour.io.drawings.chaining import Piece, chained
+from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.reading import FARTHEST, Reading
+from armcontour.io.drawings.shapes import Outline
 from armcontour.program import Program
 
 # More segments than this, curves counted once, are no drawing that anyone wants followed.
@@ -60,12 +60,12 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     spent = _Budget()
     for shape in walk.shapes(page, view):
         spent.element = shape.element
-        subpaths = shape_of(shape.element, spent)
-        found = [x for x in (_piece(shape, x, reading) for x in subpaths) if x is not None]
+        outlines = shape_of(shape.element, spent)
+        found = [x for x in (_piece(shape, x, reading) for x in outlines) if x is not None]
         if not found:
             walk.leave_out(NO_SIZE, shape.element)
         pieces += found if len(found) == 1 else _apart(found, len(pieces))
-    contours, said = chained(pieces, reading.join_tolerance)
+    contours, said = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         notes.append(f"{reason}: {', '.join(names[:NAMED])}{more}.")
@@ -131,16 +131,17 @@ def _up(height: float, unit: float) -> Affine:
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
 
-def _piece(shape: Shape, subpath: Subpath, reading: Reading) -> Piece | None:
-    """One subpath in metres; None if it has no length.
+def _piece(shape: Shape, outline: Outline, reading: Reading) -> Piece | None:
+    """One outline in metres; None if it has no length.
 
     Raises:
         InvalidInput: It is too far away or too large.
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            _check_size(shape, subpath)
-            path = mapped(subpath, shape.to, reading.chord_tolerance, reading.join_tolerance)
+            placed = outline.place(shape.to)
+            _check_size(shape, placed)
+            path = placed.to_path(reading.chord_tolerance, reading.join_tolerance)
     except InvalidInput as error:
         if shape.element.name in str(error):
             raise
@@ -148,8 +149,8 @@ def _piece(shape: Shape, subpath: Subpath, reading: Reading) -> Piece | None:
     return None if path is None else Piece(path=path, name=shape.name, layer=shape.layer)
 
 
-def _check_size(shape: Shape, subpath: Subpath) -> None:
-    reach = max(float(np.abs(shape.to(x.reach)).max()) for x in subpath.strokes)
+def _check_size(shape: Shape, placed: Outline) -> None:
+    reach = float(np.abs(placed.reach).max())
     if not reach <= FARTHEST:
         shape.element.refuse(
             f"it reaches {reach:.3g} m far, more than {FARTHEST:g} m: is the unit right?"

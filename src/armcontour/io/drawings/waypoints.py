@@ -16,7 +16,7 @@ from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.geometry import Path
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.io.drawings.waypoint_table import (
     ANGLES,
@@ -232,7 +232,8 @@ def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
         values[key][rows][ends] if key in values else np.full(len(path), np.nan)
         for key in ("speed", "tolerance")
     )
-    return dataclasses.replace(path, speeds=speeds, tolerances=tolerances)
+    demanding = path.segments.replace(speeds=speeds, tolerances=tolerances)
+    return dataclasses.replace(path, segments=demanding)
 
 
 def _held(

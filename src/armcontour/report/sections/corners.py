@@ -152,7 +152,7 @@ def _corner(
     path = next(iter(paths.values()))
     found, place = path.corners, {"row": 1, "col": column}
     corner, half = found.point[k], ZOOM * float(found.error[k])
-    view = _view(path.objective, int(found.joint[k]))
+    view = _view(path.objective, int(found.vertex[k]))
     # In the plane coordinates are the path's own, in space they count from the corner.
     origin = np.zeros_like(corner) if path.dimension == 2 else corner
 
@@ -163,11 +163,11 @@ def _corner(
         )
         figure.add_trace(curve, **place)
 
-    joint = float(path.objective.breaks[found.joint[k]])
-    lines = _between(path.objective, joint, joint, 3 * half)
+    at = float(path.objective.breaks[found.vertex[k]])
+    lines = _between(path.objective, at, at, 3 * half)
     draw(lines, "objective path", PATH_COLOUR, width=6, opacity=0.5)
     for (name, other), dash in zip(paths.items(), cycle(DASHES), strict=False):
-        for i in np.flatnonzero(other.corners.joint == found.joint[k]):
+        for i in np.flatnonzero(other.corners.vertex == found.vertex[k]):
             start, end = float(other.corners.start[i]), float(other.corners.end[i])
             arc = _between(other, start, end, 3 * half)
             draw(arc, name, "#000000", dash=dash, width=1.5)
@@ -185,23 +185,23 @@ def _corner(
     )
 
 
-def _view(path: Path, joint: int) -> FloatArray:
+def _view(path: Path, vertex: int) -> FloatArray:
     """What is to the right and up where a corner is drawn, (2, dimension).
 
     In space: the direction in which the path arrives, and the side to which it turns.
     """
     if path.dimension == 2:
         return IN_PLANE
-    before, after = path(path.breaks[joint], 1, side="left"), path.tangents[joint]
+    before, after = path(path.breaks[vertex], 1, side="left"), path.tangents[vertex]
     across = after - (after @ before) * before
     return np.stack([before, across / np.linalg.norm(across)])
 
 
 def _between(path: Path, start: float, end: float, margin: float) -> FloatArray:
-    """A path from a margin before a start to a margin behind an end, its joints among them."""
+    """A path from a margin before a start to a margin after an end, its vertices among them."""
     low, high = max(start - margin, 0.0), min(end + margin, path.length)
-    joints = path.breaks[(path.breaks > low) & (path.breaks < high)]
-    return path(np.union1d(np.linspace(low, high, PLACES), joints))
+    vertices = path.breaks[(path.breaks > low) & (path.breaks < high)]
+    return path(np.union1d(np.linspace(low, high, PLACES), vertices))
 
 
 def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float) -> FloatArray:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.gcode.words import Fault
 
 Point = tuple[float, float]
@@ -40,7 +40,7 @@ class Piece:
     """One arc of at most a full circle, as a segment of a path has it."""
 
     tangent: Point
-    inward: Point
+    normal: Point
     curvature: float
     length: float
     end: Point
@@ -48,7 +48,7 @@ class Piece:
     def circle(self, start: Point) -> Piece:
         """The full circle that it is a part of, from and to its start."""
         length = 2 * math.pi / self.curvature
-        return Piece(self.tangent, self.inward, self.curvature, length, start)
+        return Piece(self.tangent, self.normal, self.curvature, length, start)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +159,8 @@ def _bow(start: Point, end: Point, center: Point, turn: int) -> Piece:
     radius = math.hypot(chord / 2, height)
     c, s = math.cos(half), math.sin(half)
     tangent = (ux * c + turn * uy * s, uy * c - turn * ux * s)
-    inward = (-turn * tangent[1], turn * tangent[0])
-    piece = Piece(tangent, inward, 1 / radius, 2 * half * radius, end)
+    normal = (-turn * tangent[1], turn * tangent[0])
+    piece = Piece(tangent, normal, 1 / radius, 2 * half * radius, end)
     _refuse_a_miss(start, piece)
     return piece
 
@@ -168,16 +168,16 @@ def _bow(start: Point, end: Point, center: Point, turn: int) -> Piece:
 def _centred(circle: Circle, sweep: float) -> Piece:
     """The arc around the given centre, through part of the sweep."""
     x = circle
-    inward = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
-    tangent = (x.turn * inward[1], -x.turn * inward[0])
+    normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
+    tangent = (x.turn * normal[1], -x.turn * normal[0])
     c, s = math.cos(sweep), math.sin(sweep)
     end = (
-        x.center[0] + x.radius * (s * tangent[0] - c * inward[0]),
-        x.center[1] + x.radius * (s * tangent[1] - c * inward[1]),
+        x.center[0] + x.radius * (s * tangent[0] - c * normal[0]),
+        x.center[1] + x.radius * (s * tangent[1] - c * normal[1]),
     )
     if sweep == 2 * math.pi:
         end = x.start
-    piece = Piece(tangent, inward, 1 / x.radius, sweep * x.radius, end)
+    piece = Piece(tangent, normal, 1 / x.radius, sweep * x.radius, end)
     _refuse_a_miss(x.start, piece)
     return piece
 
@@ -199,9 +199,9 @@ def _two(circle: Circle) -> list[Piece]:
 def _refuse_a_miss(start: Point, piece: Piece) -> None:
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
-    inward = 2 * math.sin(turn / 2) ** 2 / piece.curvature
-    x = start[0] + along * piece.tangent[0] + inward * piece.inward[0]
-    y = start[1] + along * piece.tangent[1] + inward * piece.inward[1]
+    across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
+    x = start[0] + along * piece.tangent[0] + across * piece.normal[0]
+    y = start[1] + along * piece.tangent[1] + across * piece.normal[1]
     # Also refuses NaN.
     if not math.dist((x, y), piece.end) <= MISS:
         raise Fault(

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.geometry.path import REPEATED_POINT
+from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.io.drawings.gcode.arcs import Piece
 from armcontour.io.drawings.gcode.words import Fault
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
@@ -72,12 +72,12 @@ class Draft:
         """An arc in the plane of the first two of `axes`."""
         chain = self.chain if self.chain is not None else self._begin(line)
         a, b, _ = axes
-        end, tangent, inward = list(self.last), [0.0] * 3, [0.0] * 3
+        end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
         end[a], end[b] = piece.end
         tangent[a], tangent[b] = piece.tangent
-        inward[a], inward[b] = piece.inward
+        normal[a], normal[b] = piece.normal
         chain.arcs.append(
-            (len(chain.speeds), _point(tangent), _point(inward), piece.curvature, piece.length)
+            (len(chain.speeds), _point(tangent), _point(normal), piece.curvature, piece.length)
         )
         chain.points.extend(end)
         chain.speeds.append(speed)
@@ -201,28 +201,24 @@ def _contour(chain: Chain, dimension: int, source: str) -> Contour:
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:
     """Straight segments between the points, and the chain's arcs."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
+    if chain is None:
+        return Path(segments=Segments.lines(vertices))
     steps = np.diff(vertices, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     # A full circle ends where it starts.
     tangents = steps / np.where(lengths > 0, lengths, 1.0)[:, None]
-    inwards, curvatures = np.zeros_like(steps), np.zeros(len(steps))
-    if chain is None:
-        return Path(
-            starts=vertices[:-1],
-            tangents=tangents,
-            inwards=inwards,
-            curvatures=curvatures,
-            lengths=lengths,
-        )
-    for i, tangent, inward, curvature, length in chain.arcs:
-        tangents[i], inwards[i] = tangent[:dimension], inward[:dimension]
+    normals, curvatures = np.zeros_like(steps), np.zeros(len(steps))
+    for i, tangent, normal, curvature, length in chain.arcs:
+        tangents[i], normals[i] = tangent[:dimension], normal[:dimension]
         curvatures[i], lengths[i] = curvature, length
     return Path(
-        starts=vertices[:-1],
-        tangents=tangents,
-        inwards=inwards,
-        curvatures=curvatures,
-        lengths=lengths,
-        speeds=np.frombuffer(chain.speeds),
-        tolerances=np.frombuffer(chain.tolerances),
+        segments=Segments(
+            starts=vertices[:-1],
+            tangents=tangents,
+            normals=normals,
+            curvatures=curvatures,
+            lengths=lengths,
+            speeds=np.frombuffer(chain.speeds),
+            tolerances=np.frombuffer(chain.tolerances),
+        )
     )

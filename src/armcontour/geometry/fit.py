@@ -1,4 +1,4 @@
-"""Curves given by a formula as lines and tangent arcs."""
+"""Lines and tangent arcs fitted to a curve that is given by a formula."""
 
 from __future__ import annotations
 
@@ -10,11 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.geometry.biarcs import Arcs, distance, in_turn, length, pairs, unit
-from armcontour.geometry.path import REPEATED_POINT, TANGENT_TOLERANCE, Path
-from armcontour.geometry.turning_back import split_where_it_turns_back
+from armcontour.geometry.biarcs import biarcs, distance, length, unit
+from armcontour.geometry.cusps import split_at_cusps
+from armcontour.geometry.segments import (
+    EVERY,
+    REPEATED_POINT,
+    TANGENT_TOLERANCE,
+    Segments,
+    close_up,
+)
 
 Curve = Callable[[FloatArray, int], FloatArray]
 
@@ -51,13 +57,13 @@ SAME_CIRCLE = 1e-10
 SAME_POINT = 1e-11
 
 
-def arcs_of(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Path:
+def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
     """Lines and tangent arcs along a curve, within a tolerance of it and on it at its breaks.
 
     Every interval gets two arcs through its ends with its tangents; intervals are cut until these
     are near enough. Straight parts become one line, and neighbours on one circle one arc. There is
     a corner where the tangents at a break differ, and where the curve turns back on the spot;
-    elsewhere the joints are tangent.
+    elsewhere neighbours are tangent.
 
     Args:
         curve: `curve(t, order)` gives points (order 0) or derivatives by t (order 1) for t of shape
@@ -77,10 +83,28 @@ def arcs_of(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Path:
             f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
             f"{tolerance:g} m."
         )
+    return _fit(curve, at, tolerance, through=False)[0]
+
+
+def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
+    """Tangent arcs as `fit_arcs` makes them, with a vertex at every break of a smooth curve.
+
+    Returns:
+        The arcs, and which of their vertices the breaks are, (n,).
+    """
+    return _fit(curve, breaks, tolerance, through=True)
+
+
+def _fit(
+    curve: Curve, at: FloatArray, tolerance: float, *, through: bool
+) -> tuple[Segments, IntArray]:
+    """The segments, and the vertices between which neighbours may be one: at breaks or the ends."""
     with np.errstate(all="ignore"):
-        intervals = _cut(curve, _whole(curve, at), tolerance)
-        arcs = _merged(_arcs(_without_points(intervals)))
-    return Path(**{name: getattr(arcs, name) for name in Arcs.__slots__})
+        intervals = _without_points(_cut(curve, _whole(curve, at), tolerance, lines=not through))
+        arcs, row = _arcs(intervals)
+        kept = row[np.searchsorted(intervals.begin, at[:-1] if through else at[:1])]
+        merged, rows = _merged(arcs, kept)
+    return merged, np.append(np.searchsorted(rows, kept), len(merged))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +127,7 @@ class _Intervals:
 
 def _whole(curve: Curve, at: FloatArray) -> _Intervals:
     """The intervals between the breaks, and between where the curve turns back."""
-    at, turned = split_where_it_turns_back(curve, at)
+    at, turned = split_at_cusps(curve, at)
     points = np.array(curve(at, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
@@ -163,8 +187,12 @@ def _at_zero(values: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("k,nkd->nd", np.array(weights), values))
 
 
-def _cut(curve: Curve, todo: _Intervals, tolerance: float) -> _Intervals:
-    """Intervals so short that each can be two arcs or one line."""
+def _cut(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
+    """Intervals so short that each can be two arcs, or one line.
+
+    A line takes the direction of its chord, which on a short one need not be tangent to the last
+    digit; without lines, a straight interval is two arcs of no curvature.
+    """
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
@@ -180,7 +208,7 @@ def _cut(curve: Curve, todo: _Intervals, tolerance: float) -> _Intervals:
         corner = (extent <= REPEATED_POINT) | (
             (extent <= CORNER * tolerance) & (missed > SHARE * tolerance)
         )
-        line = (_straight(todo, points) & np.isfinite(missed)) | corner
+        line = (_straight(todo, points) & np.isfinite(missed) & lines) | corner
         ready = line | (missed <= SHARE * tolerance)
         done.append(todo.of(ready, line=line[ready]))
         rest = ~ready
@@ -199,9 +227,9 @@ def _cut(curve: Curve, todo: _Intervals, tolerance: float) -> _Intervals:
 def _missed(intervals: _Intervals, points: FloatArray) -> FloatArray:
     """Largest distance of the curve from its arcs; infinite where they are none worth having."""
     x = intervals
-    first, second = pairs(x.p0, x.t0, x.p1, x.t1)
+    first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
     apart = distance(points, first, second)
-    # Behind their ends it is the ends that count.
+    # Past their ends it is the ends that count.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
         outside = np.sum(v * tangent[:, None], axis=2) < 0
@@ -251,16 +279,9 @@ def _parts(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Interval
 def _without_points(intervals: _Intervals) -> _Intervals:
     """Intervals without the lines that are points; what is left still meets."""
     x = intervals
-    nothing = x.line & (length(x.p1 - x.p0) <= REPEATED_POINT)
-    if not nothing.any():
+    p0, kept = close_up(x.p0, x.p1, ~x.line, REPEATED_POINT)
+    if kept.all():
         return x
-    p0, kept = x.p0.copy(), np.ones(len(nothing), dtype=bool)
-    tip = p0[0]
-    for i in range(len(nothing)):
-        p0[i] = tip
-        # Measured from the last point kept, so that many small steps are not lost.
-        kept[i] = not nothing[i] or length(x.p1[i] - tip) > REPEATED_POINT
-        tip = x.p1[i] if kept[i] else tip
     if not kept.any():
         raise InvalidInput(f"A curve has no length at {tuple(x.p0[0].tolist())} m.")
     left = x.of(kept, p0=p0[kept])
@@ -269,31 +290,38 @@ def _without_points(intervals: _Intervals) -> _Intervals:
     return left
 
 
-def _arcs(intervals: _Intervals) -> Arcs:
-    """Lines and arcs of the intervals."""
+def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
+    """Lines and arcs of the intervals, and the first of each interval, (n,)."""
     x = intervals
-    arcs = in_turn(*pairs(x.p0, x.t0, x.p1, x.t1))
-    at = 2 * np.flatnonzero(x.line)
-    chord = (x.p1 - x.p0)[x.line]
-    arcs.tangents[at], arcs.inwards[at], arcs.curvatures[at] = unit(chord), 0.0, 0.0
-    arcs.lengths[at] = length(chord)
-    kept = np.ones(len(arcs.lengths), dtype=bool)
-    kept[at + 1] = False
-    return _some(arcs, kept)
+    first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
+    chord, line = x.p1 - x.p0, x.line[:, None]
+    first = first.replace(
+        tangents=np.where(line, unit(chord), first.tangents),
+        normals=np.where(line, 0.0, first.normals),
+        curvatures=np.where(x.line, 0.0, first.curvatures),
+        lengths=np.where(x.line, length(chord), first.lengths),
+    )
+    n = len(first)
+    used = np.column_stack([np.full(n, True), ~x.line])
+    in_order = np.arange(2 * n).reshape(2, n).T[used]
+    return Segments.join([first, second])[in_order], np.append(0, used.sum(axis=1).cumsum()[:-1])
 
 
-def _merged(arcs: Arcs) -> Arcs:
-    """Lines and arcs with neighbours on one line or circle in one."""
+def _merged(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
+    """Lines and arcs with neighbours on one line or circle in one, and of which rows they are.
+
+    Args:
+        arcs: The lines and arcs.
+        kept: Those that no arc before them takes in.
+    """
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
-    c, s = np.cos(turn)[:-1, None], np.sin(turn)[:-1, None]
-    onward = c * arcs.tangents[:-1] + s * arcs.inwards[:-1]
-    inward = c * arcs.inwards[:-1] - s * arcs.tangents[:-1]
     same = (
-        (length(onward - arcs.tangents[1:]) <= SAME_LINE)
+        (length(arcs.end_tangents[:-1] - arcs.tangents[1:]) <= SAME_LINE)
         & (np.abs(k[1:] - k[:-1]) <= SAME_CIRCLE * k[1:])
-        & (length(inward - arcs.inwards[1:]) <= SAME_CIRCLE)
+        & (length(arcs.normals_at(EVERY, u)[:-1] - arcs.normals[1:]) <= SAME_CIRCLE)
     )
+    same[kept[1:] - 1] = False
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     # No arc is more than its circle: a longer run is cut at three quarters of it, as what it is
     # made of are arcs of up to a quarter.
@@ -304,33 +332,16 @@ def _merged(arcs: Arcs) -> Arcs:
     same &= (np.diff(around) <= 0) | (whole[1:] <= 2 * np.pi + SAME_CIRCLE)
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     size = np.add.reduceat(u, first)
-    one = _some(arcs, first)
-    joined = Arcs(
-        starts=one.starts,
-        tangents=one.tangents,
-        inwards=one.inwards,
-        curvatures=np.add.reduceat(turn, first) / size,
-        lengths=size,
-    )
-    ends = np.concatenate([arcs.starts[first[1:]], _last_point(_some(arcs, slice(-1, None)))])
-    off = length(_last_point(joined) - ends) > SAME_POINT
-    if not off.any():
-        return joined
-    apart = np.union1d(first, np.flatnonzero(off[np.cumsum(np.isin(np.arange(len(u)), first)) - 1]))
-    if len(apart) == len(u):
-        return arcs
-    whole = np.isin(apart, first[~off])
-    fill = _some(arcs, apart)
-    for name in ("curvatures", "lengths"):
-        getattr(fill, name)[whole] = getattr(joined, name)[~off]
-    return fill
-
-
-def _last_point(arcs: Arcs) -> FloatArray:
-    u, turn = arcs.lengths, arcs.curvatures * arcs.lengths
-    along, inward = u * np.sinc(turn / np.pi), u * turn / 2 * np.sinc(turn / (2 * np.pi)) ** 2
-    return arcs.starts + along[:, None] * arcs.tangents + inward[:, None] * arcs.inwards
-
-
-def _some(arcs: Arcs, chosen: Any) -> Arcs:
-    return Arcs(**{name: getattr(arcs, name)[chosen] for name in Arcs.__slots__})
+    bend = np.add.reduceat(turn, first) / size
+    joined = arcs[first].replace(curvatures=bend, lengths=size)
+    ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
+    off = length(joined.ends - ends) > SAME_POINT
+    # A run whose arc would end elsewhere stays as it is.
+    run = np.cumsum(np.concatenate([[False], ~same]))
+    rows = np.union1d(first, np.flatnonzero(off[run]))
+    if len(rows) == len(u):
+        return arcs, rows
+    one = ~off[run[rows]]
+    curvatures, lengths = k[rows], u[rows]
+    curvatures[one], lengths[one] = bend[~off], size[~off]
+    return arcs[rows].replace(curvatures=curvatures, lengths=lengths), rows

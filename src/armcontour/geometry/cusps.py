@@ -11,8 +11,8 @@ from armcontour.geometry.biarcs import length
 
 # Places in an interval at which the speed of the parametrization is looked at.
 PLACES = np.linspace(0, 1, 33)
-# A least speed above this part of the largest is no standstill but a tight turn; what it would
-# take for one that is none is a loop of the square of it.
+# A least speed up to this part of the largest is a standstill; above it the curve makes a tight
+# turn, in a loop whose size is the square of that part.
 STILL = 1e-6
 # A least speed is looked for where the samples fall below this part of the largest.
 SLOW = 0.5
@@ -21,7 +21,7 @@ STEPS = 45
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
-def split_where_it_turns_back(
+def split_at_cusps(
     curve: Callable[[FloatArray, int], FloatArray], breaks: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Breaks with those places added at which the derivative vanishes between them.

@@ -1,0 +1,248 @@
+"""What a path is described by: straight lines, circular arcs, and what the process demands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray, number, numbers, positive
+from armcontour.errors import InvalidInput
+from armcontour.geometry.segments import Segments
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """What the process asks of one segment; limits cap it.
+
+    Args:
+        speed: Assigned velocity on the segment [m/s].
+        tolerance: Largest corner error at the segment's ends [m].
+        tag: Free text that results carry along.
+    """
+
+    speed: float | None = None
+    tolerance: float | None = None
+    tag: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.speed is not None:
+            positive("segment speed", self.speed, "m/s")
+        if self.tolerance is not None and number("segment tolerance", self.tolerance, "m") < 0:
+            raise InvalidInput(
+                f"segment tolerance must not be negative, but is {self.tolerance:g} m."
+            )
+
+    def columns(self, n: int) -> dict[str, Any]:
+        """The demand as columns of a table of `n` segments."""
+        speed = np.nan if self.speed is None else self.speed
+        tolerance = np.nan if self.tolerance is None else self.tolerance
+        return {
+            "speeds": np.full(n, speed),
+            "tolerances": np.full(n, tolerance),
+            "tags": np.full(n, self.tag, dtype=object),
+        }
+
+
+NO_DEMAND = Demand()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A straight segment from `start` to `end` [m]."""
+
+    start: Sequence[float]
+    end: Sequence[float]
+    demand: Demand = NO_DEMAND
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arc:
+    """A circular segment from `start` around `center` [m].
+
+    Args:
+        start: First point.
+        center: Centre of the circle.
+        angle: Swept angle [rad], not zero, up to a full circle. In the plane, positive is
+            counter-clockwise; in space it turns about `normal` by the right-hand rule.
+        normal: Axis of the circle, in space only.
+        demand: What the process asks of the segment.
+    """
+
+    start: Sequence[float]
+    center: Sequence[float]
+    angle: float
+    normal: Sequence[float] | None = None
+    demand: Demand = NO_DEMAND
+
+    @classmethod
+    def through(
+        cls,
+        start: Sequence[float],
+        via: Sequence[float],
+        end: Sequence[float],
+        *,
+        demand: Demand = NO_DEMAND,
+    ) -> Arc:
+        """The arc from `start` through `via` to `end`, in the plane or in space.
+
+        Where `end` repeats `start`, the full circle through both points that has them at the ends
+        of a diameter: in the plane only, because in space there are many.
+
+        Raises:
+            InvalidInput: Points on one line, or a circle that is not determined.
+        """
+        a, b, c = (
+            numbers(f"{name} of an arc", x, "m")
+            for name, x in (("start", start), ("via point", via), ("end", end))
+        )
+        if len({x.shape for x in (a, b, c)}) > 1 or a.shape not in ((2,), (3,)):
+            raise InvalidInput("The points of an arc must all have 2 or all have 3 coordinates.")
+        if np.array_equal(a, c) and len(a) == 2 and not np.array_equal(a, b):
+            return cls(
+                start=a.tolist(), center=((a + b) / 2).tolist(), angle=2 * np.pi, demand=demand
+            )
+        u, v = b - a, c - a
+        uu, vv, uv = u @ u, v @ v, u @ v
+        # Of the parallelogram, squared; not from the products above, which cancel where it is flat.
+        across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
+        area = across @ across
+        if not area > (1e-9**2) * max(uu, vv) ** 2:
+            raise InvalidInput(
+                f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
+                "lie on one line: an arc needs three points that do not; for a full circle in "
+                "space give its center, angle and normal."
+            )
+        center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
+        # The turn seen from the centre is twice the turn seen from the via point.
+        along, back = b - a, c - b
+        size = np.linalg.norm(along) * np.linalg.norm(back)
+        turn = 2 * np.arctan2(np.sqrt(area) / size, along @ back / size)
+        if len(a) == 3:
+            normal = np.cross(along, back).tolist()
+            return cls(
+                start=a.tolist(), center=center, angle=float(turn), normal=normal, demand=demand
+            )
+        sign = np.sign(along[0] * back[1] - along[1] * back[0])
+        return cls(start=a.tolist(), center=center, angle=float(sign * turn), demand=demand)
+
+    @classmethod
+    def circle(
+        cls,
+        start: Sequence[float],
+        center: Sequence[float],
+        *,
+        normal: Sequence[float] | None = None,
+        demand: Demand = NO_DEMAND,
+    ) -> Arc:
+        """The full circle from `start` around `center`, counter-clockwise (about `normal`)."""
+        return cls(start=start, center=center, angle=2 * np.pi, normal=normal, demand=demand)
+
+
+def tabulate(segments: Iterable[Line | Arc]) -> Segments:
+    """Lines and arcs as a table of segments.
+
+    Raises:
+        InvalidInput: Something else than a line or an arc, none, or one without an extent.
+    """
+    listed = list(segments)
+    for i, x in enumerate(listed):
+        if not isinstance(x, (Line, Arc)):
+            raise InvalidInput(
+                f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
+            )
+    rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
+    if not rows:
+        raise InvalidInput("A path needs at least one segment.")
+    if len({len(start) for start, *_ in rows}) > 1:
+        raise InvalidInput("All segments of a path must have the same number of coordinates.")
+    starts, tangents, normals, curvatures, lengths = (np.array(x) for x in zip(*rows, strict=True))
+    demands = [x.demand for x in listed]
+    return Segments(
+        starts=starts,
+        tangents=tangents,
+        normals=normals,
+        curvatures=curvatures,
+        lengths=lengths,
+        speeds=np.array([x.speed for x in demands], dtype=np.float64),
+        tolerances=np.array([x.tolerance for x in demands], dtype=np.float64),
+        tags=np.array([x.tag for x in demands], dtype=object),
+    )
+
+
+Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
+
+
+def _line(line: Line, index: int) -> Row:
+    """The row of a line.
+
+    Raises:
+        InvalidInput: Its ends coincide.
+    """
+    start = numbers(f"start of segment {index + 1}", line.start, "m")
+    end = numbers(f"end of segment {index + 1}", line.end, "m")
+    _same_dimension(index, start, end)
+    length = float(np.linalg.norm(end - start))
+    if length == 0:
+        raise InvalidInput(
+            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: leave it "
+            "out.",
+            index=index,
+            point=start.tolist(),
+        )
+    return start, (end - start) / length, np.zeros_like(start), 0.0, length
+
+
+def _arc(arc: Arc, index: int) -> Row:
+    """The row of an arc.
+
+    Raises:
+        InvalidInput: No radius, no angle, more than a circle, or a normal that does not fit.
+    """
+    start = numbers(f"start of segment {index + 1}", arc.start, "m")
+    center = numbers(f"centre of segment {index + 1}", arc.center, "m")
+    _same_dimension(index, start, center)
+    angle = number(f"angle of segment {index + 1}", arc.angle, "rad")
+    radius = float(np.linalg.norm(center - start))
+    if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
+        raise InvalidInput(
+            f"Segment {index + 1} must be an arc with a radius above zero and an angle between 0 "
+            f"and 2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
+            index=index,
+        )
+    towards = (center - start) / radius
+    tangent = np.sign(angle) * _counter_clockwise(towards, arc.normal, index)
+    return start, tangent, towards, 1 / radius, radius * abs(angle)
+
+
+def _counter_clockwise(
+    towards: FloatArray, normal: Sequence[float] | None, index: int
+) -> FloatArray:
+    """Unit tangent of the counter-clockwise motion, from the direction towards the centre."""
+    if len(towards) == 2:
+        if normal is not None:
+            raise InvalidInput(f"Segment {index + 1} lies in the plane and takes no normal.")
+        return np.array([towards[1], -towards[0]])
+    if normal is None:
+        raise InvalidInput(
+            f"Segment {index + 1} is an arc in space and needs its normal.", index=index
+        )
+    axis = numbers(f"normal of segment {index + 1}", normal)
+    size = float(np.linalg.norm(axis))
+    if axis.shape != (3,) or size == 0 or abs(axis @ towards) > 1e-9 * size:
+        raise InvalidInput(
+            f"The normal of segment {index + 1} must be a vector at right angles to its radius.",
+            index=index,
+        )
+    tangent: FloatArray = np.cross(towards, axis / size)
+    return tangent / np.linalg.norm(tangent)
+
+
+def _same_dimension(index: int, first: FloatArray, second: FloatArray) -> None:
+    if first.shape not in ((2,), (3,)) or first.shape != second.shape:
+        raise InvalidInput(
+            f"The points of segment {index + 1} must both have 2 or both have 3 coordinates.",
+            index=index,
+        )
