@@ -18,7 +18,7 @@ from armcontour.program.process import AUTO, DRAWN, Process
 # Orientations at both ends that differ by no more are one [rad]: what adding up turns rounds.
 SAME_HOLD = 1e-6
 # An overlap hides where a contour begins; every time around has all of the contour's segments.
-MOST_ROUNDS = 100
+MOST_SEGMENTS = 1_000_000
 
 
 def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour:
@@ -80,13 +80,14 @@ def _gone_on(path: Path, overlap: float) -> Path:
     """A closed path gone on with behind its end, as often around as it takes.
 
     Raises:
-        InvalidInput: More than MOST_ROUNDS.
+        InvalidInput: More than MOST_SEGMENTS.
     """
     rounds = overlap / path.length
-    if rounds > MOST_ROUNDS:
+    if rounds * len(path) > MOST_SEGMENTS:
         raise InvalidInput(
             f"An overlap of {overlap:g} m goes {rounds:.3g} times around a contour of "
-            f"{path.length:.4g} m, but at most {MOST_ROUNDS} times are run: take a shorter overlap."
+            f"{path.length:.4g} m, which makes more than {MOST_SEGMENTS} segments: take a shorter "
+            "overlap."
         )
     parts, over = [path], overlap
     while over > REPEATED_POINT:
