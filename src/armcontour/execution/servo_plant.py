@@ -10,7 +10,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution.plant import Plant, intervals, patience, refuse_other_joints
-from armcontour.execution.servo_run import Part, PiecedRun, PlainRun, TorqueBounds, joined
+from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, joined
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
@@ -128,20 +128,11 @@ class ServoPlant(Plant):
             joint=j + 1,
         )
 
-    def _begin(self, taught: TaughtData, steps: int) -> PlainRun | PiecedRun:
+    def _begin(self, taught: TaughtData, steps: int) -> ServoRun:
         bounds = None
         if self.torque_limit is not None:
             bounds = TorqueBounds(self.arm, self.torque_limit, taught)
-        plain = (
-            self.servo.order == "second"
-            and self.servo.interpolation != "cubic"
-            and not self.servo.dead_time.any()
-            and bounds is None
-            and np.array_equal(-self.lower, self.acceleration)
-        )
-        if plain:
-            return PlainRun(taught, steps, self.servo, self.acceleration)
-        return PiecedRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
+        return ServoRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
 def _saturation(asked: str | None, order: str, limits: Limits, arm: Arm) -> str:
