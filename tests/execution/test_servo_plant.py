@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import armcontour as ac
 from armcontour.arms.chain import Chain
 from armcontour.arms.serial import SerialArm
-from armcontour.execution.servo_run import PiecedRun, TorqueBounds
+from armcontour.execution.servo_run import ServoRun, TorqueBounds
 from armcontour.motion import LapLaw
 from armcontour.servo.command import polynomials
 
@@ -298,7 +298,7 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
     # The first half with a strong drive, then it gets a third of that, and the joint is too fast.
     assert np.abs(arm.torque(before.q, before.dq, 0 * before.q)).max() > limited
     bounds = TorqueBounds(arm, np.array([limited]), taught)
-    run = PiecedRun(taught, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
+    run = ServoRun(taught, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
     k = int(np.argmax(before.dq))
     q, dq = before.q[k], before.dq[k]
     low, high = bounds.at(k, q, dq)

@@ -8,7 +8,7 @@ import pytest
 import armcontour as ac
 from armcontour.motion import LapLaw
 from armcontour.study import robustness
-from armcontour.study._spread import _nearest
+from armcontour.study._nearest_place import find_nearest
 from armcontour.study.robustness import Box, Spread, jitter_of, spread, worst_corner
 
 PERIOD = 4e-3
@@ -276,7 +276,7 @@ def test_nearest_places_are_those_of_the_whole_path(dimension):
         tool = path(s) + off
         found, segment = np.empty(500), 0
         for i, x in enumerate(np.column_stack([tool, np.zeros((500, 3 - dimension))])):
-            d2, segment = _nearest(*x, table, 0.0, segment, s[i] - 0.02, s[i] + 0.02)
+            d2, segment = find_nearest(*x, table, 0.0, segment, s[i] - 0.02, s[i] + 0.02)
             found[i] = np.sqrt(d2)
         whole = path.project(tool)
         # Where the whole path comes nearer on another branch, that one is not the tool's.
@@ -288,7 +288,7 @@ def test_nearest_places_are_those_of_the_whole_path(dimension):
 def test_another_branch_is_not_the_nearest():
     """There and back again, 0.1 mm beside the way there."""
     path = ac.Path.polyline([(0, 0), (0.3, 0), (0.3, 1e-4), (0, 1e-4)])
-    d2, segment = _nearest(0.1, 9e-5, 0.0, robustness._table(path), 0.0, 0, 0.05, 0.15)
+    d2, segment = find_nearest(0.1, 9e-5, 0.0, robustness._table(path), 0.0, 0, 0.05, 0.15)
     assert segment == 0 and np.sqrt(d2) == pytest.approx(9e-5)
 
 
@@ -299,7 +299,7 @@ def test_a_lost_tool_finds_its_way_back():
     x, y = path(np.array([0.3]))[0] + [0.0, 0.02]
     found, segment = 1.0, 0
     for _ in range(40):
-        d2, segment = _nearest(x, y, 0.0, table, 0.0, segment, -1.0, 0.0)
+        d2, segment = find_nearest(x, y, 0.0, table, 0.0, segment, -1.0, 0.0)
         found = np.sqrt(d2)
     assert found == pytest.approx(path.project(np.array([[x, y]])).distance[0])
 
@@ -313,8 +313,10 @@ def test_closed_paths_are_closed():
     path = ac.Path.from_segments(half)
     x, y = path(np.array([0.01]))[0]
     table = robustness._table(path)
-    open_, _ = _nearest(x, y, 0.0, table, 0.0, 1, path.length - 0.02, path.length)
-    closed, segment = _nearest(x, y, 0.0, table, path.length, 1, path.length - 0.02, path.length)
+    open_, _ = find_nearest(x, y, 0.0, table, 0.0, 1, path.length - 0.02, path.length)
+    closed, segment = find_nearest(
+        x, y, 0.0, table, path.length, 1, path.length - 0.02, path.length
+    )
     assert np.sqrt(closed) < 1e-12 and segment == 0 and np.sqrt(open_) > 5e-3
 
 

@@ -6,27 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import expm
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
-from armcontour.compensation._demand import states
 from armcontour.compensation._filter import filtered
 from armcontour.compensation.pole_placement import checked_poles, pole_placement, transfer
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import Trajectory, checked_interval
 from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials
+from armcontour.servo.simulation import Simulation
 
 # Faster poles than these, in 1 / T, lag by less than a tenth of the command interval T: there is
 # nothing to be had from them.
 FASTEST = 20.0
 # Poles are found to this part of their size.
 PRECISION = 1e-3
-# The demand is computed at parts of command intervals of at most so many of the servo's shortest
-# time constants; between them it is taken for a cubic, right to 1e-5 of the largest.
-LARGEST_PART = 0.125
 # The response to a step is followed for this many of the slowest time constant, at so many times.
 FOLLOWED = 36.0
 TIMES = 20_000
@@ -158,38 +153,9 @@ def extreme_demands(
         Until the last set-point, (dof,) each [rad/s²].
     """
     kv = _second_order(servo)
-    least, most = np.zeros(len(kv)), np.zeros(len(kv))
-    for j, command in enumerate(polynomials(q, period, servo.interpolation)):
-        kp, fast = servo.kp[j], max(kv[j], float(np.sqrt(servo.kp[j] * kv[j])))
-        parts = max(1, int(np.ceil(period * fast / LARGEST_PART)))
-        h = period / parts
-        # q, dq and the command's four coefficients as one linear system.
-        system = np.zeros((6, 6))
-        system[0, 1] = 1.0
-        system[1, :3] = -kp * kv[j], -kv[j], kp * kv[j]
-        system[2, 3], system[3, 4], system[4, 5] = 1.0, 2.0, 3.0
-        moved = expm(system * h)
-        found, u = states(command[1:-1], parts, h, moved[:2, :2], moved[:2, 2:])
-        (x, dx), (x1, dx1) = found[:-1].T, found[1:].T
-        end = u[:, 0] + h * (u[:, 1] + h * (u[:, 2] + h * u[:, 3]))
-        rate = u[:, 1] + h * (2 * u[:, 2] + 3 * h * u[:, 3])
-        z, z1 = kv[j] * (kp * (u[:, 0] - x) - dx), kv[j] * (kp * (end - x1) - dx1)
-        dz, dz1 = kv[j] * (kp * (u[:, 1] - dx) - z), kv[j] * (kp * (rate - dx1) - z1)
-        between = _cubic_extremes(z, z1, h * dz, h * dz1)
-        both = np.concatenate([[0.0], z, z1, between])
-        least[j], most[j] = both.min(), both.max()
-    return least, most
-
-
-def _cubic_extremes(z: FloatArray, z1: FloatArray, d: FloatArray, d1: FloatArray) -> FloatArray:
-    """Values of cubics on [0, 1] where they turn, given values and slopes at both ends."""
-    b, a = 3 * (z1 - z) - 2 * d - d1, d + d1 - 2 * (z1 - z)
-    root = np.sqrt(np.maximum(b * b - 3 * a * d, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turns = np.concatenate([(-b + root) / (3 * a), (-b - root) / (3 * a)])
-    t = np.where((turns > 0) & (turns < 1), turns, 0.0)
-    z, d, b, a = (np.tile(x, 2) for x in (z, d, b, a))
-    return np.asarray(z + t * (d + t * (b + t * a)))
+    prompt = ServoModel(kp=servo.kp, kv=kv, interpolation=servo.interpolation, dead_time=0 * kv)
+    run = Simulation(q, period, prompt).run(0, len(q) - 1, q[0].copy(), np.zeros(len(kv)))
+    return run.lowest, run.highest
 
 
 def _second_order(servo: ServoModel) -> FloatArray:

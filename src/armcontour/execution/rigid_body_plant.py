@@ -13,7 +13,6 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco
-from armcontour.execution.dead_time import values
 from armcontour.execution.plant import (
     PATIENCE,
     RESULT,
@@ -27,7 +26,7 @@ from armcontour.execution.plant import (
 )
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials
+from armcontour.servo.command import polynomials, sample_command
 
 # Cycle of a drive's velocity loop: 4 kHz is usual, goes into every usual command interval, and
 # delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
@@ -160,7 +159,7 @@ class RigidBodyPlant(Plant):
         if servo.interpolation != "cubic" and not servo.dead_time.any():
             return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
         pieces = polynomials(q, period, servo.interpolation)
-        return lambda k, count: values(
+        return lambda k, count: sample_command(
             pieces,
             period,
             servo.dead_time,

@@ -19,7 +19,7 @@ from armcontour.execution.plant import (
     refuse_other_joints,
     results,
 )
-from armcontour.execution.servo_run import Part, PiecedRun, PlainRun, TorqueBounds, joined
+from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, joined
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
@@ -150,20 +150,11 @@ class ServoPlant(Plant):
             joint=j + 1,
         )
 
-    def _begin(self, taught: TaughtData, steps: int) -> PlainRun | PiecedRun:
+    def _begin(self, taught: TaughtData, steps: int) -> ServoRun:
         bounds = None
         if self.torque_limit is not None:
             bounds = TorqueBounds(self.arm, self.torque_limit, taught)
-        plain = (
-            self.servo.order == "second"
-            and self.servo.interpolation != "cubic"
-            and not self.servo.dead_time.any()
-            and bounds is None
-            and np.array_equal(-self.lower, self.acceleration)
-        )
-        if plain:
-            return PlainRun(taught, steps, self.servo, self.acceleration)
-        return PiecedRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
+        return ServoRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
 def _saturation(asked: str | None, order: str, limits: Limits, arm: Arm) -> str:

@@ -9,13 +9,10 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import ExecutionError
-from armcontour.execution._pieces import run_joint
-from armcontour.execution._servo import simulate
-from armcontour.execution.dead_time import pattern
 from armcontour.execution.plant import RUNAWAY, refuse_too_heavy
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials
+from armcontour.servo.simulation import Simulation
 
 
 class Part(NamedTuple):
@@ -44,80 +41,6 @@ def joined(parts: list[Part]) -> Part:
         saturated=np.sum([x.saturated for x in parts], axis=0),
         demand_range=np.stack([ends.min(axis=0), ends.max(axis=0)]),
     )
-
-
-def refuse_endless(part: Part, servo: ServoModel, start: float, span: float) -> None:
-    """Refuse a part of a run in which a joint's motion could not be computed to its end.
-
-    Args:
-        part: What the compiled functions gave.
-        servo: With values per joint.
-        start: When the part begins [s].
-        span: Time between two results [s].
-
-    Raises:
-        ExecutionError: A position that is not finite.
-    """
-    lost = ~np.isfinite(part.q)
-    if lost.any():
-        row, j = (int(x) for x in np.argwhere(lost)[0])
-        gains = f"kp = {servo.kp[j]:g} 1/s"
-        if servo.kv is not None:
-            gains += f" and kv = {servo.kv[j]:g} 1/s"
-        t = start + row * span
-        raise ExecutionError(
-            f"The motion of joint {j + 1} cannot be computed from t = {t:.4g} s on: its steps are "
-            f"too short or its numbers too large, with {gains}; take gains nearer to each other "
-            "and to those of a robot.",
-            t=t,
-            joint=j + 1,
-        )
-
-
-class PlainRun:
-    """A servo of second order without dead time, whose command is straight between set-points.
-
-    Args:
-        taught: The set-points.
-        steps: Results per interval.
-        servo: With values per joint.
-        limit: Acceleration limits either way, (dof,) [rad/s²].
-    """
-
-    def __init__(
-        self, taught: TaughtData, steps: int, servo: ServoModel, limit: FloatArray
-    ) -> None:
-        assert servo.kv is not None
-        self.taught, self.steps, self.servo, self.limit = taught, steps, servo, limit
-        self.kp, self.kv, self.linear = servo.kp, servo.kv, servo.interpolation == "linear"
-
-    def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Run from command interval `begin` on.
-
-        Raises:
-            ExecutionError: A joint's motion comes to no end.
-        """
-        taught = self.taught
-        commands = taught.q[begin : begin + count + 1]
-        missing = count + 1 - len(commands)
-        if missing:
-            commands = np.concatenate([commands, np.tile(taught.q[-1], (missing, 1))])
-        position, velocity, demand, saturated, extremes = simulate(
-            np.ascontiguousarray(commands),
-            taught.period,
-            self.steps,
-            self.linear,
-            self.kp,
-            self.kv,
-            self.limit,
-            q,
-            dq,
-        )
-        ddq = np.clip(demand, -self.limit, self.limit)
-        part = Part(position, velocity, demand, ddq, saturated, extremes)
-        start = taught.start_time + begin * taught.period
-        refuse_endless(part, self.servo, start, taught.period / self.steps)
-        return part
 
 
 class TorqueBounds:
@@ -163,8 +86,8 @@ class TorqueBounds:
         return (-self.limit - bias) / inertia, (self.limit - bias) / inertia
 
 
-class PiecedRun:
-    """Any servo: late, of first order, under a cubic command, or with bounds that change.
+class ServoRun:
+    """The servos of all joints, with bounds that may change from interval to interval.
 
     Args:
         taught: The set-points.
@@ -172,6 +95,9 @@ class PiecedRun:
         servo: With values per joint.
         accelerations: Lower and upper bounds, (dof,) each [rad/s²].
         torque: Where the bounds of every interval come from instead.
+
+    Raises:
+        ExecutionError: Gains that are too large to simulate.
     """
 
     def __init__(
@@ -182,19 +108,17 @@ class PiecedRun:
         accelerations: tuple[FloatArray, FloatArray],
         torque: TorqueBounds | None,
     ) -> None:
-        self.servo, self.accelerations, self.torque = servo, accelerations, torque
-        self.taught, self.steps = taught, steps
-        self.commands = polynomials(taught.q, taught.period, servo.interpolation)
-        self.patterns = [pattern(taught.period, steps, x) for x in servo.dead_time.tolist()]
+        self.bounds, self.torque = accelerations, torque
+        self.simulation = Simulation(taught.q, taught.period, servo, *accelerations, steps=steps)
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
         """Run from command interval `begin` on.
 
         Raises:
-            ExecutionError: A joint runs away, or its motion comes to no end.
+            ExecutionError: A joint runs away, or its motion cannot be computed.
         """
         if self.torque is None or count == 0:
-            return self._run(begin, count, q, dq, self.accelerations)
+            return self._run(begin, count, q, dq, self.bounds)
         parts = []
         for k in range(begin, begin + count):
             parts.append(self._run(k, 1, q, dq, self.torque.at(k, q, dq)))
@@ -209,30 +133,8 @@ class PiecedRun:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
     ) -> Part:
-        kv = np.zeros_like(self.servo.kp) if self.servo.kv is None else self.servo.kv
-        joints = [
-            run_joint(
-                command,
-                begin,
-                count,
-                parts.width,
-                parts.source,
-                parts.local,
-                parts.result,
-                self.servo.kp[j],
-                kv[j],
-                bounds[0][j],
-                bounds[1][j],
-                q[j],
-                dq[j],
-            )
-            for j, (command, parts) in enumerate(zip(self.commands, self.patterns, strict=True))
-        ]
-        states = np.stack([x[0] for x in joints], axis=2)
-        position, velocity, demand, ddq = (states[:, i] for i in range(4))
-        saturated = np.array([x[1] for x in joints])
-        extremes = np.array([x[2:] for x in joints]).T
-        part = Part(position, velocity, demand, ddq, saturated, extremes)
-        start = self.taught.start_time + begin * self.taught.period
-        refuse_endless(part, self.servo, start, self.taught.period / self.steps)
-        return part
+        run = self.simulation.run(begin, begin + count, q, dq, bounds)
+        position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
+        ddq = np.clip(demand, *bounds)
+        extremes = np.stack([run.lowest, run.highest])
+        return Part(position, velocity, demand, ddq, run.saturated, extremes)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.errors import ExecutionError
 from armcontour.identification import _joint
+from armcontour.servo._sensitivity import COLUMNS
 
 # Gains and limits are looked for in here [1/s], [rad/s²].
 GAINS = (0.05, 5e3)
@@ -150,7 +151,11 @@ class Fit:
 
 
 def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Positions (and derivatives) from the first used sample on; largest demand, time at limit."""
+    """Positions (and derivatives) from the first used sample on; largest demand, time at limit.
+
+    Raises:
+        ExecutionError: An interval of the log that is too long to simulate.
+    """
     first, last, rest = state.first, data.last, state.start == "rest"
     given = (data.t, data.u, data.linear, first, last, rest)
     if state.order == "first":
@@ -166,6 +171,12 @@ def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, F
         state.dq0,
         columns,
     )
+    if math.isnan(found[1][0]):
+        raise ExecutionError(
+            f"A joint cannot be simulated over the log with kp = {state.kp:g} and kv = "
+            f"{state.kv:g} 1/s: time steps as short as the servo needs make no progress over its "
+            f"longest interval of {np.diff(data.t).max():g} s, so give shorter intervals."
+        )
     return found
 
 
@@ -233,7 +244,7 @@ def best(data: Data, starts: Sequence[State]) -> Fit:
 
 
 def _errors(data: Data, state: State) -> tuple[float, FloatArray, FloatArray, float]:
-    out, seen = simulated(data, state, _joint.COLUMNS)
+    out, seen = simulated(data, state, COLUMNS)
     residuals = data.y[state.first : data.last] - out[0] - (state.offset or 0.0)
     names = state.free
     jacobian = np.ones((len(names), len(residuals)))

@@ -1,10 +1,16 @@
-"""What a controller makes of set-points: a command that is a polynomial between any two of them."""
+"""What a controller makes of set-points: a command that is a polynomial between any two of them.
+
+Dead time is a shift of the command in continuous time.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+
+# An instant this close to a set-point, in periods, is that of the set-point.
+SNAP = 1e-9
 
 
 def polynomials(q: FloatArray, period: float, interpolation: str) -> FloatArray:
@@ -37,3 +43,25 @@ def polynomials(q: FloatArray, period: float, interpolation: str) -> FloatArray:
             inner[:, 2] = (3 * chord - 2 * begin - end) / period
             inner[:, 3] = (begin + end - 2 * chord) / period**2
     return np.ascontiguousarray(np.moveaxis(found, 2, 0))
+
+
+def sample_command(
+    pieces: FloatArray, period: float, dead_time: FloatArray, t: FloatArray
+) -> FloatArray:
+    """The command that the joints' servos see at some times, (len(t), dof) [rad].
+
+    Args:
+        pieces: As `polynomials` gives them, (dof, n + 1, 4).
+        period: Command interval [s].
+        dead_time: Of every joint, (dof,) [s].
+        t: Times since the first set-point [s].
+    """
+    found = np.empty((len(t), len(pieces)))
+    for j, own in enumerate(pieces):
+        at = (t - dead_time[j]) / period
+        k = np.clip(np.floor(at + SNAP), -1, len(own) - 2).astype(np.intp)
+        # Nothing moves in the first interval, nor in the last.
+        x = np.where((k < 0) | (k > len(own) - 3), 0.0, np.maximum(at - k, 0.0) * period)
+        a = own[k + 1]
+        found[:, j] = a[:, 0] + x * (a[:, 1] + x * (a[:, 2] + x * a[:, 3]))
+    return found

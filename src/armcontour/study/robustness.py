@@ -6,13 +6,13 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armcontour import _checks, _memory
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
+from armcontour.arms._tool_point import Robot
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.nearest import pack, pad
@@ -20,6 +20,17 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
+from armcontour.study._spread import (
+    SETTLED,
+    STUCK,
+    Clock,
+    Drive,
+    Found,
+    Line,
+    Rest,
+    Samples,
+    run,
+)
 
 # Contour errors are looked at this often at least: every 2 ms [s], and twice in the shortest time
 # constant of a servo. The RMS of the paper's job is then within 1e-4 of that at 0.1 ms.
@@ -321,12 +332,12 @@ class _Model:
         patience = max(PATIENCE, PATIENCE_IN_DURATIONS * len(taught.q) * taught.period)
         steps = self._steps()
         last = taught.start_time + len(taught.q) * taught.period
-        self.clock = (taught.start_time, taught.period, steps, end, until is not None)
-        self.bounds = (lower, upper, reach, last + patience)
+        self.clock = Clock(taught.start_time, taught.period, steps, end, until is not None)
+        self.rest = Rest(reach, last + patience)
         self.line = _line(path, taught, arm, self._lag())
         straight = servo.interpolation != "cubic"
         commands = polynomials(taught.q, taught.period, servo.interpolation)
-        self.drive = (commands, _inertia(arm, taught, box), straight)
+        self.drive = Drive(commands, _inertia(arm, taught, box), straight, lower, upper)
 
     def spanned(self, signs: FloatArray) -> FloatArray:
         """Corners by the signs of the parameters that vary, as rows in units of the box."""
@@ -350,20 +361,14 @@ class _Model:
         # Below zero by rounding only: more has been refused.
         late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
-        out = self._run(kp, kv, late, payload, seed, threads)
-        unsettled = np.flatnonzero(~np.isfinite(out[:, 2]))
-        if len(unsettled):
-            i = int(unsettled[0])
-            raise ExecutionError(
-                f"Execution {i} does not come to rest with the gains kp {kp[i].tolist()} and kv "
-                f"{kv[i].tolist()} 1/s: make the box smaller, or raise the acceleration limits."
-            )
+        found = self._run(kp, kv, late, payload, seed, threads)
+        _refuse_unsettled(found, kp, kv)
         return Spread(
-            rms=out[:-1, 0],
-            max=out[:-1, 1],
-            until=out[:-1, 2],
-            saturated=out[:-1, 3],
-            demand_ratio=out[:-1, 4],
+            rms=found.rms[:-1],
+            max=found.max[:-1],
+            until=found.until[:-1],
+            saturated=found.saturated[:-1],
+            demand_ratio=found.demand_ratio[:-1],
             kp=kp[:-1],
             kv=kv[:-1] if self.second else None,
             dead_time=late[:-1],
@@ -371,8 +376,8 @@ class _Model:
             seed=seed,
             names=tuple(x for x, on in zip(self._names(), self.varies, strict=True) if on),
             deviations=errors[:-1, self.varies],
-            nominal_rms=float(out[-1, 0]),
-            nominal_max=float(out[-1, 1]),
+            nominal_rms=float(found.rms[-1]),
+            nominal_max=float(found.max[-1]),
         )
 
     def _run(
@@ -383,34 +388,27 @@ class _Model:
         payload: FloatArray,
         seed: int | None,
         threads: int,
-    ) -> FloatArray:
-        from armcontour.study._spread import run
-
-        out = np.full((len(kp), 5), np.nan)
+    ) -> Found:
+        n = len(kp)
+        rms, largest, until, saturated, ratio = np.full((5, n), np.nan)
+        status = np.zeros(n, dtype=np.intp)
+        found = Found(rms, largest, until, saturated, ratio, status)
 
         def batch(first: int) -> None:
-            last = min(first + BATCH, len(kp))
+            last = min(first + BATCH, n)
             # The nominal robot is the last one; its set-points are on time.
-            jitter = self._jitter(first, last, len(kp) - 1, seed)
+            jitter = self._jitter(first, last, n - 1, seed)
             of = slice(first, last)
-            values = (kp[of], kv[of], late[of], payload[of], jitter)
-            run(
-                0,
-                last - first,
-                self.robot,
-                self.line,
-                self.clock,
-                self.drive,
-                self.bounds,
-                values,
-                out[of],
-            )
+            samples = Samples(kp[of], kv[of], late[of], payload[of], jitter)
+            errors = (rms[of], largest[of], until[of], saturated[of], ratio[of])
+            own = Found(*errors, status[of])
+            run(self.robot, self.line, self.clock, self.drive, self.rest, samples, own)
 
         # The first by itself: it compiles.
         batch(0)
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(batch, range(BATCH, len(kp), BATCH)))
-        return out
+            list(pool.map(batch, range(BATCH, n, BATCH)))
+        return found
 
     def _jitter(self, first: int, last: int, nominal: int, seed: int | None) -> FloatArray:
         count = len(self.taught.q)
@@ -453,6 +451,28 @@ class _Model:
             lag = lag + 1 / (servo.kv * (1 - spans[dof : 2 * dof]))
         late = (servo.dead_time + spans[2 * dof : 3 * dof]).max()
         return float(lag.max() + late + self.box.jitter + 2 * self.taught.period)
+
+
+def _refuse_unsettled(found: Found, kp: FloatArray, kv: FloatArray) -> None:
+    """Raise for the first execution that did not come to rest or could not be computed.
+
+    Raises:
+        ExecutionError: There is one.
+    """
+    failed = np.flatnonzero(found.status != SETTLED)
+    if not len(failed):
+        return
+    i = int(failed[0])
+    gains = f"the gains kp {kp[i].tolist()} and kv {kv[i].tolist()} 1/s"
+    if found.status[i] == STUCK:
+        raise ExecutionError(
+            f"Execution {i} cannot be simulated with {gains}: time steps as short as the servo "
+            "needs make no progress, so lower the gains."
+        )
+    raise ExecutionError(
+        f"Execution {i} does not come to rest with {gains}: make the box smaller, or raise the "
+        "acceleration limits."
+    )
 
 
 def _searched(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
@@ -534,7 +554,7 @@ def _check_payload(box: Box, servo: ServoModel, arm: Arm) -> None:
         )
 
 
-def _robot(arm: Arm, path: Path) -> tuple[Any, float]:
+def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:
     """The arm for the compiled code, and how far its tool can be from any of its joints [m].
 
     Raises:
@@ -548,17 +568,17 @@ def _robot(arm: Arm, path: Path) -> tuple[Any, float]:
     if isinstance(arm, SerialArm):
         rotations, positions, axes, base, end = (np.array(x) for x in arm.arrays)
         reach = float(np.linalg.norm(positions, axis=1).sum() + np.linalg.norm(end[:, 3]))
-        return (np.zeros(3), rotations, positions, axes, base, end), reach
+        return Robot(np.zeros(3), rotations, positions, axes, base, end), reach
     if not isinstance(arm, PlanarTwoLink):
         raise InvalidInput(
             "Robustness needs the compiled kinematics of a planar two-link arm or a serial arm, "
             f"not of a {type(arm).__name__}."
         )
     empty = np.zeros((2, 3, 3)), np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3, 4), np.eye(3, 4)
-    return (np.array([arm.base, arm.link1, arm.link2]), *empty), arm.link1 + arm.link2
+    return Robot(np.array([arm.base, arm.link1, arm.link2]), *empty), arm.link1 + arm.link2
 
 
-def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Any:
+def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     """The path's table, its length if it is closed, and where the tool may be on it when.
 
     The plan follows the path from its beginning to its end; so the length that its tool has drawn
@@ -576,7 +596,7 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Any:
     low = np.interp(begin - LAGS_BEHIND * lag, t, drawn) - margin
     high = np.interp(begin + taught.period + LAGS_AHEAD * lag, t, drawn) + margin
     closed = bool(np.linalg.norm(table[-1, 15:18] - table[0, :3]) <= REPEATED_POINT)
-    return table, path.length if closed else 0.0, low, high
+    return Line(table, path.length if closed else 0.0, low, high)
 
 
 def _table(path: Path) -> FloatArray:

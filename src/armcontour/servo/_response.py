@@ -1,0 +1,598 @@
+"""The response of one joint to its command, compiled and exact from event to event.
+
+A joint of second order follows `ddq = clip(kv (kp (u - q) - dq), lower, upper)`, (7); a joint of
+first order (kv = 0) `dq = kp (u - q)`. The command u is a cubic in time. Between events, where
+saturation starts or ends, all motions have a closed form; the instants of events are found by
+Newton's method to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from armcontour._kernels import FUSED, compiled
+from armcontour.servo._command import Cubic, shift
+
+# Free motions are at most this many of the servo's shortest time constants long, so that the slope
+# of the demand has at most one extremum in each, and the series below end at rounding.
+LARGEST_STEP = 0.5
+# Most terms of these series, the inverse numbers in them, and what is nothing beside the first one.
+TERMS = 20
+INVERSE = tuple(1.0 / n for n in range(1, TERMS + 5))
+NOTHING = 1e-18
+# Below this the hyperbolic functions are summed as series; seven terms are exact to 1e-15.
+SERIES = 0.1
+C = tuple(1 / math.factorial(n) for n in range(2, 14, 2))
+S = tuple(1 / math.factorial(n) for n in range(3, 15, 2))
+# Saturation that would last less than this part of a span is a touch of the limit: not entered.
+SHORTEST_STAY = 1e-9
+# A demand is kp kv times a difference of positions: what it exceeds its bound by is rounding below
+# this part of kp kv times the command, and saturates nothing.
+ROUNDING = 1e-14
+# Newton's method ends with a step below this part of the time: the next one would be below 1e-12.
+NEAR = 1e-6
+# Half, and more than that as the inverse of 1 - x is more than 1 + x, in a step as short as above.
+FALL = 0.6
+# A span that takes more free motions than these is refused: no servo is so fast.
+MOST_STEPS = 1e7
+# A step with more phases (free, at a bound) than these comes to no end: phases round to nothing.
+MOST_PHASES = 100_000
+
+
+class Servo(NamedTuple):
+    """One joint's gains [1/s], kv = 0 in the first order, and acceleration bounds [rad/s²]."""
+
+    kp: float
+    kv: float
+    lower: float
+    upper: float
+
+
+class Motion(NamedTuple):
+    """A joint's state and what happened to it so far.
+
+    Position [rad], velocity [rad/s], time in saturation [s], lowest and highest demand [rad/s²].
+    """
+
+    q: float
+    w: float
+    saturated: float
+    lowest: float
+    highest: float
+
+
+class Step(NamedTuple):
+    """The free motion over a time: how q - u and dq at its end depend on the state and command.
+
+    `qq, qw` are the factors of q - u and dq at the beginning, `q1, q2, q3` those of the command's
+    coefficients in q - u at the end; `wq, ww, w1, w2, w3` are the same factors for dq at the end.
+    """
+
+    time: float
+    qq: float
+    qw: float
+    wq: float
+    ww: float
+    q1: float
+    q2: float
+    q3: float
+    w1: float
+    w2: float
+    w3: float
+
+
+class Signal(NamedTuple):
+    """A cubic in time plus a free motion of the servo, by its value and slope at 0."""
+
+    c0: float
+    c1: float
+    c2: float
+    c3: float
+    free: float
+    slope: float
+
+
+class Phase(NamedTuple):
+    """A motion without events.
+
+    Its time, the side on which it is saturated (1, -1 or 0), the side of what follows, the state at
+    its end, and the range of the demand.
+    """
+
+    time: float
+    side: float
+    following: float
+    q: float
+    w: float
+    lowest: float
+    highest: float
+
+
+@compiled(fastmath=FUSED)
+def fastest_rate(kp: float, kv: float) -> float:
+    """Inverse of the shortest time constant [1/s], or a little more."""
+    if kv == 0.0:
+        return kp
+    return kv if kv >= 4 * kp else math.sqrt(kp * kv)
+
+
+@compiled(fastmath=FUSED)
+def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
+    """`exp(decay t) cosh(w t)` and `exp(decay t) sinh(w t) / w`, `w² = discriminant`."""
+    x = discriminant * t * t
+    if abs(x) < SERIES:
+        e = math.exp(decay * t)
+        c = 1 + x * (C[0] + x * (C[1] + x * (C[2] + x * (C[3] + x * (C[4] + x * C[5])))))
+        s = 1 + x * (S[0] + x * (S[1] + x * (S[2] + x * (S[3] + x * (S[4] + x * S[5])))))
+        return e * c, e * t * s
+    if x > 0.0:
+        w = math.sqrt(discriminant)
+        up = math.exp((decay + w) * t)
+        down = math.exp((decay - w) * t)
+        return (up + down) / 2, (up - down) / (2 * w)
+    e = math.exp(decay * t)
+    w = math.sqrt(-discriminant)
+    return e * math.cos(w * t), e * math.sin(w * t) / w
+
+
+@compiled(fastmath=FUSED)
+def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
+    """The free motion over a time t of at most about `LARGEST_STEP` time constants.
+
+    Args:
+        kp: Position loop gain [1/s].
+        kv: Velocity loop gain [1/s]; 0 for a servo of first order.
+        t: The time [s].
+        straight: The command is a straight line; else the factors of its bends are computed too.
+    """
+    if kv == 0.0:
+        a = math.exp(-kp * t)
+        y1, y2, y3 = _integrals(kp, 0.0, t)
+        return Step(t, a, 0.0, -kp * a, 0.0, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
+    c, s = modes(kv * kv / 4 - kp * kv, -kv / 2, t)
+    a, b = c + kv / 2 * s, -kp * kv * s
+    if straight:
+        return Step(t, a, s, b, c - kv / 2 * s, t - (1 - a) / kp - s, 0.0, 0.0, 1 - a, 0.0, 0.0)
+    y1, y2, y3 = _integrals(kp, kv, t)
+    return Step(t, a, s, b, c - kv / 2 * s, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
+
+
+@compiled(fastmath=FUSED)
+def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
+    """Responses from rest to the commands t, t² and t³, by Taylor's series.
+
+    Their closed forms take differences of terms in `1 / kp³`, which lose digits where set-points
+    follow each other closely.
+    """
+    # Terms of t times the impulse response: the next follows from the last two.
+    if kv == 0.0:
+        damping, stiffness = kp * t, 0.0
+        this, following = damping, -damping * damping
+    else:
+        damping, stiffness = kv * t, kp * kv * t * t
+        this, following = 0.0, stiffness
+    least = NOTHING * (abs(this) + abs(following))
+    first = second = third = 0.0
+    for m in range(TERMS):
+        weight = this * INVERSE[m] * INVERSE[m + 1]
+        first += weight
+        weight *= INVERSE[m + 2]
+        second += weight
+        third += weight * INVERSE[m + 3]
+        last = this
+        this = following
+        following = -(damping * this + stiffness * last * INVERSE[m]) * INVERSE[m + 1]
+        if abs(this) + abs(following) <= least:
+            break
+    return first * t, 2 * second * t * t, 6 * third * t * t * t
+
+
+@compiled(fastmath=FUSED)
+def moved(step: Step, u: Cubic, q: float, w: float) -> tuple[float, float]:
+    """Position and velocity after a free motion under the command u."""
+    s, e = step, q - u.value
+    x = u.value + s.qq * e + s.qw * w + s.q1 * u.rate + s.q2 * u.second + s.q3 * u.third
+    v = s.wq * e + s.ww * w + s.w1 * u.rate + s.w2 * u.second + s.w3 * u.third
+    return x, v
+
+
+@compiled(fastmath=FUSED)
+def _sample(servo: Servo, f: Signal, t: float) -> tuple[float, float]:
+    """Value and slope of a signal at the time t."""
+    value = f.c0 + t * (f.c1 + t * (f.c2 + t * f.c3))
+    slope = f.c1 + t * (2 * f.c2 + t * 3 * f.c3)
+    if f.free == 0.0 and f.slope == 0.0:
+        return value, slope
+    kp, kv = servo.kp, servo.kv
+    c, s = modes(kv * kv / 4 - kp * kv, -kv / 2, t)
+    value += f.free * c + (f.slope + kv / 2 * f.free) * s
+    slope += f.slope * c - (kp * kv * f.free + kv / 2 * f.slope) * s
+    return value, slope
+
+
+@compiled(fastmath=FUSED)
+def _over(f: Signal, side: float, bound: float) -> Signal:
+    """By what a signal is above a bound, or below it for the side -1."""
+    c0 = side * (f.c0 - bound)
+    return Signal(c0, side * f.c1, side * f.c2, side * f.c3, side * f.free, side * f.slope)
+
+
+@compiled(fastmath=FUSED)
+def _root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
+    """Time in [low, high] at which a signal, monotone there, rises through 0, from the guess t."""
+    near = NEAR * (high - low)
+    for _ in range(200):
+        value, slope = _sample(servo, f, t)
+        if value < 0.0:
+            low = t
+        else:
+            high = t
+        step = value / slope if slope > 0.0 else math.inf
+        if abs(step) <= near:
+            # Newton's method squares what is left.
+            return min(max(t - step, low), high)
+        t = t - step
+        if not low < t < high:
+            t = 0.5 * (low + high)
+        if t == low or t == high:
+            break
+    return high
+
+
+@compiled(fastmath=FUSED)
+def _extremum(servo: Servo, y: float, dy: float) -> float:
+    """First time above 0 at which a free motion has a zero slope; infinity if never."""
+    kp, kv = servo.kp, servo.kv
+    slope = -kv / 2 * dy - kp * kv * y
+    if slope == 0.0:
+        return math.inf
+    a = -dy / slope  # tanh(w t) / w
+    discriminant = kv * kv / 4 - kp * kv
+    if discriminant > 0.0:
+        w = math.sqrt(discriminant)
+        return math.atanh(w * a) / w if 0.0 < w * a < 1.0 else math.inf
+    if discriminant == 0.0:
+        return a if a > 0.0 else math.inf
+    w = math.sqrt(-discriminant)
+    t = math.atan(w * a) / w
+    return t if t > 0.0 else t + math.pi / w
+
+
+@compiled(fastmath=FUSED)
+def _bends(f: Signal, end: float) -> tuple[float, float]:
+    """Times in (0, end) where the slope of a cubic is 0, in order; `end` for each there is not."""
+    a, b, d = 3 * f.c3, f.c2, f.c1  # slope = a t² + 2 b t + d
+    square = b * b - a * d
+    if square < 0.0:
+        return end, end
+    # Without cancellation; one of the two is at infinity if the cubic is none.
+    s = -(b + math.copysign(math.sqrt(square), b))
+    one = s / a if a != 0.0 else end
+    two = d / s if s != 0.0 else end
+    if not 0.0 < one < end:
+        one = end
+    if not 0.0 < two < end:
+        two = end
+    return min(one, two), max(one, two)
+
+
+@compiled(fastmath=FUSED)
+def _turns(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
+    """Times in (0, end) between which a signal is monotone, in order; `end` for each there is not.
+
+    The signal is a straight line plus a free motion. The slope of a free motion is one too, with at
+    most one extremum in a short time: on either side of it there is at most one turn.
+    """
+    if f.c1 == 0.0:
+        return min(_extremum(servo, f.free, f.slope), end), end
+    bend = -servo.kv * f.slope - servo.kp * servo.kv * f.free
+    rate = Signal(f.c1, 0.0, 0.0, 0.0, f.slope, bend)
+    middle = min(_extremum(servo, f.slope, bend), end)
+    first, second = end, end
+    begin, between = f.c1 + f.slope, _sample(servo, rate, middle)[0]
+    if begin * between < 0.0:
+        upward = _over(rate, math.copysign(1.0, between), 0.0)
+        first = _root(servo, upward, 0.0, middle, 0.5 * middle)
+    if middle < end:
+        last = _sample(servo, rate, end)[0]
+        if between * last < 0.0:
+            upward = _over(rate, math.copysign(1.0, last), 0.0)
+            second = _root(servo, upward, middle, end, 0.5 * (middle + end))
+    return min(first, second), max(first, second)
+
+
+@compiled(fastmath=FUSED)
+def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
+    """The acceleration that the command asks for [rad/s²]."""
+    if servo.kv == 0.0:
+        return servo.kp * (u.rate - w)
+    return servo.kv * (servo.kp * (u.value - q) - w)
+
+
+@compiled(fastmath=FUSED)
+def _side(servo: Servo, z: float, u: Cubic) -> float:
+    """1 for a demand above its upper bound, -1 below its lower one, else 0.
+
+    Both bounds may lie on one side of 0.
+    """
+    least = ROUNDING * servo.kp * servo.kv * abs(u.value)
+    if z > servo.upper + least:
+        return 1.0
+    return -1.0 if z < servo.lower - least else 0.0
+
+
+@compiled(fastmath=FUSED)
+def _excess(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
+    """By what the demand exceeds the bound on a side while the joint accelerates by that bound."""
+    kp, kv = servo.kp, servo.kv
+    bound = servo.upper if side > 0.0 else servo.lower
+    return Signal(
+        max(side * (kv * (kp * (u.value - q) - w) - bound), 0.0),
+        side * kv * (kp * (u.rate - w) - bound),
+        side * kv * kp * (u.second - bound / 2),
+        side * kv * kp * u.third,
+        0.0,
+        0.0,
+    )
+
+
+@compiled(fastmath=FUSED)
+def _stay(servo: Servo, over: Signal, end: float) -> float:
+    """First time in [0, end] after which a cubic, not below 0 at 0, is below it; else `end`."""
+    if over.c3 == 0.0:
+        square = over.c1 * over.c1 - 4.0 * over.c2 * over.c0
+        if square < 0.0 or (over.c1 >= 0.0 and over.c2 >= 0.0):
+            return end
+        root = math.sqrt(square)
+        t = (
+            (over.c1 + root) / (-2.0 * over.c2)
+            if over.c1 > 0.0
+            else 2.0 * over.c0 / (root - over.c1)
+        )
+        return min(t, end)
+    low = 0.0
+    first, second = _bends(over, end)
+    for high in (first, second, end):
+        if high > low and _sample(servo, over, high)[0] < 0.0:
+            return _root(servo, _over(over, -1.0, 0.0), low, high, 0.5 * (low + high))
+        low = high
+    return end
+
+
+@compiled(fastmath=FUSED)
+def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
+    """The motion at a bound for a time t, while the demand is over that bound."""
+    bound = servo.upper if side > 0.0 else servo.lower
+    last = over.c0 + t * (over.c1 + t * (over.c2 + t * over.c3))
+    least, most = min(over.c0, last), max(over.c0, last)
+    if over.c1 * (over.c1 + t * (2 * over.c2 + t * 3 * over.c3)) < 0.0 or over.c3 != 0.0:
+        for at in _bends(over, t):
+            value = over.c0 + at * (over.c1 + at * (over.c2 + at * over.c3))
+            least, most = min(least, value), max(most, value)
+    if side < 0.0:
+        least, most = -most, -least
+    x, v = q + t * (w + bound * t / 2), w + bound * t
+    return Phase(t, side, 0.0, x, v, bound + least, bound + most)
+
+
+@compiled(fastmath=FUSED)
+def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float) -> float:
+    """Share of a step, nearly, at which a demand reaches a bound, from its cubic through both ends.
+
+    Slopes are those over the whole step.
+    """
+    if last == z:
+        return 0.0
+    second, third = 3 * (last - z) - 2 * dz - dlast, dz + dlast - 2 * (last - z)
+    x = min(max((bound - z) / (last - z), 0.0), 1.0)
+    for _ in range(3):
+        slope = dz + x * (2 * second + 3 * third * x)
+        if slope * (last - z) <= 0.0:
+            break
+        x -= (z + x * (dz + x * (second + x * third)) - bound) / slope
+        x = min(max(x, 0.0), 1.0)
+    return x
+
+
+@compiled(fastmath=FUSED)
+def _move_freely(
+    servo: Servo, u: Cubic, q: float, w: float, z: float, step: Step, span: float
+) -> Phase:
+    """The free motion from the demand z on, for at most a step, up to where saturation starts."""
+    kp, kv, t = servo.kp, servo.kv, step.time
+    straight = u.second == 0.0 and u.third == 0.0
+    c1 = 6 * u.third
+    c0 = 2 * u.second - c1 / kp
+    dz = kv * (kp * (u.rate - w) - z)
+    f = Signal(c0, c1, 0.0, 0.0, z - c0, dz - c1)
+    x, v = moved(step, u, q, w)
+    end = shift(u, t)
+    last = demand(servo, end, x, v)
+    dlast = kv * (kp * (end.rate - v) - last)
+    first, second = (t, t) if straight and dz * dlast >= 0.0 else _turns(servo, f, t)
+    lowest, highest, low, before, slope = z, z, 0.0, z, dz
+    for stop in (first, second, t):
+        if stop <= low:
+            continue
+        value, after = _sample(servo, f, stop) if stop < t else (last, dlast)
+        side = _side(servo, value, u)
+        if side != 0.0:
+            bound = servo.upper if side > 0.0 else servo.lower
+            h = stop - low
+            guess = low + h * _guess_crossing(before, h * slope, value, h * after, bound)
+            at = _root(servo, _over(f, side, bound), low, stop, guess)
+            p, r = moved(transition(kp, kv, at, straight), u, q, w)
+            ahead = _excess(servo, shift(u, at), p, r, side)
+            if _stay(servo, ahead, span) > SHORTEST_STAY * span:
+                return Phase(at, 0.0, side, p, r, min(lowest, bound), max(highest, bound))
+        lowest, highest = min(lowest, value), max(highest, value)
+        low, before, slope = stop, value, after
+    return Phase(t, 0.0, 0.0, x, v, lowest, highest)
+
+
+@compiled(fastmath=FUSED)
+def next_phase(
+    servo: Servo, u: Cubic, q: float, w: float, side: float, left: float, span: float, step: Step
+) -> Phase:
+    """The motion of a joint of second order up to the next event.
+
+    Args:
+        servo: Gains and bounds.
+        u: The command from now on.
+        q: Position [rad].
+        w: Velocity [rad/s].
+        side: The bound at which the last phase ended, 1 or -1, or 0.
+        left: Longest time [s].
+        span: What stays in saturation are short against [s].
+        step: The longest free motion, of at most about `LARGEST_STEP` time constants.
+    """
+    z = demand(servo, u, q, w)
+    at = side if side != 0.0 else _side(servo, z, u)
+    if at != 0.0:
+        over = _excess(servo, u, q, w, at)
+        t = _stay(servo, over, left)
+        if side != 0.0 or t > SHORTEST_STAY * span:
+            return _saturate(servo, over, q, w, at, t)
+    if step.time > left:
+        step = transition(servo.kp, servo.kv, left, u.second == 0.0 and u.third == 0.0)
+    return _move_freely(servo, u, q, w, z, step, span)
+
+
+@compiled(fastmath=FUSED)
+def progresses(kp: float, kv: float, span: float) -> bool:
+    """Whether free motions get through a span: each moves the time, and they are not too many."""
+    step = LARGEST_STEP / fastest_rate(kp, kv)
+    return step >= span or (span + step > span and span < MOST_STEPS * step)
+
+
+@compiled(fastmath=FUSED)
+def _advance(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+    """Run a joint of second order through a step, event by event."""
+    q, w, saturated, lowest, highest = m
+    now = side = 0.0
+    span = step.time
+    phases = 0
+    while now < span:
+        phases += 1
+        if phases > MOST_PHASES:
+            return Motion(math.nan, math.nan, saturated, lowest, highest)
+        left = span - now
+        p = next_phase(servo, shift(u, now), q, w, side, left, span, step)
+        q, w, side = p.q, p.w, p.following
+        lowest, highest = min(lowest, p.lowest), max(highest, p.highest)
+        if p.side != 0.0:
+            saturated += p.time
+        now = now + p.time if p.time < left else span
+    return Motion(q, w, saturated, lowest, highest)
+
+
+@compiled(fastmath=FUSED)
+def _bound_free(
+    servo: Servo, z: float, dz: float, last: float, dlast: float, t: float
+) -> tuple[float, float]:
+    """Bounds on a free motion within a step, from its values and slopes at both ends.
+
+    Where it turns in between, it is at most t times its first slope beyond its first value or 0.
+    And from the turn on, where its slope is 0, it falls by at most `kp kv t² / 2` of its value.
+    """
+    low, high = min(z, last), max(z, last)
+    if dz * dlast < 0.0:
+        most = 1 + FALL * servo.kp * servo.kv * t * t
+        if dz > 0.0:
+            high = max(high, min(max(z, 0.0) + t * dz, max(last, 0.0) * most))
+        else:
+            low = min(low, max(min(z, 0.0) + t * dz, min(last, 0.0) * most))
+    return low, high
+
+
+@compiled(fastmath=FUSED)
+def _bound_demand(
+    servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
+) -> tuple[float, float]:
+    """Bounds on a demand within a step without saturation, as in `_bound_free`."""
+    if u.second == 0.0 and u.third == 0.0:
+        return _bound_free(servo, z, dz, last, dlast, t)
+    rate = 6 * u.third
+    line = 2 * u.second - rate / servo.kp
+    end = line + t * rate
+    low, high = _bound_free(servo, z - line, dz - rate, last - end, dlast - rate, t)
+    return min(line, end) + low, max(line, end) + high
+
+
+@compiled(fastmath=FUSED)
+def _value_at_turn(
+    servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
+) -> float:
+    """The demand where it turns within a step at whose ends its slopes differ in sign.
+
+    From the turn of the cubic through both ends one step of Newton's method leads to the time; the
+    value there is the more exact, since its slope is 0.
+    """
+    a, b = t * dz, t * dlast
+    second, third = 3 * (last - z) - 2 * a - b, 3 * (2 * (z - last) + a + b)
+    root = math.sqrt(max(second * second - third * a, 0.0))
+    s = -(second + math.copysign(root, second))
+    x = s / third if third != 0.0 else 2.0
+    if not 0.0 < x < 1.0:
+        x = a / s if s != 0.0 else 0.5
+    c1 = 6 * u.third
+    c0 = 2 * u.second - c1 / servo.kp
+    f = Signal(c0, c1, 0.0, 0.0, z - c0, dz - c1)
+    at = t * min(max(x, 0.0), 1.0)
+    value, slope = _sample(servo, f, at)
+    bend = -servo.kv * (slope - c1) - servo.kp * servo.kv * (value - c0 - c1 * at)
+    return value - slope * slope / (2 * bend) if bend != 0.0 else value
+
+
+@compiled(fastmath=FUSED)
+def _lag(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+    """Run a joint of first order through a step; its demand is its acceleration."""
+    kp, t = servo.kp, step.time
+    q, _ = moved(step, u, m.q, 0.0)
+    end = shift(u, t)
+    w = kp * (end.value - q)
+    z, last = kp * (u.rate - kp * (u.value - m.q)), kp * (end.rate - w)
+    lowest, highest = min(m.lowest, z, last), max(m.highest, z, last)
+    # The acceleration is line + rate t + (z - line) exp(-kp t).
+    rate = 6 * u.third
+    line = 2 * u.second - rate / kp
+    if (z - line) * rate > 0.0:
+        turn = math.log(kp * (z - line) / rate) / kp
+        if 0.0 < turn < t:
+            most = line + rate * turn + rate / kp
+            lowest, highest = min(lowest, most), max(highest, most)
+    return Motion(q, w, 0.0, lowest, highest)
+
+
+@compiled(fastmath=FUSED)
+def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+    """Run a joint through a step under the command u.
+
+    Args:
+        servo: Gains and bounds.
+        step: Its free motion over the step, of at most about `LARGEST_STEP` time constants.
+        u: The command from the step's beginning on.
+        m: State and what happened before.
+    """
+    kp, kv, t = servo.kp, servo.kv, step.time
+    if kv == 0.0:
+        return _lag(servo, step, u, m)
+    z = demand(servo, u, m.q, m.w)
+    if not servo.lower <= z <= servo.upper:
+        return _advance(servo, step, u, m)
+    q, w = moved(step, u, m.q, m.w)
+    end = shift(u, t)
+    last = demand(servo, end, q, w)
+    dz, dlast = kv * (kp * (u.rate - m.w) - z), kv * (kp * (end.rate - w) - last)
+    low, high = min(m.lowest, z, last), max(m.highest, z, last)
+    bottom, top = _bound_demand(servo, u, z, dz, last, dlast, t)
+    # Most steps end here: nothing saturates, and no demand is larger than those before.
+    if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
+        return Motion(q, w, m.saturated, low, high)
+    if dz * dlast < 0.0:
+        most = _value_at_turn(servo, u, z, dz, last, dlast, t)
+        low, high = min(low, most), max(high, most)
+        if servo.lower <= min(last, most) and max(last, most) <= servo.upper:
+            return Motion(q, w, m.saturated, low, high)
+    return _advance(servo, step, u, m)

@@ -1,0 +1,146 @@
+"""The response of one joint with its derivatives by its parameters, compiled.
+
+A state is an array (2, 7): position and velocity, and in the columns 1 to 6 their derivatives by
+`kp, kv, delay, q0, dq0, limit`; an array (2, 1) has no derivatives. The command is a straight line
+`v + r t`. Events are those of `_response.py`: there the acceleration is continuous, so the
+derivatives are too; only where the command jumps does the derivative by the delay jump.
+"""
+
+from __future__ import annotations
+
+import math
+
+from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
+from armcontour.servo._command import Cubic
+from armcontour.servo._response import (
+    LARGEST_STEP,
+    MOST_PHASES,
+    SERIES,
+    Servo,
+    fastest_rate,
+    modes,
+    next_phase,
+    progresses,
+    transition,
+)
+
+COLUMNS = 7
+KP, KV, DELAY, Q0, DQ0, LIMIT = range(1, COLUMNS)
+
+
+@compiled()
+def differentiate_transition(kp: float, kv: float, t: float, out: FloatArray) -> None:
+    """Fill (3, 4): a free motion's factors qq, qw, wq, ww; their derivatives by kp, and by kv."""
+    d = kv * kv / 4 - kp * kv
+    c, s = modes(d, -kv / 2, t)
+    x = d * t * t
+    # The derivative of s by d.
+    if abs(x) < SERIES:
+        series = 1 / 6 + x * (1 / 60 + x * (1 / 1680 + x * (1 / 90720 + x / 7983360)))
+        sd = math.exp(-kv / 2 * t) * t * t * t * series
+    else:
+        sd = (t * c - s) / (2 * d)
+    out[0, 0] = c + kv / 2 * s
+    out[0, 1] = s
+    out[0, 2] = -kp * kv * s
+    out[0, 3] = c - kv / 2 * s
+    cp, sp = -kv * t * s / 2, -kv * sd
+    out[1, 0] = cp + kv / 2 * sp
+    out[1, 1] = sp
+    out[1, 2] = -kv * s - kp * kv * sp
+    out[1, 3] = cp - kv / 2 * sp
+    dd = kv / 2 - kp
+    cv, sv = -t * c / 2 + t * s / 2 * dd, -t * s / 2 + sd * dd
+    out[2, 0] = cv + s / 2 + kv / 2 * sv
+    out[2, 1] = sv
+    out[2, 2] = -kp * s - kp * kv * sv
+    out[2, 3] = cv - s / 2 - kv / 2 * sv
+
+
+@compiled()
+def move_freely(
+    x: FloatArray, columns: int, f: FloatArray, kp: float, v: float, r: float, t: float
+) -> None:
+    """Advance the state by `t`, far from saturation.
+
+    Args:
+        x: State, (2, columns).
+        columns: 1, or 7 with derivatives.
+        f: As `differentiate_transition` writes it.
+        kp: Position loop gain [1/s].
+        v: Command [rad].
+        r: Its rate [rad/s].
+        t: Time [s].
+    """
+    e = x[0, 0] - v + r / kp
+    w = x[1, 0] - r
+    for j in range(1, columns):
+        # By the delay, the command itself changes by -r.
+        a = x[0, j] + (r if j == DELAY else 0.0)
+        b = x[1, j]
+        x[0, j] = f[0, 0] * a + f[0, 1] * b
+        x[1, j] = f[0, 2] * a + f[0, 3] * b
+    x[0, 0] = v + r * t - r / kp + f[0, 0] * e + f[0, 1] * w
+    x[1, 0] = r + f[0, 2] * e + f[0, 3] * w
+    if columns > 1:
+        g = r / (kp * kp)
+        x[0, KP] += g - f[0, 0] * g + f[1, 0] * e + f[1, 1] * w
+        x[1, KP] += -f[0, 2] * g + f[1, 2] * e + f[1, 3] * w
+        x[0, KV] += f[2, 0] * e + f[2, 1] * w
+        x[1, KV] += f[2, 2] * e + f[2, 3] * w
+        x[0, DELAY] -= r
+
+
+@compiled()
+def _move_saturated(x: FloatArray, columns: int, side: float, t: float) -> None:
+    """Advance the derivatives by `t` at the acceleration limit on a side."""
+    for j in range(1, columns):
+        x[0, j] += t * x[1, j]
+    x[0, LIMIT] += side * t * t / 2
+    x[1, LIMIT] += side * t
+
+
+@compiled()
+def move_limited(
+    x: FloatArray,
+    columns: int,
+    f: FloatArray,
+    kp: float,
+    kv: float,
+    limit: float,
+    v: float,
+    r: float,
+    span: float,
+    seen: FloatArray,
+) -> None:
+    """Advance the state by `span`, the acceleration limited.
+
+    `seen` collects the largest demand [rad/s²] and the time in saturation [s]. The demand is NaN
+    if time steps make no progress. The other arguments are those of `move_freely`; `f` is written.
+    """
+    servo = Servo(kp, kv, -limit, limit)
+    if not progresses(kp, kv, span):
+        x[:, :] = seen[0] = math.nan
+        return
+    step = transition(kp, kv, min(span, LARGEST_STEP / fastest_rate(kp, kv)), True)
+    now = side = 0.0
+    phases = 0
+    while now < span:
+        phases += 1
+        if phases > MOST_PHASES:
+            x[:, :] = seen[0] = math.nan
+            return
+        left, command = span - now, v + r * now
+        u = Cubic(command, r, 0.0, 0.0)
+        p = next_phase(servo, u, x[0, 0], x[1, 0], side, left, span, step)
+        if columns > 1:
+            if p.side != 0.0:
+                _move_saturated(x, columns, p.side, p.time)
+            else:
+                differentiate_transition(kp, kv, p.time, f)
+                move_freely(x, columns, f, kp, command, r, p.time)
+        x[0, 0], x[1, 0], side = p.q, p.w, p.following
+        seen[0] = max(seen[0], -p.lowest, p.highest)
+        seen[1] += p.time if p.side != 0.0 else 0.0
+        now = now + p.time if p.time < left else span

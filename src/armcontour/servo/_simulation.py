@@ -1,0 +1,218 @@
+"""Joints run through command intervals, compiled."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._kernels import FUSED, compiled
+from armcontour.servo._command import command_from, divide_interval, shift
+from armcontour.servo._response import (
+    LARGEST_STEP,
+    Motion,
+    Servo,
+    Step,
+    demand,
+    fastest_rate,
+    progresses,
+    respond,
+    transition,
+)
+
+# Steps may be longer by rounding.
+SLACK = 1 - 1e-9
+
+
+class Joints(NamedTuple):
+    """Gains and acceleration bounds of all joints, (dof,) each, as in `Servo`."""
+
+    kp: FloatArray
+    kv: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+class Parts(NamedTuple):
+    """How results and late set-points divide every command interval, joint by joint.
+
+    `number` is that of the parts, (dof,); `width, local, late, due` are as in `divide_interval`,
+    (dof, parts); each part is run in `repeats` equal steps, whose free motions are the rows of
+    `steps`, (dof, parts, 11).
+    """
+
+    number: IntArray
+    width: FloatArray
+    local: FloatArray
+    late: IntArray
+    due: IntArray
+    repeats: IntArray
+    steps: FloatArray
+
+
+class Run(NamedTuple):
+    """How joints moved.
+
+    Position, velocity and demand of all joints at results, (dof, n, 3); time in saturation, lowest
+    and highest demand, and whether the motion could not be computed, (dof,) each.
+    """
+
+    states: FloatArray
+    saturated: FloatArray
+    lowest: FloatArray
+    highest: FloatArray
+    stuck: BoolArray
+
+
+@compiled(fastmath=FUSED)
+def divide(period: float, steps: int, dead_time: FloatArray) -> Parts:
+    """The parts of command intervals, without their free motions.
+
+    Args:
+        period: Command interval [s].
+        steps: Results in it.
+        dead_time: (dof,) [s].
+    """
+    dof, most = len(dead_time), steps + 1
+    width, local = np.empty((dof, most)), np.empty((dof, most))
+    late, due = np.empty((dof, most), np.intp), np.empty((dof, most), np.intp)
+    number, repeats = np.empty(dof, np.intp), np.empty((dof, most), np.intp)
+    for j in range(dof):
+        number[j] = divide_interval(
+            period, steps, dead_time[j], width[j], local[j], late[j], due[j]
+        )
+    return Parts(number, width, local, late, due, repeats, np.empty((dof, most, 11)))
+
+
+@compiled(fastmath=FUSED)
+def prepare(servo: Servo, straight: bool, parts: Parts, j: int) -> bool:
+    """Write the free motions of a joint's parts; whether its servo can be simulated.
+
+    Args:
+        servo: Gains.
+        straight: The command is a straight line in every interval.
+        parts: As `divide` gives them; `repeats` and `steps` are written.
+        j: Number of the joint, from 0.
+    """
+    fast = fastest_rate(servo.kp, servo.kv)
+    for i in range(parts.number[j]):
+        width = parts.width[j, i]
+        if not progresses(servo.kp, servo.kv, width):
+            return False
+        repeats = max(int(math.ceil(width * fast / LARGEST_STEP * SLACK)), 1)
+        parts.repeats[j, i] = repeats
+        write_step(transition(servo.kp, servo.kv, width / repeats, straight), parts.steps[j, i])
+    return True
+
+
+@compiled(fastmath=FUSED)
+def write_step(s: Step, row: FloatArray) -> None:
+    """Write a free motion into a row, (11,)."""
+    row[0], row[1], row[2], row[3], row[4], row[5] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
+    row[6], row[7], row[8], row[9], row[10] = s.q2, s.q3, s.w1, s.w2, s.w3
+
+
+@compiled(fastmath=FUSED, inline="always")
+def read_step(x: FloatArray, j: int, i: int) -> Step:
+    """The free motion in a row of an array, (dof, parts, 11)."""
+    return Step(
+        x[j, i, 0],
+        x[j, i, 1],
+        x[j, i, 2],
+        x[j, i, 3],
+        x[j, i, 4],
+        x[j, i, 5],
+        x[j, i, 6],
+        x[j, i, 7],
+        x[j, i, 8],
+        x[j, i, 9],
+        x[j, i, 10],
+    )
+
+
+@compiled(fastmath=FUSED)
+def run_joint(
+    servo: Servo,
+    command: FloatArray,
+    parts: Parts,
+    j: int,
+    begin: int,
+    end: int,
+    motion: Motion,
+    out: FloatArray,
+) -> Motion:
+    """Run one joint through command intervals.
+
+    Args:
+        servo: Gains and bounds.
+        command: `servo.command.polynomials` of this joint, (n + 1, 4).
+        parts: As `prepare` writes them.
+        j: Number of the joint.
+        begin: First interval, from 0 at the first set-point.
+        end: The one after the last.
+        motion: State at the beginning.
+        out: Takes position, velocity and demand at the results, (n, 3).
+    """
+    m = motion
+    row = 0
+    # Tuples of arrays are taken apart outside of loops: that costs as much as the rest.
+    number, _, local, late, due, repeats, steps = parts
+    for k in range(begin, end):
+        for i in range(number[j]):
+            u = command_from(command, k - late[j, i], local[j, i])
+            step = read_step(steps, j, i)
+            for _ in range(repeats[j, i]):
+                m = respond(servo, step, u, m)
+                u = shift(u, step.time)
+            if due[j, i] == 1:
+                out[row, 0], out[row, 1], out[row, 2] = m.q, m.w, demand(servo, u, m.q, m.w)
+                row += 1
+    return m
+
+
+@compiled(fastmath=FUSED)
+def run_joints(
+    joints: Joints,
+    commands: FloatArray,
+    parts: Parts,
+    steps: int,
+    begin: int,
+    end: int,
+    q: FloatArray,
+    dq: FloatArray,
+) -> Run:
+    """Run all joints through command intervals.
+
+    Args:
+        joints: Gains and bounds.
+        commands: `servo.command.polynomials`, (dof, n + 1, 4).
+        parts: As `prepare` writes them.
+        steps: Results per interval.
+        begin: First interval, from 0 at the first set-point.
+        end: The one after the last.
+        q: Positions at the beginning, (dof,) [rad].
+        dq: Velocities there, (dof,) [rad/s].
+    """
+    dof = len(q)
+    states = np.empty((dof, (end - begin) * steps, 3))
+    saturated, lowest, highest = np.empty(dof), np.empty(dof), np.empty(dof)
+    stuck = np.empty(dof, np.bool_)
+    for j in range(dof):
+        servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
+        m = Motion(q[j], dq[j], 0.0, 0.0, 0.0)
+        m = run_joint(servo, commands[j], parts, j, begin, end, m, states[j])
+        saturated[j], lowest[j], highest[j] = m.saturated, m.lowest, m.highest
+        stuck[j] = not math.isfinite(m.q + m.w)
+    return Run(states, saturated, lowest, highest, stuck)
+
+
+@compiled(fastmath=FUSED)
+def prepare_joints(joints: Joints, straight: bool, parts: Parts) -> int:
+    """Write the free motions of all joints; the first joint that cannot be simulated, or -1."""
+    for j in range(len(joints.kp)):
+        servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
+        if not prepare(servo, straight, parts, j):
+            return j
+    return -1
