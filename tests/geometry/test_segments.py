@@ -1,100 +1,88 @@
-"""Lines, arcs and demands: what they refuse."""
+"""The table of segments: what it shares, what it checks and when it checks again."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.frames import Frame
+from armcontour.geometry import Segments
+from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
+from armcontour.geometry.placing import lift_path, place_path
+
+ROUNDED = ac.round_corners(ac.Path.polyline([(0, 0), (1, 0), (1, 2), (3, 3)]), tolerance=0.1)
 
 
-@pytest.mark.parametrize(
-    ("demand", "words"),
-    [
-        ({"speed": 0.0}, ("segment speed", "above zero", "0 m/s")),
-        ({"speed": -1.0}, ("segment speed", "above zero", "-1 m/s")),
-        ({"speed": np.nan}, ("segment speed", "finite", "nan")),
-        ({"speed": [1.0, 2.0]}, ("segment speed", "one number", "not 2")),
-        ({"tolerance": -1e-3}, ("segment tolerance", "negative", "-0.001 m")),
-        ({"tolerance": np.inf}, ("segment tolerance", "finite", "inf")),
-    ],
-)
-def test_demand_refuses(demand, words, refuses):
-    refuses(lambda: ac.Demand(**demand), ac.InvalidInput, *words)
+def gapped(gap):
+    """Two lines with a gap between them, in the direction of y."""
+    lines = Segments.lines(np.array([(0.0, 0), (1, 0), (2, 0)]))
+    return dataclasses.replace(lines, starts=lines.starts + np.array([(0, 0), (0, gap)]))
 
 
-def test_zero_tolerance_is_a_demand():
-    assert ac.Demand(tolerance=0.0).tolerance == 0.0
+def test_a_path_of_checked_segments_shares_them():
+    path = lift_path(ROUNDED)
+    for other in (path.oriented(np.eye(3)), path.following_tangent((0, 0, 1))):
+        assert other.segments is path.segments
+    assert dataclasses.replace(path, merged=(1,)).segments is path.segments
 
 
-GOOD = ac.Line(start=(0, 0), end=(1, 0))
-GOOD_3D = ac.Line(start=(0, 0, 0), end=(1, 0, 0))
+def test_what_is_made_of_a_checked_path_is_not_checked_again(monkeypatch):
+    parts = [cut_path(ROUNDED, 0, 1.2), cut_path(ROUNDED, 1.2, ROUNDED.length)]
+    monkeypatch.setattr(Segments, "_refuse_gaps", lambda self: pytest.fail("checked again"))
+    place_path(ROUNDED, Frame(position=[1, 2, 0]))
+    place_path(ROUNDED, Frame(position=[1, 2, 3]))
+    join_paths(parts)
+    reverse_path(ROUNDED)
+    lift_path(ROUNDED).pointing((0, 0, 1))
 
 
-@pytest.mark.parametrize(
-    ("segments", "words", "data"),
-    [
-        (
-            [GOOD, ac.Line(start=(1, 0), end=(1, 0))],
-            ("Segment 2", "zero length", "leave it out"),
-            {"index": 1, "point": (1, 0)},
-        ),
-        (
-            [ac.Line(start=(0, np.nan), end=(1, 0))],
-            ("start of segment 1", "finite", "nan at index 1"),
-            {"index": 1},
-        ),
-        ([ac.Line(start=(0, 0), end=("a", 0))], ("end of segment 1", "numbers in m"), {}),
-        (
-            [GOOD, ac.Line(start=(1, 0), end=(1, 0, 0))],
-            ("points of segment 2", "both have 2 or both have 3"),
-            {"index": 1},
-        ),
-        ([ac.Line(start=(0,), end=(1,))], ("points of segment 1",), {"index": 0}),
-        (
-            [GOOD, ac.Arc(start=(1, 0), center=(1, 0), angle=1.0)],
-            ("Segment 2", "radius 0 m"),
-            {"index": 1},
-        ),
-        (
-            [ac.Arc(start=(1, 0), center=(0, 0), angle=0.0)],
-            ("Segment 1", "angle 0 rad"),
-            {"index": 0},
-        ),
-        (
-            [ac.Arc(start=(1, 0), center=(0, 0), angle=-6.3)],
-            ("Segment 1", "between 0 and 2 pi", "-6.3 rad"),
-            {"index": 0},
-        ),
-        (
-            [ac.Arc(start=(1, 0), center=(0, 0), angle=np.inf)],
-            ("angle of segment 1", "finite"),
-            {},
-        ),
-        (
-            [ac.Arc(start=(1, 0), center=(0, 0), angle=1.0, normal=(0, 0, 1))],
-            ("Segment 1", "plane", "no normal"),
-            {},
-        ),
-        (
-            [GOOD_3D, ac.Arc(start=(1, 0, 0), center=(1, 1, 0), angle=1.0)],
-            ("Segment 2", "needs its normal"),
-            {"index": 1},
-        ),
-        (
-            [ac.Arc(start=(1, 0, 0), center=(0, 0, 0), angle=1.0, normal=(1, 0, 1))],
-            ("normal of segment 1", "right angles"),
-            {"index": 0},
-        ),
-        (
-            [ac.Arc(start=(1, 0, 0), center=(0, 0, 0), angle=1.0, normal=(0, 0, 0))],
-            ("normal of segment 1",),
-            {"index": 0},
-        ),
-        ([GOOD, GOOD_3D], ("same number of coordinates",), {}),
-        ([], ("at least one segment",), {}),
-        ([GOOD, ((1, 0), (2, 0))], ("Segment 2", "Line or an Arc", "tuple"), {"index": 1}),
-    ],
-)
-def test_segments_refused(segments, words, data, refuses):
-    refuses(lambda: ac.Path.from_segments(segments), ac.InvalidInput, *words, **data)
+def test_a_path_that_comes_apart_where_it_is_placed_is_refused(refuses):
+    near = ac.Path(segments=gapped(0.9e-9))
+    assert place_path(near, Frame(position=[1, 2, 3])).length == 2
+    refuses(lambda: place_path(near, Frame(), scale=10), ac.InvalidInput, "Segment 2", index=1)
+    far = Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
+    refuses(lambda: place_path(ROUNDED, far), ac.InvalidInput, "must be continuous")
+
+
+def test_a_gap_between_joined_paths_is_refused_with_its_segment(refuses):
+    away = place_path(ROUNDED, Frame(position=[9, 9, 0]))
+    n = len(ROUNDED)
+    refuses(lambda: join_paths([ROUNDED, away]), ac.InvalidInput, f"Segment {n + 1}", index=n)
+
+
+def test_a_table_owns_its_columns_and_new_ones_are_locked():
+    starts = np.zeros((1, 2))
+    given = Segments(
+        starts=starts,
+        tangents=np.array([(1.0, 0.0)]),
+        normals=np.zeros((1, 2)),
+        curvatures=np.zeros(1),
+        lengths=np.ones(1),
+    )
+    starts[0] = 7.0
+    assert given.starts[0].tolist() == [0, 0]
+    longer = given.replace(lengths=np.full(1, 2.0))
+    for table in (given, longer, longer[:1], Segments.join([given, longer])):
+        with pytest.raises(ValueError, match="read-only"):
+            table.lengths[0] = 3.0
+
+
+def test_segments_run_backwards_are_the_same_points():
+    table = ROUNDED.segments
+    n = len(table)
+    back = table.run(np.arange(n), np.arange(n) % 2 == 0)
+    share = np.linspace(0, 1, 9)[:, None] * table.lengths
+    every = np.broadcast_to(np.arange(n), share.shape)
+    turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
+    np.testing.assert_allclose(back.at(every, turned), table.at(every, share), atol=1e-13)
+
+
+def test_nearest_points_are_those_of_the_table_however_the_path_is_held():
+    path = lift_path(ROUNDED)
+    queries = np.random.default_rng(0).normal(size=(50, 3))
+    plain, held = path.project(queries), path.pointing((0, 1, 0)).project(queries)
+    np.testing.assert_array_equal(plain.s, held.s)
+    np.testing.assert_array_equal(plain.distance, held.distance)

@@ -189,3 +189,8 @@ def test_waypoints_are_vertices_in_order(refuses):
             ac.InvalidInput,
             "waypoints of a path",
         )
+
+
+def test_points_on_a_line_stay_vertices():
+    path = ac.Path.spline([(0, 0), (1, 0), (2, 0), (5, 0)])
+    np.testing.assert_allclose(path.vertices[path.waypoints], [(0, 0), (1, 0), (2, 0), (5, 0)])

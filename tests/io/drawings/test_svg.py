@@ -431,6 +431,10 @@ class TestGuards:
         assert read('<path d="M0 0' + "h1" * 99 + '"/>').length == pytest.approx(99e-3)
         assert "more than 100 segments" in refused('<path d="M0 0' + "h1" * 101 + '"/>')
 
+    def test_path_data_is_read_without_another_library(self, monkeypatch):
+        monkeypatch.setitem(__import__("sys").modules, "svgpathtools", None)
+        assert len(only('<path d="M0 0 h1 q1 1 2 0 a 5 5 0 0 1 10 0"/>')) > 3
+
 
 def number(rng, low=-30.0, high=30.0):
     return f"{rng.uniform(low, high):.{rng.integers(0, 6)}f}"
