@@ -63,7 +63,7 @@ def measure() -> tuple[list[Measured], list[str]]:
             times = paired(ours, solve, RUNS)
             measured.append(Measured(what, times[0], "toppra, solver alone", times[1], "< 0.5"))
             notes.append(
-                f"{what}: {planned.duration:.3f} s on {len(planned.laws[0].s):,} grid points; "
+                f"{what}: {planned.duration:.3f} s on {len(planned.breaks):,} grid points; "
                 f"toppra, joint limits: {solve():.3f} s on {GRID_POINTS * SEGMENTS + 1:,}."
             )
     return measured, notes

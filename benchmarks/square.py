@@ -105,7 +105,7 @@ def measure() -> tuple[list[Measured], list[Judged], list[str]]:
         _ours("armcontour, joint limits only", arm, path, free),
     ]
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-    off = _off(rounded, arm.forward(first(_places(first.laws[0].breaks))))
+    off = _off(rounded, arm.forward(first(_places(first.breaks))))
     notes = [f"Square: the plan leaves the rounded path by {off:.1e} m (bar: 1e-6 m)."]
     if off > 1e-6:
         raise AssertionError(notes[-1])

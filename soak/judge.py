@@ -127,7 +127,7 @@ def _steps(law: Any, q: np.ndarray, problem: Problem) -> list[str]:
     i = np.arange(len(q))
     ends = law.path_position(i, law.breaks[1:])
     speeds = law.path_position(i, law.breaks[1:], 1)
-    length, fastest = path.length, float(law.rates[:, 0].max())
+    length, fastest = path.length, float(law.rates.ds.max())
     if law.s[0] != path.breaks[0] or law.s[-1] != path.breaks[-1] or (np.diff(law.s) <= 0).any():
         notes.append("s does not run from start to end")
     size = 1.0 + float(np.abs(q).max())
@@ -135,14 +135,14 @@ def _steps(law: Any, q: np.ndarray, problem: Problem) -> list[str]:
         notes.append("joint positions jump")
     if np.abs(ends - law.s[1:]).max() > STEP * length:
         notes.append(f"intervals miss their ends by {np.abs(ends - law.s[1:]).max() / length:.1e}")
-    after = np.append(law.rates[1:, 0], problem.options.get("end_speed", 0.0))
+    after = np.append(law.rates.ds[1:], problem.options.get("end_speed", 0.0))
     if np.abs(speeds[:-1] - after[:-1]).max(initial=0.0) > 1e-6 * fastest:
         notes.append("path speed jumps")
-    if (law.rates[1:, 0] < 0).any() or speeds.min() < -1e-6 * fastest:
+    if (law.rates.ds[1:] < 0).any() or speeds.min() < -1e-6 * fastest:
         notes.append("runs back")
     if len(path.stops):
         at = np.searchsorted(law.s, path.stops)
-        if (law.rates[at[at < len(law.rates)], 0] != 0).any():
+        if (law.rates.ds[at[at < len(law.rates.ds)]] != 0).any():
             notes.append("does not stop where it must")
     return notes
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import armcontour as ac
-from armcontour.motion import JointPath, PathLaw
+from armcontour.motion import JointPath
 from armcontour.timing._reach import reach
 from armcontour.timing.constraints import JointDerivatives
 from armcontour.timing.explanation import Explanation, explain
@@ -30,8 +30,6 @@ def draw() -> Figure:
     """Speed over arc length, and below it the joint accelerations, in the colours of limits."""
     joint_path = ac.trace(job.ROUNDED, job.ARM)
     plan = ac.plan(joint_path, job.ARM, job.LIMITS, method="optimal")
-    law = plan.laws[0]
-    assert isinstance(law, PathLaw)
     why = explain(plan, job.ARM, job.LIMITS)
     figure, rows = plt.subplots(3, 1, figsize=(8.6, 7.2), sharex=True, height_ratios=(3, 1.4, 1.4))
 
@@ -40,13 +38,13 @@ def draw() -> Figure:
     rows[0].plot(
         1e3 * s, 1e3 * np.sqrt(most), color=style.GREY, lw=1.2, ls=":", label="backward pass"
     )
-    _coloured(rows[0], why, law.s, 1e3 * np.append(law.rates[:, 0], 0.0))
+    s = plan.s(plan.breaks)
+    _coloured(rows[0], why, s, 1e3 * plan.s(plan.breaks, 1))
     rows[0].set(ylabel="path speed $ds/dt$ [mm/s]", ylim=(0, 172))
     rows[0].set_title("(a) Speed along the path: the plan, in the colour of the limit that binds")
 
-    intervals = np.arange(len(law.breaks) - 1)
-    ddq = law.on_interval(intervals, (law.breaks[:-1] + law.breaks[1:]) / 2, 2)
-    middle = (law.s[:-1] + law.s[1:]) / 2
+    ddq = plan((plan.breaks[:-1] + plan.breaks[1:]) / 2, 2)
+    middle = (s[:-1] + s[1:]) / 2
     limit = job.LIMITS.for_joints(2).joint_acceleration
     for j, axes in enumerate(rows[1:]):
         axes.plot(1e3 * middle, ddq[:, j], color=style.GREY, lw=0.6)

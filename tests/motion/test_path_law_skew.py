@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 import armcontour as ac
-from armcontour.motion import PathLaw, interval_times
+from armcontour.motion import PathLaw, Rates, interval_times
 
 PATH = ac.JointPath.spline([(0.0,), (1.0,)])
 
@@ -45,7 +45,7 @@ def test_the_motion_solves_its_equation(case):
         joint_path=PATH,
         breaks=np.array([0.0, duration]),
         s=np.array([0.0, width]),
-        rates=np.array([[begin, u, slope]]),
+        rates=Rates(*np.array([[begin], [u], [slope]])),
     )
     t = np.linspace(0, duration, 21)
     found = solve_ivp(
@@ -106,7 +106,7 @@ def test_the_motion_does_not_jump_where_the_series_ends(sign, order):
         joint_path=PATH,
         breaks=np.array([0.0, 0.1]),
         s=np.array([0.0, 0.1]),
-        rates=np.array([[0.5, 0.3, slope]]),
+        rates=Rates(*np.array([[0.5], [0.3], [slope]])),
     )
     before, after = law.path_position(np.zeros(2, dtype=int), t, order)
     expected = [0.5, 0.3, 0.5 * slope][order] * 2e-11  # what time itself changes

@@ -34,7 +34,7 @@ def way(law, t):
     """S of a law, at rest before it begins and behind its end."""
     if t <= 0 or t >= law.breaks[-1]:
         return law.s[0] if t <= 0 else law.s[-1]
-    i = np.array([min(np.searchsorted(law.breaks, t), len(law.rates)) - 1])
+    i = np.array([min(np.searchsorted(law.breaks, t), len(law.breaks) - 1) - 1])
     return float(law.path_position(i, np.array([t]))[0])
 
 
@@ -101,9 +101,9 @@ def test_the_tool_stays_on_the_path(planned, arm, path):
 
 def test_speeds_and_path_accelerations_never_exceed_the_plans_largest(planned):
     base = planned.laws[0]
-    i = np.arange(len(base.rates))
+    i = np.arange(len(base.rates.ds))
     ends = base.path_position(i, base.breaks[1:], 2)
-    largest = max(np.abs(base.rates[:, 1]).max(), np.abs(ends).max())
+    largest = max(np.abs(base.rates.dds).max(), np.abs(ends).max())
     for windows in WINDOWS:
         law = smoothed(planned, *windows).laws[0]
         t = np.linspace(0, law.breaks[-1], 50_000)
@@ -116,7 +116,7 @@ def test_two_windows_make_path_accelerations_continuous_and_their_rate_finite(pl
     before, after = (law.path_position(i, law.breaks[1:-1], 2) for i in _both(law))
     np.testing.assert_allclose(before, after, atol=1e-9)
     base = planned.laws[0]
-    jump = np.abs(np.diff(base.rates[:, 1])).max()
+    jump = np.abs(np.diff(base.rates.dds)).max()
     t = np.linspace(0, law.breaks[-1], 400_001)
     rate = np.diff(of(law, t, 2)) / (t[1] - t[0])
     # A jump is drawn out over a window, and the second one does not make that steeper.

@@ -148,7 +148,7 @@ def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
             Stretch(name="x", kind="y", t=(0, 1), s=(0, 1), demand=np.ones(2), speed=1.0),
             1,
         ),
-        (bent, 1),
+        (bent, 2),
         (bent.laws[0], 4),
     ]
     for value, count in made:

@@ -78,11 +78,11 @@ def test_the_motion_goes_forward_and_keeps_its_limits(problem, intervals, worst_
     law = planned.laws[0]
     assert law.s[0] == 0 and law.s[-1] == law.joint_path.breaks[-1]
     np.testing.assert_allclose(planned([0.0, planned.duration]), points[[0, -1]], atol=1e-9 * 1e3)
-    assert (np.diff(law.s) > 0).all() and (law.rates[1:, 0] > 0).all()
+    assert (np.diff(law.s) > 0).all() and (law.rates.ds[1:] > 0).all()
     i = np.repeat(np.arange(len(law.breaks) - 1), 5)
     t = (law.breaks[:-1, None] + np.diff(law.breaks)[:, None] * np.linspace(0, 1, 5)).ravel()
     assert (np.diff(law.path_position(i, t)) >= -1e-12 * law.s[-1]).all()
-    assert (law.path_position(i, t, 1) >= -1e-9 * law.rates[:, 0].max()).all()
+    assert (law.path_position(i, t, 1) >= -1e-9 * law.rates.ds.max()).all()
     found = worst_ratios(planned, limits)
     assert max(found.values()) <= 1 + LEAK
 

@@ -281,8 +281,7 @@ def test_rounded_corners_under_tool_acceleration(rounded, arm, worst_ratios):
     assert_kept(ratios)
     corners = [np.sqrt(ACCELERATION * r) for r in rounded.corners.radius]
     place = (rounded.corners.start + rounded.corners.end) / 2
-    law = planned.laws[0]
-    found = np.interp(place, law.s[:-1], law.rates[:, 0])
+    found = planned.speed_at(place)
     # Never faster than the arc allows, and nearly so fast in the middle of it.
     assert (found <= np.array(corners) * (1 + LEAK)).all()
     np.testing.assert_allclose(found, corners, rtol=1e-3)
@@ -344,9 +343,9 @@ def test_segments_have_their_own_speeds(arm, objective, limits, worst_ratios):
     )
     planned = ac.plan(path, arm, limits)
     assert_kept(worst_ratios(planned, limits, arm))
-    law = planned.laws[0]
-    segment = path.locate((law.s[:-1] + law.s[1:]) / 2)
-    top = np.array([law.rates[segment == k, 0].max() for k in range(5)])
+    s, speed = planned.s(planned.breaks), planned.s(planned.breaks, 1)
+    segment = path.locate((s[:-1] + s[1:]) / 2)
+    top = np.array([speed[:-1][segment == k].max() for k in range(5)])
     np.testing.assert_allclose(top[[0, 2]], [0.03, 0.06], rtol=1e-5)
     assert 0.06 < top[4] <= 0.15
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
+from armcontour.motion.laws import Rates
 
 # Terms of the series below; they end at rounding for `|slope| t²` up to 10, which is more than half
 # a turn of the circular law.
@@ -15,13 +16,13 @@ STEPS = 110
 
 
 @compiled()
-def moved(rates: FloatArray, u: float) -> tuple[float, float, float, float, float]:
-    """A law of path acceleration linear in s, `u` seconds after its interval began.
+def moved(rates: Rates, i: int, u: float) -> tuple[float, float, float, float, float]:
+    """A law of path acceleration linear in s, `u` seconds after its interval `i` began.
 
     Returns:
         dds, ds, the way since then, and its first and second integral over time.
     """
-    ds, dds, slope = rates[0], rates[1], rates[2]
+    ds, dds, slope = rates.ds[i], rates.dds[i], rates.slope[i]
     z = slope * u * u
     # f_n = sum_j z^j / (2 j + n)!, of which hyperbolic and circular functions are made.
     f0, f1, f2, f3, f4 = 1.0, 1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0
@@ -51,11 +52,12 @@ def moved(rates: FloatArray, u: float) -> tuple[float, float, float, float, floa
 
 
 @compiled()
-def whole(breaks: FloatArray, rates: FloatArray) -> FloatArray:
+def whole(breaks: FloatArray, rates: Rates) -> FloatArray:
     """First and second integral of the way over every interval, from its begin, (n, 2)."""
-    found = np.empty((len(rates), 2))
-    for i in range(len(rates)):
-        found[i, 0], found[i, 1] = moved(rates[i], breaks[i + 1] - breaks[i])[3:]
+    n = len(breaks) - 1
+    found = np.empty((n, 2))
+    for i in range(n):
+        found[i, 0], found[i, 1] = moved(rates, i, breaks[i + 1] - breaks[i])[3:]
     return found
 
 
@@ -63,7 +65,7 @@ def whole(breaks: FloatArray, rates: FloatArray) -> FloatArray:
 def _from(
     breaks: FloatArray,
     s: FloatArray,
-    rates: FloatArray,
+    rates: Rates,
     integrals: FloatArray,
     begin: float,
     ends: FloatArray,
@@ -72,7 +74,7 @@ def _from(
 
     Before its first break and behind its last the law is at rest.
     """
-    n = len(rates)
+    n = len(breaks) - 1
     found = np.zeros((len(ends), 5))
     i = -1 if begin < breaks[0] else min(int(np.searchsorted(breaks, begin, side="right")) - 1, n)
     # Time and way at the last event passed, and the integrals up to there.
@@ -80,7 +82,7 @@ def _from(
     if i >= n:
         origin = s[n]
     elif i >= 0:
-        origin = s[i] + moved(rates[i], begin - breaks[i])[2]
+        origin = s[i] + moved(rates, i, begin - breaks[i])[2]
     one, two = 0.0, 0.0
     for k in range(len(ends)):
         while i < n and ends[k] >= breaks[i + 1]:
@@ -95,9 +97,9 @@ def _from(
             found[k, 3], found[k, 4] = one + here * u, two + one * u + here * u * u / 2
             continue
         # From the begin of the interval, less what lies before `now`.
-        own = moved(rates[i], ends[k] - breaks[i])
+        own = moved(rates, i, ends[k] - breaks[i])
         lag = now - breaks[i]
-        first = moved(rates[i], lag)
+        first = moved(rates, i, lag)
         here = s[i] - origin
         found[k, 0], found[k, 1], found[k, 2] = own[0], own[1], here + own[2]
         found[k, 3] = one + (own[3] - first[3]) + here * u
@@ -109,7 +111,7 @@ def _from(
 def _advanced(
     breaks: FloatArray,
     s: FloatArray,
-    rates: FloatArray,
+    rates: Rates,
     integrals: FloatArray,
     i: int,
     now: float,
@@ -125,7 +127,7 @@ def _advanced(
     if now == breaks[i]:
         add, more = integrals[i, 0], integrals[i, 1]
     else:
-        first = moved(rates[i], now - breaks[i])
+        first = moved(rates, i, now - breaks[i])
         add = integrals[i, 0] - first[3]
         more = integrals[i, 1] - first[4] - first[3] * u
     return one + add + here * u, two + one * u + more + here * u * u / 2
@@ -136,7 +138,7 @@ def averaged(
     t: FloatArray,
     breaks: FloatArray,
     s: FloatArray,
-    rates: FloatArray,
+    rates: Rates,
     integrals: FloatArray,
     first: float,
     second: float,
@@ -149,7 +151,7 @@ def averaged(
         t: Times [s], (n,).
         breaks: Of the law [s], (m + 1,).
         s: At the breaks [m], (m + 1,).
-        rates: ds, dds and the slope of dds over s at the begin of every interval, (m, 3).
+        rates: Of every interval.
         integrals: Of `whole`, (m, 2).
         first: The longer window [s].
         second: The shorter one, or 0 [s].
@@ -166,7 +168,7 @@ def averaged(
             origin = s[last]
         elif begin > breaks[0]:
             i = min(int(np.searchsorted(breaks, begin, side="right")) - 1, last - 1)
-            origin = s[i] + moved(rates[i], begin - breaks[i])[2]
+            origin = s[i] + moved(rates, i, begin - breaks[i])[2]
         ends = np.array([begin, begin + second, begin + first, t[k]])
         x = _from(breaks, s, rates, integrals, begin, ends)
         if second == 0.0:
@@ -188,7 +190,7 @@ def crossings(
     high: FloatArray,
     breaks: FloatArray,
     s: FloatArray,
-    rates: FloatArray,
+    rates: Rates,
     integrals: FloatArray,
     first: float,
     second: float,

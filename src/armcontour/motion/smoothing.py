@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.motion._averaging import averaged, crossings, whole
 from armcontour.motion.joint_path import JointPath
-from armcontour.motion.laws import Law, PathLaw, path_states
+from armcontour.motion.laws import Law, LawAlongPath, PathLaw, Rates, path_states
 from armcontour.motion.trajectory import Trajectory
 
 # Breaks closer than this share of the duration are one.
@@ -20,7 +20,7 @@ SAME = 1e-13
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothedLaw(Law):
+class SmoothedLaw(LawAlongPath):
     """A law along a joint path, averaged over one window or over two, one after the other.
 
     Averaging s(t), and not the joints, leaves the path as it is. The average of a path speed or a
@@ -79,6 +79,16 @@ class SmoothedLaw(Law):
             self.joint_path, (self.s[i], self.s[i + 1]), *self.path_motion(i, t), order
         )
 
+    def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        return self._crossings(s, self.breaks[i], self.breaks[i + 1])
+
+    def _crossings(self, s: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Times between `low` and `high` at which the way is at `s`, (n,)."""
+        law = self.law
+        return np.asarray(
+            crossings(s, low, high, law.breaks, law.s, law.rates, self.integrals, *self.windows)
+        )
+
     def _path(self, t: FloatArray) -> FloatArray:
         """s, ds and dds, (n, 3)."""
         at = np.ascontiguousarray(t, dtype=np.float64)
@@ -91,16 +101,7 @@ class SmoothedLaw(Law):
         joints = self.joint_path.breaks
         joints = joints[(joints > s[0]) & (joints < s[-1])]
         k = np.searchsorted(s, joints, side="left")
-        passed = crossings(
-            joints,
-            t[k - 1],
-            t[k],
-            self.law.breaks,
-            self.law.s,
-            self.law.rates,
-            self.integrals,
-            *self.windows,
-        )
+        passed = self._crossings(joints, t[k - 1], t[k])
         # A break that is a joint's already, but for rounding, becomes the joint's.
         near = SAME * t[-1]
         apart = np.ones(len(t), dtype=bool)
@@ -162,6 +163,5 @@ def _between_rests(law: PathLaw) -> Iterator[PathLaw]:
     rests = np.flatnonzero(speeds == 0)
     for a, b in zip(rests[:-1], rests[1:], strict=True):
         breaks = law.breaks[a : b + 1] - law.breaks[a]
-        yield PathLaw(
-            joint_path=law.joint_path, breaks=breaks, s=law.s[a : b + 1], rates=law.rates[a:b]
-        )
+        rates = Rates(*(x[a:b] for x in law.rates))
+        yield PathLaw(joint_path=law.joint_path, breaks=breaks, s=law.s[a : b + 1], rates=rates)

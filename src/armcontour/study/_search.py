@@ -16,7 +16,7 @@ from armcontour._checks import FloatArray
 from armcontour.compensation import compensate
 from armcontour.evaluation import Check, check
 from armcontour.execution import execute
-from armcontour.motion import Execution, JointPath, PathLaw, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.study._held import Held, held_plan
 from armcontour.study._uses import Setting, Uses, run, uses_of
 from armcontour.study.goal import Goal
@@ -385,7 +385,5 @@ class _Moments:
 
 def _squares(plan: Trajectory, cells: FloatArray) -> FloatArray:
     """The largest ds² of a plan in every cell."""
-    law = plan.laws[0]
-    assert isinstance(law, PathLaw)
-    at = np.interp(cells, law.s, law.speeds**2)
+    at = plan.speed_at(cells) ** 2
     return np.asarray(np.maximum(at[:-1], at[1:]))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable
-from armcontour.motion import PathLaw, Trajectory
+from armcontour.motion import Trajectory
 from armcontour.program import (
     Contour,
     Leads,
@@ -112,10 +112,9 @@ def _reached(
         up=job.process.up,
     )
     alone = rounded(prepared(Program(moves=(contour,)), ends, [leads]), rounding)
-    law = planned(job, this, alone).laws[0]
     (only,) = alone.contours
-    assert isinstance(law, PathLaw) and only.work is not None
-    on, off = np.interp(only.work, law.s, law.speeds)
+    assert only.work is not None
+    on, off = planned(job, this, alone).speed_at(only.work)
     return float(on), float(off)
 
 
@@ -190,8 +189,7 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
     spans = trajectory.contour_spans
     found = []
     for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
-        law = None if span.trajectory is None else span.trajectory.laws[0]
-        if x.work is None or not isinstance(law, PathLaw):
+        if x.work is None or span.trajectory is None:
             continue
         begin, end = x.work
         for word, s, lead, side in (
@@ -199,7 +197,7 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
             ("off", end, x.path.length - end, "left"),
         ):
             assigned = _assigned(x, s, side, this)
-            speed = float(np.interp(s, law.s, law.speeds))
+            speed = float(span.trajectory.speed_at(s, side=side))
             if lead > 0 and np.isfinite(assigned) and speed < assigned * (1 - SAME_SPEED):
                 found.append(
                     f"{contour_called(x, i)}: the tool goes {word} at {speed:.3g} of "

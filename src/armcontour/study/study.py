@@ -16,7 +16,7 @@ from armcontour.errors import ArmContourError, ExecutionError
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
-from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.study.job import Job, Run
 from armcontour.study.memory import RESOLUTION, refuse_too_large
@@ -235,7 +235,7 @@ def _run(
         except ExecutionError as error:
             failure = error
     explanation = None
-    if plan.trajectory.method == "optimal":
+    if plan.trajectory.method is Method.OPTIMAL:
         kept = with_reserve(this.limits, this.reserve)
         explanation = explain(plan.trajectory, job.arm, kept)
     return RunResult(

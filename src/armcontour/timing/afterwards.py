@@ -10,7 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import JOINT_LIMITS, TOOL_LIMITS
 from armcontour.errors import InvalidInput, NotRealizable
-from armcontour.motion import Law, PathLaw
+from armcontour.motion import LawAlongPath
 from armcontour.timing.common import law_places, law_states
 from armcontour.timing.constraints.angular import oriented
 
@@ -20,25 +20,23 @@ UNITS = JOINT_LIMITS | TOOL_LIMITS
 
 
 def refuse_broken(
-    laws: Sequence[Law],
+    laws: Sequence[LawAlongPath],
     arm: Arm,
     limits: Limits,
     names: Sequence[str],
     *,
     where: str,
-    s: float,
     t: float,
     mends: str,
 ) -> None:
     """Refuse laws that break one of the named limits at a place that is looked at.
 
     Args:
-        laws: The laws, one after the other; those that are no `PathLaw` run along one line.
+        laws: The laws, one after the other.
         arm: The arm.
         limits: The limits; of those named, what is not given is not limited.
         names: Fields of `Limits`.
         where: Begins the sentence; what follows it is the place along the path.
-        s: Where they begin [m].
         t: When they begin [s].
         mends: Ends the sentence.
 
@@ -62,11 +60,7 @@ def refuse_broken(
             who = "the tool" if joint is None else f"joint {joint}"
             intervals, times = law_places(law)
             local = float(times[at[0]])
-            if isinstance(law, PathLaw):
-                s = float(law.path_position(intervals[at[0]], times[at[0]]))
-            else:
-                ends = laws[0].on_interval(np.array([0]), np.array([0.0]), 0)[0], states[0][at[0]]
-                s += float(np.linalg.norm(np.diff(arm.forward(np.array(ends)), axis=0)))
+            s = float(law.path_position(intervals[at[0]], times[at[0]]))
             raise NotRealizable(
                 f"{where}, at {s:.4g} m, {who} would need {needed:.4g} {UNITS[name]}{_of(name)}, "
                 f"but its limit is {limit:.4g} {UNITS[name]}: {mends}.",

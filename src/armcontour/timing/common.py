@@ -10,7 +10,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, Law, PathLaw
+from armcontour.motion import JointPath, Law, PathLaw, Rates
 
 # Places per smooth piece at which joint motion is looked at: a piece turns by half a radian at
 # most, so the top of its curve is missed by less than a part in ten thousand.
@@ -59,7 +59,7 @@ def path_law(joint_path: JointPath, s: FloatArray, begin: FloatArray, end: Float
     """
     way = np.diff(s)
     times = 2 * way / (begin + end)
-    rates = np.stack([begin, (end - begin) / times, np.zeros_like(way)], axis=1)
+    rates = Rates(ds=begin, dds=(end - begin) / times, slope=np.zeros_like(way))
     return PathLaw(
         joint_path=joint_path, breaks=np.concatenate([[0.0], np.cumsum(times)]), s=s, rates=rates
     )
@@ -106,8 +106,4 @@ def _smooth_pieces(law: PathLaw) -> FloatArray:
     """Times between which s(t) and the joint path are single polynomials."""
     inner = law.joint_path.breaks
     inner = inner[(inner > law.s[0]) & (inner < law.s[-1])]
-    i = np.searchsorted(law.s, inner, side="right") - 1
-    # Uniform acceleration: s = s_i + v u + a u² / 2, solved for u without cancellation.
-    v, a, way = law.rates[i, 0], law.rates[i, 1], inner - law.s[i]
-    root = np.sqrt(np.maximum(v * v + 2 * a * way, 0.0))
-    return np.unique(np.concatenate([law.breaks, law.breaks[i] + 2 * way / (v + root)]))
+    return np.unique(np.concatenate([law.breaks, law.reach(inner)[1]]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armcontour.arms import Arm, Limits
-from armcontour.motion import JointPath, Stretch, Trajectory
+from armcontour.motion import JointPath, Method, Stretch, Trajectory
 from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import law_peaks, needs_speed, path_law, segment_speeds, tool_path_of
 
@@ -27,7 +27,6 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         limits,
         ("joint_torque", "angular_speed", "angular_acceleration"),
         where="At uniform speed along the path",
-        s=0.0,
         t=0.0,
         mends="a lower assigned velocity or the method optimal helps",
     )
@@ -40,4 +39,4 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         demand=peaks.values[2],
         speed=peaks.speed,
     )
-    return Trajectory(laws=(law,), method="conventional", path=path, stretches=(stretch,))
+    return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
-from armcontour.motion import PathLaw, Trajectory
+from armcontour.motion import Method, PathLaw, Trajectory
 from armcontour.timing.constraints import Constraint, JointDerivatives, ToolSpeed
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
@@ -115,8 +115,9 @@ def explain(
     planned = [(x.t[0], x.s[0], x.trajectory) for x in trajectory.contour_spans]
     laws: list[tuple[float, float, PathLaw]] = []
     for t, s, found in planned or [(0.0, 0.0, trajectory)]:
+        # The limits bind on intervals of the grid, and these only the law has.
         law = None if found is None else found.laws[0]
-        if trajectory.method != "optimal" or not isinstance(law, PathLaw):
+        if trajectory.method is not Method.OPTIMAL or not isinstance(law, PathLaw):
             raise InvalidInput(
                 f"Only plans of the method optimal can be explained, not of {trajectory.method}."
             )
@@ -178,7 +179,7 @@ def _of_law(
     if not speed:
         return _Part(bindings, ())
     path = JointDerivatives.on(grid)
-    at = speed[0].usage(grid, path, law.speeds**2, law.rates[:, 1], law.rates[:, 2])[:, 0]
+    at = speed[0].usage(grid, path, law.speeds**2, law.rates.dds, law.rates.slope)[:, 0]
     assigned = speed[0].assigned[grid.piece]
     asked = np.isfinite(assigned)
     reached = (at >= REACHED) & asked
@@ -200,7 +201,7 @@ def _shares(
     x = law.speeds**2
     found, names = [], []
     for constraint in active:
-        used = constraint.usage(grid, path, x, law.rates[:, 1], law.rates[:, 2])
+        used = constraint.usage(grid, path, x, law.rates.dds, law.rates.slope)
         found.append(used)
         names += [
             (constraint.name, k + 1 if constraint.joints else None) for k in range(used.shape[1])

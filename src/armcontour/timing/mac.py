@@ -16,7 +16,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, Law, Stretch, Trajectory, checked_interval
+from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, checked_interval
 from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import (
     law_peaks,
@@ -124,7 +124,7 @@ def plan_mac(
             )
         )
     _match(lines, junctions)
-    laws: list[Law] = []
+    laws: list[LawAlongPath] = []
     stretches: list[Stretch] = []
     corner = 0
     for number, line in enumerate(lines):
@@ -138,7 +138,7 @@ def plan_mac(
         for part in parts:
             now = stretches[-1].t[1] if stretches else 0.0
             stretches.append(_stretch(part, now, arm, limits))
-    return Trajectory(laws=tuple(laws), method="mac", path=path, stretches=tuple(stretches))
+    return Trajectory(laws=tuple(laws), method=Method.MAC, path=path, stretches=tuple(stretches))
 
 
 def _junctions(
@@ -223,7 +223,6 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
         CHECKED,
         where=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m along "
         "the path",
-        s=part.s[0],
         t=now,
         mends="the method mac does not look at it there; a lower assigned velocity or centripetal "
         "acceleration, or the method optimal, helps",

@@ -15,9 +15,9 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
-from armcontour.motion import JointPath, LapLaw, Law
+from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.timing._laps import laps
-from armcontour.timing.common import law_peaks, path_law
+from armcontour.timing.common import law_peaks, path_law, tool_path_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Piece:
             length from its start [s, m].
     """
 
-    law: Law
+    law: LawAlongPath
     kind: str
     s: tuple[float, float]
     switch: tuple[float, float] = (0.0, 0.0)
@@ -82,7 +82,7 @@ class Part:
     kind: str
     duration: float
     s: tuple[float, float]
-    laws: list[Law]
+    laws: list[LawAlongPath]
 
 
 def parts_by_rule(name: str, pieces: list[Piece]) -> list[Part]:
@@ -184,24 +184,31 @@ class Line:
         return pieces
 
     def _mac(self, run: Pass, last: int) -> Piece:
-        law = LapLaw(
-            breaks=np.concatenate([[0.0], np.cumsum(run.h[:last])]),
-            q=self.q[: last + 1],
-            dq=run.dq[:last],
-            ddq=run.ddq[:last],
-        )
-        return Piece(law, "MAC", (float(self.s[0]), float(self.s[last])))
+        return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> Piece:
         count = len(self.s) - 1 - first
-        h = run.h[:count][::-1]
-        law = LapLaw(
+        ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
+        h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
+        return self._piece("MDC", first, len(self.s) - 1, h, dq, ddq)
+
+    def _piece(
+        self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> Piece:
+        """Laps from one knot to another one."""
+        path = tool_path_of(self.joint_path, "mac")
+        ends = (float(self.s[first]), float(self.s[last]))
+        law = LineLaw(
             breaks=np.concatenate([[0.0], np.cumsum(h)]),
-            q=self.q[first:],
-            dq=-(run.dq[:count] + run.ddq[:count] * run.h[:count, None])[::-1],
-            ddq=run.ddq[:count][::-1],
+            q=self.q[first : last + 1],
+            dq=dq,
+            ddq=ddq,
+            arm=self.arm,
+            ends=ends,
+            point=path(ends[0]),
+            direction=path(ends[0], 1),
         )
-        return Piece(law, "MDC", (float(self.s[first]), float(self.s[-1])))
+        return Piece(law, kind, ends)
 
     def _meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
@@ -230,7 +237,7 @@ class Line:
             return Piece(law, "AVC", places)
         ahead, behind = backward[low] ** 2 - begin**2, forward[high] ** 2 - end**2
         way = float(s[1] - s[0]) * (ahead / (ahead + behind) if ahead + behind > 0 else 0.5)
-        acceleration = law.rates[0, 1]
+        acceleration = law.rates.dds[0]
         time = 2 * way / (begin + np.sqrt(max(begin**2 + 2 * acceleration * way, 0.0)))
         return Piece(law, "meeting", places, (float(time), way))
 

@@ -20,7 +20,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, PathLaw, Trajectory, interval_times
+from armcontour.motion import JointPath, Method, PathLaw, Rates, Trajectory, interval_times
 from armcontour.timing._reach import PLAY, reach, skews
 from armcontour.timing.constraints import (
     AngularAcceleration,
@@ -121,7 +121,7 @@ def plan_optimal(
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
     law = _solve(placed, _Task(tuple(active), start_speed, end_speed, arm), most)
-    return Trajectory(laws=(law,), method="optimal", path=joint_path.tool_path)
+    return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
@@ -459,7 +459,7 @@ class _Bracket:
     def close_in(self, x: FloatArray, law: PathLaw) -> None:
         """A narrow bracket around a plan, whose law will do if there is nothing better."""
         self.most, self.least = np.maximum(x[:-1], x[1:]), np.minimum(x[:-1], x[1:])
-        self.reach, self.found, self.moves = np.full(len(law.rates), CLOSE), law, 0
+        self.reach, self.found, self.moves = np.full(len(law.s) - 1, CLOSE), law, 0
 
     def gains(self, law: PathLaw) -> bool:
         """Whether a law is faster than the one before it by enough to go on."""
@@ -550,16 +550,13 @@ def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
     speed = np.sqrt(x)
     if not (speed[:-1] + speed[1:]).all():
         _refuse_stuck(grid, int(np.flatnonzero(speed[:-1] + speed[1:] == 0)[0]))
-    rates = np.empty((len(grid), 3))
-    rates[:, 0] = speed[:-1]
-    rates[:, 1] = np.diff(x) / (2 * grid.width) - skew * grid.width / 2
-    rates[:, 2] = skew
+    begin = np.diff(x) / (2 * grid.width) - skew * grid.width / 2
     times = interval_times(grid.width, speed[:-1], speed[1:], skew)
     return PathLaw(
         joint_path=grid.joint_path,
         breaks=np.concatenate([[0.0], np.cumsum(times)]),
         s=grid.s,
-        rates=rates,
+        rates=Rates(ds=speed[:-1], dds=begin, slope=skew),
     )
 
 

@@ -11,7 +11,7 @@ from armcontour import _checks, _memory
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, Trajectory
+from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
@@ -21,7 +21,7 @@ from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.programs import Progress, Ways, plan_program, plan_rapid
 from armcontour.tracing import refuse_out_of_range
 
-METHODS = ("optimal", "mac", "conventional")
+METHODS = tuple(x.value for x in Method)
 # Limits of which a reserve is a share.
 RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
 # Options that mean one path: a program has many, and rests between them.

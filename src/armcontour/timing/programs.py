@@ -18,11 +18,10 @@ from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
+from armcontour.motion import JointPath, LapLaw, Law, Method, Span, TimedEvent, Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.optimal import plan_optimal
-from armcontour.timing.passing import time_at
 from armcontour.tracing import trace
 
 # Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
@@ -100,7 +99,7 @@ class _Chain:
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
     waiting: list[tuple[int, Event | Dwell]] = field(default_factory=list)
-    method: str = "optimal"
+    method: str = Method.OPTIMAL
     length: float = 0.0
 
     def contour(self, i: int, move: Contour, number: int) -> None:
@@ -112,7 +111,7 @@ class _Chain:
         self.method = planned.method
         begun, offset = self.t, self.length
         ends = (0.0, move.path.length) if move.work is None else move.work
-        work = tuple(begun + time_at(planned, self.ways.arm, move.path, s) for s in ends)
+        work = begun + planned.time_at(ends)
         self._append(
             planned,
             Span(
@@ -121,7 +120,7 @@ class _Chain:
                 name=move.name,
                 t=(begun, begun + planned.duration),
                 s=(offset, offset + move.path.length),
-                work=(work[0], work[1]),
+                work=(float(work[0]), float(work[1])),
                 trajectory=planned,
             ),
         )
@@ -269,13 +268,13 @@ class _Chain:
                 needed=abs(x.lead_distance),
                 allowed=x.s if leads else move.path.length - x.s,
             )
-        due = begun + time_at(planned, self.ways.arm, move.path, x.s)
-        t = begun + time_at(planned, self.ways.arm, move.path, early) - x.lead_time
+        places = np.clip([x.s, early], 0.0, move.path.length)
+        due, t = (begun + planned.time_at(places)).tolist()
         self.events.append(
             TimedEvent(
                 name=x.name,
                 value=x.value,
-                t=t,
+                t=t - x.lead_time,
                 due=due,
                 s=offset + x.s,
                 point=tuple(move.path(min(x.s, move.path.length)).tolist()),

@@ -99,11 +99,9 @@ def _strip(title: str, result: RunResult, why: Explanation) -> Any:
 
 def _speeds(result: RunResult) -> list[Any]:
     """Planned and assigned tool speed along the path, or along all contours."""
-    found = []
     planned = planned_speeds(result)
-    if planned is not None:
-        s, speed = thinned(planned[0], planned[1] * 1e3)
-        found.append(line(s, speed, "planned tool speed", "#000000"))
+    s, speed = thinned(planned[0], planned[1] * 1e3)
+    found = [line(s, speed, "planned tool speed", "#000000")]
     assigned = assigned_speeds(result)
     if assigned is None:
         return found

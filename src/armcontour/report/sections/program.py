@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armcontour.evaluation import ErrorProfile
-from armcontour.motion import PathLaw, Span
+from armcontour.motion import Span
 from armcontour.program import Contour, Program
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
@@ -178,16 +178,16 @@ def _cells(
 
 def _assigned(contour: Contour, span: Span, most: float) -> str:
     """Share of a contour's length at work that is run at the assigned velocity."""
-    law = None if span.trajectory is None else span.trajectory.laws[0]
-    if not isinstance(law, PathLaw):
-        return ""
+    assert span.trajectory is not None
+    times = span.trajectory.breaks
+    s, speeds = span.trajectory.s(times), span.trajectory.s(times, 1)
     begin, end = contour.work or (0.0, contour.path.length)
-    middle, width = (law.s[:-1] + law.s[1:]) / 2, np.diff(law.s)
+    middle, width = (s[:-1] + s[1:]) / 2, np.diff(s)
     assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], most)
     asked = np.isfinite(assigned) & (middle >= begin) & (middle <= end)
     if not asked.any():
         return ""
-    speed = np.minimum(law.speeds[:-1], law.speeds[1:])
+    speed = np.minimum(speeds[:-1], speeds[1:])
     reached = asked & (speed >= REACHED * assigned)
     return f"{width[reached].sum() / width[asked].sum():.0%}"
 
