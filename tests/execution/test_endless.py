@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.execution._pieces import _advance_bent, _advance_lag
-from armcontour.execution._servo import _advance
+from armcontour.execution._pieces import advance_first_order, advance_under_cubic
+from armcontour.execution._servo import advance_joint
 from armcontour.execution.servo_run import Part, refuse_endless
 from armcontour.identification._joint import _limited
 from armcontour.study._spread import _saturating
@@ -21,19 +21,19 @@ LARGE = pytest.mark.parametrize("gain", [1e9, 1e300])
 
 @LARGE
 def test_a_joint_of_second_order_gives_up(gain):
-    assert math.isnan(_advance(gain, gain, -FAR, FAR, 0.0, 1.0, 0.0, 0.0, 1.0)[0])
+    assert math.isnan(advance_joint(gain, gain, -FAR, FAR, 0.0, 1.0, 0.0, 0.0, 1.0)[0])
     assert math.isnan(_saturating(gain, gain, -FAR, FAR, 0.0, 1.0, 0.0, 0.0, 1.0)[0])
 
 
 @LARGE
 def test_a_joint_under_a_bent_command_gives_up(gain):
     command = np.array([0.0, 1.0, 1.0, 1.0])
-    assert math.isnan(_advance_bent(gain, gain, -FAR, FAR, command, 0.0, 0.0, 1.0)[0])
+    assert math.isnan(advance_under_cubic(gain, gain, -FAR, FAR, command, 0.0, 0.0, 1.0)[0])
 
 
 @LARGE
 def test_a_joint_of_first_order_gives_up(gain):
-    assert math.isnan(_advance_lag(gain, np.array([0.0, 1.0, 1.0, 1.0]), 0.0, 1.0)[0])
+    assert math.isnan(advance_first_order(gain, np.array([0.0, 1.0, 1.0, 1.0]), 0.0, 1.0)[0])
 
 
 @LARGE

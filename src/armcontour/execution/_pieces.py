@@ -15,9 +15,9 @@ from armcontour.execution._servo import (
     LARGEST_STEP,
     MOST_STEPS,
     SHORTEST_STAY,
-    _advance,
     _extremum,
     _free,
+    advance_joint,
 )
 
 # Terms of a Taylor series over such a step, down to rounding.
@@ -203,7 +203,7 @@ def _entry(
 
 
 @compiled()
-def _advance_bent(
+def advance_under_cubic(
     kp: float,
     kv: float,
     lower: float,
@@ -213,7 +213,10 @@ def _advance_bent(
     w: float,
     span: float,
 ) -> tuple[float, float, float, float, float]:
-    """As `_advance`, under a command that is a cubic in time, and between any two accelerations."""
+    """As `advance_joint`, but under a command that is a cubic in time.
+
+    The two accelerations may have the same sign.
+    """
     now = 0.0
     saturated = 0.0
     lowest = highest = kv * (kp * (command[0] - q) - w)
@@ -269,7 +272,9 @@ def _lagged(kp: float, u: FloatArray, q: float, t: float) -> float:
 
 
 @compiled()
-def _advance_lag(kp: float, u: FloatArray, q: float, span: float) -> tuple[float, float, float]:
+def advance_first_order(
+    kp: float, u: FloatArray, q: float, span: float
+) -> tuple[float, float, float]:
     """Run a joint of first order for `span` under a cubic command; its acceleration's range."""
     a = 1 / kp
     d1, d2, d3 = u[1], 2 * u[2], 6 * u[3]
@@ -305,13 +310,13 @@ def _advance_any(
     w: float,
     span: float,
 ) -> tuple[float, float, float, float, float]:
-    """As `_advance_bent`, by what is fastest; a servo of first order, too, whose kv is 0."""
+    """As `advance_under_cubic`, by what is fastest; a servo of first order, too, whose kv is 0."""
     if kv == 0.0:
-        q, low, high = _advance_lag(kp, u, q, span)
+        q, low, high = advance_first_order(kp, u, q, span)
         return q, kp * (_cubic(u, span) - q), 0.0, low, high
     if u[2] == 0.0 and u[3] == 0.0 and lower < 0.0 < upper:
-        return _advance(kp, kv, lower, upper, u[0], u[1], q, w, span)
-    return _advance_bent(kp, kv, lower, upper, u, q, w, span)
+        return advance_joint(kp, kv, lower, upper, u[0], u[1], q, w, span)
+    return advance_under_cubic(kp, kv, lower, upper, u, q, w, span)
 
 
 @compiled()

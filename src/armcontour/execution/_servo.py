@@ -85,7 +85,7 @@ def _slope(kp: float, kv: float, q: float, w: float, u: float, r: float, t: floa
 
 
 @compiled()
-def _advance(
+def advance_joint(
     kp: float,
     kv: float,
     lower: float,
@@ -213,7 +213,7 @@ def simulate(
             r = (commands[k + 1, j] - u) / period if linear else 0.0
             for i in range(steps):
                 begin = u + r * span * i
-                x, w, time, low, high = _advance(
+                x, w, time, low, high = advance_joint(
                     kp[j], kv[j], -limit[j], limit[j], begin, r, x, w, span
                 )
                 if math.isnan(x):

@@ -16,7 +16,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.execution._pieces import _advance_bent
+from armcontour.execution._pieces import advance_under_cubic
 from armcontour.execution._servo import MOST_STEPS, _modes
 
 # Products may be added without rounding in between, which is faster and no less exact.
@@ -441,7 +441,7 @@ def _bent(
     turn = _hermite(z, dz, last, dlast, t, _turn(z, dz, last, dlast, t))
     if lower <= min(z, last, turn) and max(z, last, turn) <= upper:
         return end, dend, 0.0, max(abs(z), abs(last), abs(turn))
-    q, w, time, low, high = _advance_bent(kp, kv, lower, upper, u, q, w, t)
+    q, w, time, low, high = advance_under_cubic(kp, kv, lower, upper, u, q, w, t)
     return q, w, time, max(-low, high)
 
 
