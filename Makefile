@@ -17,7 +17,7 @@ demo: $(VENV)/base  ## Run the paper's job end to end, and say where its report 
 	$(BIN)/armcontour demo --out demo --force
 
 test: $(VENV)/test  ## Run the whole test suite, on all cores
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --durations 15
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
@@ -25,10 +25,11 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-soak: $(VENV)/test  ## Plan and judge 100,000 random problems, read 100,000 broken files, check 4,000
+soak: $(VENV)/test  ## Judge 100,000 random plans, 100,000 broken files, 4,000 checks, and new examples
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.check
+	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
 
 bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 	$(BIN)/python -m benchmarks
