@@ -17,7 +17,7 @@ demo: $(VENV)/base  ## Run the paper's job end to end, and say where its report 
 	$(BIN)/armcontour demo --out demo --force
 
 test: $(VENV)/test  ## Run the whole test suite, on all cores
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --durations 15
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
@@ -31,6 +31,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.check
 	$(BIN)/python -m soak.numbers
 	$(BIN)/python -m soak.interrupts
+	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
 
 bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 	$(BIN)/python -m benchmarks

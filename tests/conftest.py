@@ -20,7 +20,17 @@ settings.register_profile(
     max_examples=50,
     suppress_health_check=[HealthCheck.too_slow],
 )
-settings.load_profile("suite")
+# New examples at every run, for `make soak`; a failure prints the blob that reproduces it.
+settings.register_profile(
+    "soak",
+    derandomize=False,
+    deadline=None,
+    database=None,
+    max_examples=2000,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("suite")  # --hypothesis-profile chooses another one
 
 # Paper, Sec. IV-A.
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))  # m

@@ -68,7 +68,11 @@ class ArmContourError(Exception):
         self.allowed = allowed
 
     def at(self, where: str) -> ArmContourError:
-        """The same error with the same data, whose sentence begins with a place."""
+        """The same error with the same data, whose sentence begins with a place.
+
+        Args:
+            where: The place, such as the name of a file; a colon follows.
+        """
         return type(self)(
             f"{where}: {self}",
             point=self.point,

@@ -50,7 +50,12 @@ class Frame:
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
-        """A frame turned by roll, pitch and yaw about fixed x, y and z [rad], as in URDF."""
+        """A frame turned by roll, pitch and yaw about fixed x, y and z [rad], as in URDF.
+
+        Args:
+            position: Origin of the frame [m], (3,).
+            angles: Roll, pitch and yaw [rad], (3,).
+        """
         return cls(position=np.asarray(position), rotation=from_rpy(angles))
 
     def __matmul__(self, other: Frame) -> Frame:

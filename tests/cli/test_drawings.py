@@ -16,8 +16,7 @@ import pytest
 import yaml
 
 from armcontour.cli import main
-from armcontour.cli.opening import Overrides
-from armcontour.cli.opening import _changed as changed
+from armcontour.cli.opening import Overrides, apply_overrides
 from armcontour.io import ResultFolder
 
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
@@ -303,7 +302,7 @@ def test_a_speed_and_a_tolerance_go_before_those_of_a_run() -> None:
     given = Overrides(speed="50 mm/s", tolerance="0.2 mm")
     said = {"limits": {"speed": "50 mm/s"}, "corners": {"tolerance": "0.2 mm"}}
     runs = {"plain": {}, "sharp": {"corners": "sharp"}, "own": said}
-    assert changed(data, given) == {**said, "runs": runs}
-    assert changed(data, Overrides()) == data
+    assert apply_overrides(data, given) == {**said, "runs": runs}
+    assert apply_overrides(data, Overrides()) == data
     assert own["limits"] == {"speed": "10 mm/s"}
-    assert changed({"runs": [1]}, given)["runs"] == [1]
+    assert apply_overrides({"runs": [1]}, given)["runs"] == [1]

@@ -119,7 +119,7 @@ def first_pass(joint_path, s, arm, limits):
     """The planner's own optimum with the limits kept at the ends of the intervals only."""
     grid = given_grid(joint_path, s)
     active = optimal.constraints_of(joint_path, arm, limits)
-    x = optimal._Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
+    x = optimal.Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
     return float(np.sum(2 * grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 
 

@@ -14,12 +14,12 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 
 LIMIT = 0.72
+# These tests are quick, and take a multiple of the examples of the profile.
+EXAMPLES = settings().max_examples
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _watchdog():
-    """A loop that never ends in compiled code cannot be interrupted: give up the process."""
-    faulthandler.dump_traceback_later(120, exit=True, file=sys.__stderr__)
     yield
     faulthandler.cancel_dump_traceback_later()
 
@@ -32,6 +32,8 @@ def still(q=(0.0, 0.0)):
 
 
 def run(arm, q, period, kp, kv, limit, interpolation="linear"):
+    # A loop that never ends in compiled code cannot be interrupted: give up the process.
+    faulthandler.dump_traceback_later(120, exit=True, file=sys.__stderr__)
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
     taught = ac.TaughtData(period=period, q=q, trajectory=still(), method="x")
     plant = ac.ServoPlant(arm, servo, ac.Limits(joint_acceleration=limit))
@@ -49,7 +51,7 @@ gains = st.floats(1.0, 200.0)
 periods = st.sampled_from([1e-4, 1e-3, 4e-3, 0.03, 0.2])
 
 
-@settings(max_examples=100)
+@settings(max_examples=2 * EXAMPLES)
 @given(
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-1e-3, 1e-3)), min_size=1, max_size=12),
     periods,
@@ -62,7 +64,7 @@ def test_any_set_points_come_to_rest(arm, q, period, kp, kv, interpolation):
     run(arm, np.array(q), period, kp, kv, 5.0, interpolation)
 
 
-@settings(max_examples=100)
+@settings(max_examples=2 * EXAMPLES)
 @given(
     st.lists(st.sampled_from([-1, 0, 1]), min_size=2, max_size=10),
     periods,
@@ -76,7 +78,7 @@ def test_steps_to_the_very_limit(arm, signs, period, kp, kv, share):
     run(arm, np.stack([q, -q], axis=1), period, kp, kv, LIMIT, "step")
 
 
-@settings(max_examples=100)
+@settings(max_examples=2 * EXAMPLES)
 @given(
     st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=6),
     st.sampled_from([1e-4, 1e-3, 4e-3]),
@@ -104,7 +106,7 @@ def test_plans_at_the_very_limit(arm, signs, period, share, gain, lap):
     np.testing.assert_allclose(done.q[:, 0], -done.q[:, 1], atol=1e-9)  # the two mirror each other
 
 
-@settings(max_examples=200)
+@settings(max_examples=4 * EXAMPLES)
 @given(
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-1e-3, 1e-3)), min_size=2, max_size=12),
     st.sampled_from([1e-3, 4e-3, 0.03]),

@@ -15,7 +15,7 @@ from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.io import parse_job
 from armcontour.report import render_report, write_report
 from armcontour.report.sections import bindings, overview, paths
-from armcontour.report.sections.motion import _saturated, accelerations
+from armcontour.report.sections.motion import accelerations, find_saturation
 from armcontour.report.style import thinned
 from armcontour.study import Study, run
 
@@ -187,7 +187,7 @@ def test_saturated_stretches_are_joined_where_they_are_neighbours() -> None:
     demand[2005:2991] = -2.0
     demand[7000:] = 2.0
     demand[5000] = 1.0005
-    assert _saturated(t, demand, np.clip(demand, -1.0, 1.0)) == [
+    assert find_saturation(t, demand, np.clip(demand, -1.0, 1.0)) == [
         (pytest.approx(1.0), pytest.approx(2.99)),
         (pytest.approx(7.0), pytest.approx(10.0)),
     ]

@@ -22,10 +22,10 @@ from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
 from armcontour.report.outline import MOST_DRAWN, UNSEEN, drawn, simplified
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
-from armcontour.report.sections.bindings import MOST_BARS, _bars, bindings
+from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
 from armcontour.report.sections.program import MOST_ROWS
-from armcontour.report.sections.program_picture import MOST_MARKERS, _events, said
-from armcontour.report.sections.program_timeline import _bars as timeline_bars
+from armcontour.report.sections.program_picture import MOST_MARKERS, mark_events, said
+from armcontour.report.sections.program_timeline import merge_moves
 from armcontour.report.style import MOST_SENTENCES, few
 from armcontour.study import Study, run
 from armcontour.timing.explanation import Binding, Explanation
@@ -252,16 +252,16 @@ def test_moves_over_time_are_the_spans(study: Study) -> None:
 
 def test_moves_too_short_to_be_told_apart_are_one_bar() -> None:
     spans = [Span(move=i, kind="contour", t=(i * 1.0, i + 0.9)) for i in range(10_000)]
-    bars = timeline_bars(spans, 10_000 / 1500)
+    bars = merge_moves(spans, 10_000 / 1500)
     assert len(bars) == 1
     assert bars[0] == (0.0, 9999.9, "contours 1 to 10000<br>0.000 to 9999.900 s")
-    assert len(timeline_bars(spans[:3], 0.01)) == 3
+    assert len(merge_moves(spans[:3], 0.01)) == 3
 
 
 def test_more_events_than_can_be_marked_are_thinned_and_that_is_said(study: Study) -> None:
     (result,) = study.runs.values()
     many = [dataclasses.replace(result.trajectory.events[0], t=float(i)) for i in range(4000)]
-    marked, told = _events(many, True)
+    marked, told = mark_events(many, True)
     assert sum(len(x.x) for x in marked) <= MOST_MARKERS
     assert told == "In the picture only every 3th event is marked."
 
@@ -321,7 +321,7 @@ def test_bars_of_what_binds_cover_the_length_and_are_bounded(
         for i, (a, b) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     )
     why = Explanation(bindings=found, assigned_length=None, assigned_time=None, shortfalls=())
-    bars = sorted(x for of in _bars(why).values() for x in of)
+    bars = sorted(x for of in merge_bindings(why).values() for x in of)
     assert len(bars) <= max(MOST_BARS, min(len(found), MOST_BARS))
     assert bars[0][0] == 0.0 and bars[-1][1] == ends[-1]
     for first, second in zip(bars[:-1], bars[1:], strict=True):

@@ -489,7 +489,7 @@ def collocated(path, any_arm, limits, intervals=None):
     """
     grid = place_grid(path, intervals)
     active = optimal.constraints_of(path, any_arm, limits.for_joints(path.dof))
-    x = optimal._Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
+    x = optimal.Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
     return float(np.sum(2 * grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 
 

@@ -50,6 +50,9 @@ class Arm(ABC):
     def with_limits(self, limits: Limits) -> Self:
         """The same arm with other limits of its own.
 
+        Args:
+            limits: The new limits, one value for all joints or one per joint.
+
         Raises:
             InvalidInput: A wrong number of values.
         """
@@ -80,39 +83,78 @@ class Arm(ABC):
 
     @abstractmethod
     def forward(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m] of joint positions [rad]."""
+        """Tool points [m] of joint positions [rad].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
 
     @abstractmethod
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool velocity per joint velocity [m/rad], (n, dimension, dof)."""
+        """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
 
     @abstractmethod
     def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian when the joints move at `dq`, (n, dimension, dof)."""
+        """Time derivative of the Jacobian when the joints move at `dq`, (n, dimension, dof).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
 
     @abstractmethod
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points of the arm from base to tool, for drawing it, (n, points, dimension) [m]."""
+        """Points of the arm from base to tool, for drawing it, (n, points, dimension) [m].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity (22) [m/s]."""
+        """Tool velocity (22) [m/s].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
         return np.asarray(np.einsum("...ij,...j->...i", self.jacobian(q), np.asarray(dq)))
 
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Tool acceleration [m/s²]."""
+        """Tool acceleration [m/s²].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and acceleration [m/s²]."""
+        """Tool velocity [m/s] and acceleration [m/s²].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         return self.tool_velocity(q, dq), self.tool_acceleration(q, dq, ddq)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Torque of every joint's drive [N m]: bodies, drives, gravity, payload and friction.
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
 
         Raises:
             InvalidInput: The masses of the arm are not known.

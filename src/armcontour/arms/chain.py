@@ -21,7 +21,7 @@ class Payload:
     """What the tool carries, in the frame of the chain's tip.
 
     Args:
-        mass: [kg].
+        mass: Mass of the load [kg].
         center: Centre of mass [m], (3,).
         inertia: About the centre of mass, along the tip's axes [kg m²], (3, 3); a point by default.
 

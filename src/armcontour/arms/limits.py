@@ -138,6 +138,9 @@ class Limits:
     def replace(self, **changes: Any) -> Limits:
         """The same limits with some of them changed; None lifts one.
 
+        Args:
+            changes: New values by the names of the limits.
+
         Raises:
             InvalidInput: An unknown name, or a value that is not a limit.
         """
@@ -149,6 +152,9 @@ class Limits:
 
     def for_joints(self, dof: int) -> Limits:
         """The same limits with one value per joint.
+
+        Args:
+            dof: Number of joints.
 
         Raises:
             InvalidInput: A wrong number of values.
@@ -169,13 +175,21 @@ class Limits:
         return self.replace(**changes) if changes else self
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bound of every joint's acceleration, infinite without one."""
+        """Lower (negative) and upper bound of every joint's acceleration, infinite without one.
+
+        Args:
+            dof: Number of joints.
+        """
         upper = or_unlimited(self.joint_acceleration, dof)
         lower = upper if self.joint_deceleration is None else self.joint_deceleration
         return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper end of every joint's range [rad], infinite without one."""
+        """Lower and upper end of every joint's range [rad], infinite without one.
+
+        Args:
+            dof: Number of joints.
+        """
         lower = np.inf if self.joint_lower is None else -self.joint_lower
         upper = np.inf if self.joint_upper is None else self.joint_upper
         return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))

@@ -83,6 +83,10 @@ class PlanarTwoLink(Arm):
     def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
         """Joint positions, (3)-(4) with the quadrant of (3) mended; theta1 within (-2 pi, 2 pi).
 
+        Args:
+            points: Tool points [m], (..., 2).
+            branch: Branch of the inverse kinematics, by default the first of `branches`.
+
         Raises:
             Unreachable: Out of reach or singular; `index` is the first such point.
         """
@@ -118,7 +122,12 @@ class PlanarTwoLink(Arm):
         return np.stack([near + far, far], axis=-1)
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
-        """Joint velocities [rad/s] that move the tool at `velocity` [m/s], (28)."""
+        """Joint velocities [rad/s] that move the tool at `velocity` [m/s], (28).
+
+        Args:
+            q: Joint positions [rad], (..., 2).
+            velocity: Tool velocities [m/s], same shape.
+        """
         return self._solve(q, np.asarray(velocity, dtype=np.float64))
 
     def joint_acceleration(
@@ -127,6 +136,11 @@ class PlanarTwoLink(Arm):
         """Joint accelerations [rad/s²] that give the tool `acceleration` [m/s²], (27).
 
         Written as `J⁻¹ (a - dJ/dt dq)`, which is (27) with its misprints mended.
+
+        Args:
+            q: Joint positions [rad], (..., 2).
+            dq: Joint velocities [rad/s], same shape.
+            acceleration: Tool accelerations [m/s²], same shape.
         """
         coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
         return self._solve(q, np.asarray(acceleration, dtype=np.float64) - coupling)

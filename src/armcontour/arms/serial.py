@@ -74,7 +74,11 @@ class SerialArm(Arm):
         return self._with(self.chain.replace(tool=tool, payload=carried))
 
     def with_work(self, work: Frame) -> SerialArm:
-        """The same arm with its tool points in another frame, given in that of the base."""
+        """The same arm with its tool points in another frame, given in that of the base.
+
+        Args:
+            work: Frame of the path, in the frame of the base.
+        """
         return self._with(self.chain.replace(base=work.inverse))
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:
@@ -82,7 +86,11 @@ class SerialArm(Arm):
         return self.pose(q)[0]
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Tool points [m], (n, 3), and tool frames as rotation matrices, (n, 3, 3)."""
+        """Tool points [m], (n, 3), and tool frames as rotation matrices, (n, 3, 3).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
         leading, (rows,) = self._rows(q)
         found = self._places(rows)[0].reshape(*leading, 3, 4)
         return found[..., 3].copy(), found[..., :3].copy()
@@ -98,7 +106,11 @@ class SerialArm(Arm):
         return found.reshape(*leading, self.dof + 3, 3)
 
     def twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Twist per joint velocity, (n, 6, dof)."""
+        """Twist per joint velocity, (n, 6, dof).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
         leading, (rows,) = self._rows(q)
         pose, origins, directions = self._places(rows)
         found = _kernels().jacobians(origins, directions, pose)
@@ -124,14 +136,24 @@ class SerialArm(Arm):
         return np.swapaxes(found, -1, -2).reshape(*leading, 3, self.dof)
 
     def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """`dJ/dt dq`: acceleration and angular acceleration of the tool at ddq = 0, (n, 6)."""
+        """`dJ/dt dq`: acceleration and angular acceleration of the tool at ddq = 0, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
         leading, (rows, rates) = self._rows(q, dq)
         pose, origins, directions = self._places(rows)
         found = _kernels().drifts(origins, directions, pose, rates)
         return np.asarray(found.reshape(*leading, 6))
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Velocity and angular velocity of the tool, (n, 6)."""
+        """Velocity and angular velocity of the tool, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
         leading, (rows, rates) = self._rows(q, dq)
         pose, origins, directions = self._places(rows)
         found = _kernels().twists(origins, directions, pose, rates)
@@ -140,7 +162,13 @@ class SerialArm(Arm):
     def tool_twist_rate(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Acceleration and angular acceleration of the tool, (n, 6)."""
+        """Acceleration and angular acceleration of the tool, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         leading, (rows, rates, seconds) = self._rows(q, dq, ddq)
         pose, origins, directions = self._places(rows)
         drift = _kernels().drifts(origins, directions, pose, rates)

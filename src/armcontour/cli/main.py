@@ -67,12 +67,15 @@ def run(
     units: Annotated[
         str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
     ] = None,
-    scale: Annotated[float | None, typer.Option("--scale", help="Factor of its lengths.")] = None,
+    scale: Annotated[
+        float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
+    ] = None,
     at: Annotated[
-        str | None, typer.Option("--at", help="Its origin, such as '300 mm, 0 mm, 100 mm'.")
+        str | None,
+        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
     ] = None,
     turn: Annotated[
-        str | None, typer.Option("--turn", help="Its roll, pitch, yaw: '0, 0, 90 deg'.")
+        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
     ] = None,
     layer: Annotated[
         list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
@@ -184,7 +187,7 @@ def check(
         str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
     ] = None,
     base: Annotated[
-        str | None, typer.Option("--base", help="Link of such an arm that stands still.")
+        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
     ] = None,
     joint_limits: Annotated[
         FilePath | None,
@@ -299,10 +302,15 @@ def identify(
     out: Annotated[
         FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
     ] = None,
-    model: Annotated[str, typer.Option("--model", help="auto, second or first.")] = "auto",
+    model: Annotated[
+        str, typer.Option("--model", help="Model of the servo: auto, second or first.")
+    ] = "auto",
     interpolation: Annotated[
         str | None,
-        typer.Option("--interpolation", help="linear or step; by default what the log says."),
+        typer.Option(
+            "--interpolation",
+            help="Command between set-points: linear or step; by default as the log says.",
+        ),
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None,

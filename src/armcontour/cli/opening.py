@@ -72,7 +72,7 @@ def open_job(
     from armcontour.io.job_file import job_text
 
     def changes(data: dict[str, Any]) -> dict[str, Any]:
-        return _changed(data, overrides)
+        return apply_overrides(data, overrides)
 
     if file.suffix.lower() in YAML or not file.suffix:
         if cell is not None:
@@ -96,8 +96,8 @@ def open_job(
     return read_cell(cell, file, changes=changes, reading=told, trust_xacro=trust_xacro)
 
 
-def _changed(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
-    """A job's data with what the command line says."""
+def apply_overrides(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
+    """A job's data, with the values from the command line in place of its own."""
     path = _merged(data.get("path"), _path_keys(x, data.get("path")))
     found = {**data, "path": path} if path is not None else dict(data)
     if x.speed is not None:

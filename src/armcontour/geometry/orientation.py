@@ -35,7 +35,7 @@ class Orientation:
 
     Args:
         breaks: Arc lengths of the pieces' ends, from 0 [m], (n + 1,).
-        starts: (n, 3, 3).
+        starts: Rotation matrices at the starts of the pieces, (n, 3, 3).
         first: Rotation vectors per unit of f [rad/m], (n, 3).
         second: Rotation vectors per unit of g [rad/m], (n, 3).
         f: Coefficients of 1, u, u², u³, (n, 4).
@@ -135,18 +135,33 @@ class Orientation:
         return self.on_piece(i, at - self.breaks[i])
 
     def rates(self, s: npt.ArrayLike, *, side: str = "right") -> tuple[FloatArray, FloatArray]:
-        """How the tool turns: rate [rad/m] and its derivative [rad/m²], `s.shape + (3,)` each."""
+        """How the tool turns: rate [rad/m] and its derivative [rad/m²], `s.shape + (3,)` each.
+
+        Args:
+            s: Arc lengths [m], any shape.
+            side: "right" for the piece after a break, "left" for the piece before the break.
+        """
         at = np.asarray(s, dtype=np.float64)
         i = self.locate(at, side=side)
         return self.rates_on_piece(i, at - self.breaks[i])
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the piece that holds each arc length; `side` decides between two."""
+        """Index of the piece that contains each arc length.
+
+        Args:
+            s: Arc lengths [m], any shape.
+            side: "right" for the piece after a break, "left" for the piece before the break.
+        """
         found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
-        """Rotation matrices at distance `u` after the start of piece `i`."""
+        """Rotation matrices at distance `u` after the start of piece `i`.
+
+        Args:
+            i: Indices of pieces, (n,).
+            u: Distances from the starts of these pieces [m], (n,).
+        """
         if self.fixed:
             return np.array(self.starts[i])
         turn = exp(_value(self.f[i], u)[..., None] * self.first[i])
@@ -154,7 +169,12 @@ class Orientation:
         return np.asarray(back @ turn @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rate of turning and its derivative at distance `u` after the start of piece `i`."""
+        """Rate of turning and its derivative at distance `u` after the start of piece `i`.
+
+        Args:
+            i: Indices of pieces, (n,).
+            u: Distances from the starts of these pieces [m], (n,).
+        """
         if self.fixed:
             return np.zeros((*np.shape(u), 3)), np.zeros((*np.shape(u), 3))
         g, dg, ddg = (_value(self.g[i], u, order)[..., None] for order in range(3))

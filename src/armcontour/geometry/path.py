@@ -70,6 +70,10 @@ class Path:
     def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
         """Straight lines through `points`, (n, 2) or (n, 3) [m]; repeated points are merged.
 
+        Args:
+            points: The vertices [m], (n, 2) or (n, 3).
+            demand: Speed, corner error and tag of all segments.
+
         Raises:
             InvalidInput: Not such points, or fewer than two different ones.
         """
@@ -89,6 +93,9 @@ class Path:
     @classmethod
     def from_segments(cls, segments: Iterable[Line | Arc]) -> Path:
         """A chain of lines and arcs, each starting where the one before ends.
+
+        Args:
+            segments: The lines and arcs, in the order of travel.
 
         Raises:
             InvalidInput: A segment that is none, or a gap, with the segment's index.
@@ -260,12 +267,23 @@ class Path:
         return self.segments.at(i, at - self.breaks[i], order)
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the segment that holds each arc length; `side` decides at vertices."""
+        """Index of the segment that contains each arc length.
+
+        Args:
+            s: Arc lengths [m], any shape.
+            side: "right" for the segment after a vertex, "left" for the segment before the vertex.
+        """
         found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
-        """Point or derivative at distance `u` [m] from the start of segment `i`."""
+        """Point or derivative at distance `u` [m] from the start of segment `i`.
+
+        Args:
+            i: Indices of segments, (n,).
+            u: Distances from the starts of these segments [m], (n,).
+            order: Order of the derivative, 0 for the point.
+        """
         return self.segments.at(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
@@ -273,6 +291,9 @@ class Path:
 
         Exact on lines and arcs. A spatial index is built at the first call and kept; a query then
         costs about the logarithm of the number of segments.
+
+        Args:
+            points: The points [m], (n, dimension).
 
         Raises:
             InvalidInput: Points of another dimension, or not finite.

@@ -51,7 +51,13 @@ NO_DEMAND = Demand()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A straight segment from `start` to `end` [m]."""
+    """A straight segment from `start` to `end` [m].
+
+    Args:
+        start: First point [m], 2 or 3 coordinates.
+        end: Last point [m], as many coordinates.
+        demand: Speed, corner error and tag of this segment.
+    """
 
     start: Sequence[float]
     end: Sequence[float]
@@ -90,6 +96,12 @@ class Arc:
 
         Where `end` repeats `start`, the full circle through both points that has them at the ends
         of a diameter: in the plane only, because in space there are many.
+
+        Args:
+            start: First point [m], 2 or 3 coordinates.
+            via: A point of the arc between its ends [m].
+            end: Last point [m].
+            demand: Speed, corner error and tag of this segment.
 
         Raises:
             InvalidInput: Points on one line, or a circle that is not determined.
@@ -137,7 +149,14 @@ class Arc:
         normal: Sequence[float] | None = None,
         demand: Demand = NO_DEMAND,
     ) -> Arc:
-        """The full circle from `start` around `center`, counter-clockwise (about `normal`)."""
+        """The full circle from `start` around `center`, counter-clockwise (about `normal`).
+
+        Args:
+            start: Point where the circle starts and ends [m], 2 or 3 coordinates.
+            center: Centre of the circle [m].
+            normal: Axis of the circle, at right angles to its radius, in space only.
+            demand: Speed, corner error and tag of this segment.
+        """
         return cls(start=start, center=center, angle=2 * np.pi, normal=normal, demand=demand)
 
 

@@ -90,7 +90,11 @@ class RoundedPath(Path):
     corners: Corners
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
-        """Where places of the objective path lie on this one [m]: on an arc, by their share."""
+        """Arc lengths on this path of those on the objective path [m]; on an arc, by their share.
+
+        Args:
+            s: Arc lengths of the objective path [m], any shape.
+        """
         c = self.corners
         at = self.objective.breaks[c.vertex]
         before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])

@@ -203,6 +203,12 @@ class Segments:
     def check(self) -> Segments:
         """The same segments, known to make a path.
 
+        Args:
+            start: First point [m], 2 or 3 coordinates.
+            via: A point of the arc between its ends [m].
+            end: Last point [m].
+            demand: Speed, corner error and tag of this segment.
+
         Raises:
             InvalidInput: Arrays that do not fit, or a gap between segments.
         """

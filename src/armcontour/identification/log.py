@@ -109,7 +109,12 @@ class Log:
         return float(np.median(np.diff(self.t)))
 
     def between(self, start: float = -math.inf, end: float = math.inf) -> Log:
-        """The part of the log from `start` to `end` [s]."""
+        """The part of the log from `start` to `end` [s].
+
+        Args:
+            start: First time to keep [s].
+            end: Last time to keep [s].
+        """
         return cut(
             self.t, self.command, self.measured, start, end, self.joint_names,
             interpolation=self.interpolation, source=self.source,

@@ -94,7 +94,15 @@ class JointPath:
         stops: FloatArray = NO_STOPS,
         tool_path: Path | None = None,
     ) -> JointPath:
-        """The quintics with given q, dq_ds and d2q_ds2 at both ends of every interval."""
+        """The quintics with given q, dq_ds and d2q_ds2 at both ends of every interval.
+
+        Args:
+            breaks: Arc lengths of the intervals' ends [m], (n + 1,).
+            begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
+            end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
+            stops: Arc lengths at which the motion has to stop [m], (m,).
+            tool_path: The path that the joint path was traced from; None if there is none.
+        """
         width = np.diff(breaks)
         play = PLAY * float(np.abs(breaks).max())
         return cls(
@@ -174,12 +182,23 @@ class JointPath:
         return self.on_interval(self.locate(at, side=side), at, order)
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the interval that holds each s; `side` decides at breaks."""
+        """Index of the interval that contains each arc length.
+
+        Args:
+            s: Arc lengths [m], any shape.
+            side: "right" for the interval after a break, "left" for the interval before the break.
+        """
         found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self.breaks) - 2)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
-        """The polynomial of interval `i`, or a derivative, at arc length `s`."""
+        """The polynomial of interval `i`, or a derivative, at arc length `s`.
+
+        Args:
+            i: Indices of intervals, (n,).
+            s: Arc lengths from the start of the path [m], (n,).
+            order: Order of the derivative, 0 for the position.
+        """
         width = self.breaks[i + 1] - self.breaks[i]
         x = (s - self.breaks[i]) / width
         c = self.coefficients[i]
@@ -190,7 +209,12 @@ class JointPath:
         return np.asarray(result / width[..., None] ** order)
 
     def motion(self, i: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, together."""
+        """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, together.
+
+        Args:
+            i: Indices of intervals, (n,).
+            s: Arc lengths from the start of the path [m], (n,).
+        """
         width = (self.breaks[i + 1] - self.breaks[i])[..., None]
         x = (s - self.breaks[i])[..., None] / width
         c = self.coefficients[i]

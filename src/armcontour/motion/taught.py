@@ -73,6 +73,10 @@ class TaughtData:
         """So many times from the first set-point on, `step` apart [s], (count,).
 
         They are multiples of the step, without rounding, if the first one is.
+
+        Args:
+            count: Number of times.
+            step: Time between two of them [s].
         """
         number = np.arange(count, dtype=np.float64)
         before = self.start_time / step

@@ -264,7 +264,11 @@ class Trajectory:
         return found.reshape(at.shape)
 
     def sample(self, period: float) -> Samples:
-        """The trajectory every `period` [s], and at its end."""
+        """The trajectory every `period` [s], and at its end.
+
+        Args:
+            period: Time between two samples [s]; the last interval may be shorter.
+        """
         step = _checks.positive("sampling period", period, "s")
         t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))

@@ -261,7 +261,11 @@ class Program:
         return np.concatenate([[0.0], np.cumsum(lengths)])
 
     def mapped(self, change: Callable[[Path], Path]) -> Program:
-        """The same with other paths; events keep their share of the length of theirs."""
+        """The same with other paths; events keep their share of the length of theirs.
+
+        Args:
+            change: Function from the old path of a contour to the new path.
+        """
         moves: list[Move] = []
         for x in self.moves:
             if isinstance(x, Contour):
@@ -279,11 +283,21 @@ class Program:
         return dataclasses.replace(self, moves=tuple(moves))
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
-        """The program in space with the tool held in one way, as `Path.oriented`."""
+        """The program in space with one tool orientation, as `Path.oriented`.
+
+        Args:
+            rotations: Tool axes as columns: a matrix, a quaternion (x, y, z, w) or a rotation of
+                scipy.
+            axis_only: Only the tool axis counts: the tool may turn about this axis.
+        """
         return self.mapped(lambda path: lift_path(path).oriented(rotations, axis_only=axis_only))
 
     def pointing(self, direction: npt.ArrayLike) -> Program:
-        """The program in space with the tool axis in one direction, as `Path.pointing`."""
+        """The program in space with the tool axis in one direction, as `Path.pointing`.
+
+        Args:
+            direction: Direction of the tool axis, of any length, (3,).
+        """
         return self.mapped(lambda path: lift_path(path).pointing(direction))
 
     def __repr__(self) -> str:
@@ -295,6 +309,10 @@ class Program:
         """The program drawn in a frame, as seen from where the frame stands.
 
         Speeds, tolerances and leads stay what they are.
+
+        Args:
+            frame: The frame that the program is drawn in.
+            scale: Factor of all lengths, before the program is placed.
         """
         return self.mapped(lambda path: place_path(path, frame, scale=scale))
 
@@ -327,6 +345,10 @@ class Program:
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
     ) -> Program:
         """The contours on some layers, or of some names, with free rapids between them.
+
+        Args:
+            layers: Names of layers; None takes all.
+            names: Names of contours; None takes all.
 
         Raises:
             InvalidInput: A layer or a name that there is not, or none.

@@ -100,6 +100,10 @@ def _columns(count: int) -> int:
 def write_report(study: Study, file: str | FilePath) -> None:
     """Write the report of a study to an HTML file; it is there whole or not at all.
 
+    Args:
+        study: The job with its results.
+        file: The HTML file; a file of that name is replaced.
+
     Raises:
         InvalidInput: The file cannot be written.
     """

@@ -44,7 +44,8 @@ class ServoModel:
 
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint.
-        kv: Velocity loop gain [1/s], likewise; None for the order "first".
+        kv: Velocity loop gain [1/s], one for all joints or one per joint; None for the
+            order "first".
         interpolation: What the controller does between two set-points.
         dead_time: Time from when a set-point is due until the joint's servo sees it [s], one for
             all joints or one per joint; any number of command intervals, whole or not.
@@ -98,6 +99,9 @@ class ServoModel:
     def for_joints(self, dof: int) -> ServoModel:
         """The same servo with one gain and dead time per joint.
 
+        Args:
+            dof: Number of joints.
+
         Raises:
             InvalidInput: A wrong number of them.
         """
@@ -147,6 +151,9 @@ class ServoModel:
 
         `G(s) = exp(-s tau) K_p K_v / (s² + K_v s + K_p K_v)`, (5), or for the order "first"
         `exp(-s tau) K_p / (s + K_p)`. What interpolation makes of set-points is not in it.
+
+        Args:
+            s: Complex frequencies [rad/s], (n,).
         """
         at = np.atleast_1d(np.asarray(s))[:, None]
         kp, late = np.atleast_1d(self.kp), np.exp(-at * np.atleast_1d(self.dead_time))

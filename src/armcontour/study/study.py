@@ -113,7 +113,12 @@ class RunResult(RunPlan):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Study:
-    """A job and its results, by the names of its runs."""
+    """A job and its results, by the names of its runs.
+
+    Args:
+        job: The job.
+        runs: The results, by the names of the job's runs.
+    """
 
     job: Job
     runs: Mapping[str, RunResult]

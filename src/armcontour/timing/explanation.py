@@ -83,7 +83,8 @@ class Explanation:
         bindings: Stretch by stretch, from start to end.
         assigned_length: Share of the length run at the assigned velocity, of that which has one;
             None without one.
-        assigned_time: Share of the time, likewise.
+        assigned_time: Share of the time run at the assigned velocity, of the same part; None
+            without one.
         shortfalls: Where the assigned velocity is not reached, and why.
     """
 

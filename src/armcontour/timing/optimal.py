@@ -207,7 +207,7 @@ class _Task:
         return np.concatenate([start, grid.joint_path.stops, end])
 
 
-class _Problem:
+class Problem:
     """Everything the kernel needs, from all constraints.
 
     Args:
@@ -385,7 +385,7 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
             # Where x is kept between both, u is at most what takes it from one to the other.
             u = np.minimum(u, (largest - least) / (2 * grid.width) + 3 * np.abs(half_turn))
         bounds = Bounds(largest, u, skew, least)
-        problem = _Problem(grid, path, task.active, bounds)
+        problem = Problem(grid, path, task.active, bounds)
         lost = problem.margin_lost(half_turn)
         if (lost > most).any():
             # Without skew they may do, where it alone is at fault or finer grids did not help.
@@ -512,11 +512,11 @@ def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
     """The first pass on about every so manieth point of a grid."""
     coarse, of = coarsened(grid, by)
     path = JointDerivatives.on(coarse)
-    plain = _Problem(coarse, path, task.active)
+    plain = Problem(coarse, path, task.active)
     x = plain.solve(task.start_speed, task.end_speed)
     for _ in range(MOST_TANGENTS if task.curved else 0):
         about = (x[:-1] + x[1:]) / 2
-        plain = _Problem(coarse, path, task.active, about=about)
+        plain = Problem(coarse, path, task.active, about=about)
         x = plain.solve(task.start_speed, task.end_speed)
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
             break

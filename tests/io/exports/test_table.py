@@ -15,7 +15,6 @@ from scipy.interpolate import BPoly
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io.exports import Table, tabulated
-from armcontour.io.exports.table import _set_points
 from armcontour.motion import TimedEvent
 
 PERIOD = 0.004
@@ -55,13 +54,13 @@ def test_a_trajectory_is_sampled_with_its_own_derivatives(
     assert found.t[-1] == conventional.duration and found.joint_names == arm.joint_names
 
 
-@given(st.integers(0, 10_000), st.integers(2, 40))
+@given(seed=st.integers(0, 10_000), count=st.integers(2, 40))
 def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points(
-    seed: int, count: int
+    conventional: ac.Trajectory, seed: int, count: int
 ) -> None:
-    q = np.random.default_rng(seed).normal(size=(count, 3))
-    data = ac.TaughtData(period=PERIOD, q=q, trajectory=None, method="none")  # type: ignore[arg-type]
-    found = _set_points(data, None)
+    q = np.random.default_rng(seed).normal(size=(count, 2))
+    data = ac.TaughtData(period=PERIOD, q=q, trajectory=conventional, method="none")
+    found = tabulated(data, name="x")
     t = np.linspace(0, found.t[-1], 501)
     np.testing.assert_allclose(joined(found, 2)(t), joined(found, 3)(t), atol=1e-11)
     np.testing.assert_allclose(joined(found, 3)(found.t), q, atol=1e-12)

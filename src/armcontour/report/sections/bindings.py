@@ -86,7 +86,7 @@ def _strip(title: str, result: RunResult, why: Explanation) -> Any:
     )
     for trace in _speeds(result):
         figure.add_trace(trace, row=1, col=1)
-    bars = _bars(why)
+    bars = merge_bindings(why)
     for k, name in enumerate(_names(why)):
         figure.add_trace(_bar(name, k, bars.get(name, [])), row=2, col=1)
     figure.update_layout(barmode="overlay", bargap=0)
@@ -139,7 +139,7 @@ def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
     )
 
 
-def _bars(why: Explanation) -> dict[str, list[tuple[float, ...]]]:
+def merge_bindings(why: Explanation) -> dict[str, list[tuple[float, ...]]]:
     """Start and end along the path and in time of bars, by the name of what binds.
 
     Of more stretches than can be seen, the longest in each of many equal parts of the length is

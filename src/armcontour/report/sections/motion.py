@@ -210,7 +210,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
             ),
             **row,
         )
-        shaded(figure, _saturated(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
+        shaded(figure, find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
         for bound in bounds[np.isfinite(bounds[:, j]), j].tolist():
             figure.add_hline(y=bound, line={"color": LIMIT_COLOUR, "width": 1}, **row)
         figure.update_yaxes(title=f"{joint} [rad/s²]", **row)
@@ -220,7 +220,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
     return finish(figure, title=f"Run {name}", height=230 * len(names) + 120)
 
 
-def _saturated(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
+def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
     """Stretches of time in which a joint does not get its demand, neighbours joined."""
     over = np.abs(demand - given) > SATURATED * np.abs(given)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))

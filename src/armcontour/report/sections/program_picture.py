@@ -64,7 +64,7 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
         notes.append(told)
     for trace in (_arrows_in_plane if flat else _arrows_in_space)(starts, everywhere):
         figure.add_trace(trace)
-    events, told = _events(result.trajectory.events, flat)
+    events, told = mark_events(result.trajectory.events, flat)
     if told:
         notes.append(told)
     for trace in events:
@@ -222,7 +222,7 @@ def _arrows_in_space(
     ]
 
 
-def _events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], str]:
+def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], str]:
     """Markers where something is switched, a trace for every name and kind of value."""
     every = -(-len(events) // MOST_MARKERS) if events else 1
     groups: dict[tuple[str, str], list[TimedEvent]] = {}

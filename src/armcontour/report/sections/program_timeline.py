@@ -32,7 +32,7 @@ def timeline(name: str, result: RunResult) -> Any:
     plan = result.trajectory
     labels = []
     for kind, colour in ROWS.items():
-        bars = _bars([x for x in plan.spans if x.kind == kind], FINEST * plan.duration)
+        bars = merge_moves([x for x in plan.spans if x.kind == kind], FINEST * plan.duration)
         if not bars:
             continue
         labels.append(LABELS[kind])
@@ -81,7 +81,7 @@ def timeline(name: str, result: RunResult) -> Any:
     return figure
 
 
-def _bars(spans: Sequence[Span], finest: float) -> list[tuple[float, float, str]]:
+def merge_moves(spans: Sequence[Span], finest: float) -> list[tuple[float, float, str]]:
     """Begin, end and words of bars; moves too near to each other to be told apart are one."""
     if not spans:
         return []

@@ -1,0 +1,211 @@
+"""The code on the pages: Python runs, commands parse, and YAML is what its reader takes.
+
+HTML comments before a block say what the page's text says in words:
+
+- `<!-- file: NAME -->`: the block is the content of that file;
+- `<!-- continues README.md -->`: the page goes on with the names of another page's Python;
+- `<!-- not run: REASON -->`: the block is not run.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+import typer
+import yaml
+from markdown_it import MarkdownIt
+from soak.joint import move
+
+import armcontour as ac
+from armcontour.cli.main import app
+from armcontour.io import parse_job
+from armcontour.io.cell import read_cell
+from armcontour.io.drawings.door import READERS
+from armcontour.io.limits_file import read_limits
+
+ROOT = Path(__file__).parents[1]
+PAGES = {
+    x.relative_to(ROOT).as_posix(): x
+    for x in [
+        *ROOT.glob("*.md"),
+        *sorted((ROOT / "docs").rglob("*.md")),
+        *sorted((ROOT / "examples").rglob("*.md")),
+    ]
+}
+MARK = re.compile(r"<!-- (file|not run): (.+?) -->|<!-- (continues) (.+?) -->")
+COMMAND = re.compile(r"^(?:\.venv/bin/)?(armcontour .*)$", re.MULTILINE)
+SCHEMA = json.loads((ROOT / "docs/reference/job.schema.json").read_text(encoding="utf-8"))
+
+
+@dataclass
+class Block:
+    """A fenced block of a page: its language, its text, the line of that, and the marks before."""
+
+    page: str
+    language: str
+    text: str
+    line: int
+    marks: dict[str, str]
+
+    def __str__(self) -> str:
+        return f"{self.page}:{self.line}"
+
+
+def blocks(page: str) -> Iterator[Block]:
+    marks: dict[str, str] = {}
+    for token in MarkdownIt().parse(PAGES[page].read_text(encoding="utf-8")):
+        if token.type == "html_block":
+            found = MARK.findall(token.content)
+            marks |= {kind or other: text or of for kind, text, other, of in found}
+        elif token.type == "fence":
+            assert token.map is not None
+            line = token.map[0] + 2
+            yield Block(page, token.info.strip(), token.content, line, marks)
+            marks = {}
+        else:
+            assert not marks, f"{page}: {marks} stands before no block"
+
+
+BLOCKS = [x for page in PAGES for x in blocks(page)]
+PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"})
+YAML = [x for x in BLOCKS if x.language == "yaml"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """Makes the folder that a page speaks of: sample drawings, a robot, and its own files."""
+
+    def make(page: str) -> Path:
+        for x in (ROOT / "examples/drawings").iterdir():
+            shutil.copy(x, tmp_path)
+        data = ROOT / "tests/arms/data"
+        shutil.copy(data / "joint_limits.yaml", tmp_path)
+        robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')
+        robot = robot.replace('name="lift" type="prismatic"', 'name="lift" type="fixed"')
+        for name in ("robot.urdf", "robot.urdf.xacro"):
+            (tmp_path / name).write_text(robot, encoding="utf-8")
+        job = yaml.safe_load(next(x for x in BLOCKS if x.marks.get("file") == "square.yaml").text)
+        job |= {"arm": {"file": "robot.urdf.xacro", "tip": "tool0"}}
+        (tmp_path / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
+        for block in blocks(page):
+            if "file" in block.marks:
+                (tmp_path / block.marks["file"]).write_text(block.text, encoding="utf-8")
+        monkeypatch.chdir(tmp_path)
+        return tmp_path
+
+    return make
+
+
+def run_python(page: str, names: dict[str, Any]) -> dict[str, Any]:
+    """Run the Python of a page, in order, after that of the page that it continues."""
+    for block in blocks(page):
+        if "continues" in block.marks:
+            run_python(block.marks["continues"], names)
+        if block.language == "python" and "not run" not in block.marks:
+            if 'read_log("log.csv")' in block.text:
+                write_log(Path("log.csv"), names["t"], names["u"])
+            code = "\n" * (block.line - 1) + block.text
+            exec(compile(code, str(PAGES[page]), "exec"), names)
+    return names
+
+
+def write_log(file: Path, t: Any, u: Any) -> None:
+    """What a joint with gains of 25 and 150 1/s, 12 ms late, makes of a page's command."""
+    t, u = t[::4], u[::4]  # 250 Hz is as good for this test and sooner done
+    measured = move(t, u, kp=25.0, kv=150.0, delay=12e-3)
+    measured = measured + 1e-5 * np.random.default_rng(0).normal(size=len(t))
+    table = np.column_stack([t, u, measured])
+    head = "# interpolation: linear\nt,command 1,measured 1"
+    np.savetxt(file, table, fmt="%.9f", delimiter=",", header=head, comments="")
+
+
+@pytest.mark.parametrize("page", PYTHON)
+def test_python_runs(
+    page: str, folder: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder(page)
+    names = run_python(page, {"__name__": page})
+    if page == "README.md":
+        printed = [float(x) for x in capsys.readouterr().out.split()]
+        assert printed == [names["result"].duration, *vars_of(names["result"].contour_error)]
+    if page == "docs/guides/identify.md":
+        assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
+
+
+def vars_of(error: Any) -> list[float]:
+    return [error.rms, error.max]
+
+
+GROUP: Any = typer.main.get_command(app)
+
+
+def options_of(command: Any) -> set[str]:
+    return {x for of in command.params for x in [*of.opts, *of.secondary_opts]}
+
+
+def spans() -> Iterator[tuple[str, str]]:
+    """Every piece of code within the text of a page."""
+    for page, file in PAGES.items():
+        for token in MarkdownIt().enable("table").parse(file.read_text(encoding="utf-8")):
+            for x in token.children or ():
+                if x.type == "code_inline":
+                    yield page, x.content
+
+
+WHOLE = [(x.page, line) for x in BLOCKS if not x.language for line in COMMAND.findall(x.text)]
+MENTIONED = sorted({(page, x) for page, x in spans() if x.startswith(("armcontour ", "--"))})
+
+
+@pytest.mark.parametrize(("page", "line"), WHOLE)
+def test_a_command_line_parses(page: str, line: str) -> None:
+    _, name, *arguments = shlex.split(line)
+    GROUP.commands[name].make_context(name, arguments)
+
+
+@pytest.mark.parametrize(("page", "words"), MENTIONED)
+def test_a_command_or_option_that_is_mentioned_exists(page: str, words: str) -> None:
+    known = set().union(*map(options_of, GROUP.commands.values()))
+    first, *arguments = shlex.split(words)
+    if first == "armcontour":
+        known = options_of(GROUP.commands[arguments[0]])
+    else:
+        arguments = [first]
+    assert {x for x in arguments if x.startswith("--")} <= known
+
+
+@pytest.mark.parametrize("block", YAML, ids=str)
+def test_yaml_is_what_its_reader_takes(block: Block, folder: Callable[[str], Path]) -> None:
+    here = folder(block.page)
+    data = yaml.safe_load(block.text)
+    if set(SCHEMA["required"]) <= set(data):
+        if {"points", "segments", "spline", "file"} & set(data["path"]):
+            parse_job(block.text, source=str(block), folder=here)
+        else:
+            (here / "cell.yaml").write_text(block.text, encoding="utf-8")
+            read_cell("cell.yaml", here / "gasket.dxf")
+    elif "kind" in data:
+        (here / "arm.yaml").write_text(block.text, encoding="utf-8")
+        ac.load_arm("arm.yaml")
+    elif set(data) <= set(SCHEMA["properties"]):
+        jsonschema.validate(data, {**SCHEMA, "required": []})
+    else:
+        (here / "limits.yaml").write_text(block.text, encoding="utf-8")
+        read_limits("limits.yaml", ac.load_arm("pmk3s"))
+
+
+DRAWINGS = [x for x in BLOCKS if Path(x.marks.get("file", "")).suffix in READERS]
+
+
+@pytest.mark.parametrize("block", DRAWINGS, ids=str)
+def test_a_drawing_is_read(block: Block, folder: Callable[[str], Path]) -> None:
+    assert ac.read_path(folder(block.page) / block.marks["file"]).contours

@@ -1,0 +1,94 @@
+"""Links on the pages lead somewhere, and every page is found from the first one."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [
+    *sorted(ROOT.glob("*.md")),
+    *sorted(DOCS.rglob("*.md")),
+    *sorted((ROOT / "examples").rglob("*.md")),
+]
+# Code that draws the figures is no page.
+CODE = (".py",)
+ELSEWHERE = re.compile(r"https://[\w.-]+/|mailto:")
+page_of = pytest.mark.parametrize("page", PAGES, ids=lambda x: x.relative_to(ROOT).as_posix())
+
+
+def parsed(page: Path) -> list[Token]:
+    return MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8"))
+
+
+def links(page: Path) -> list[str]:
+    """Targets of all links and pictures of a page."""
+    inline = [x for token in parsed(page) for x in token.children or ()]
+    found = [x.attrGet("href") for x in inline if x.type == "link_open"]
+    found += [x.attrGet("src") for x in inline if x.type == "image"]
+    return [str(x) for x in found]
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of the headings, as code hosts and site builders make them."""
+    tokens = parsed(page)
+    found: set[str] = set()
+    for head, text in zip(tokens[:-1], tokens[1:], strict=True):
+        if head.type == "heading_open":
+            words = "".join(x.content for x in text.children or ())
+            slug = re.sub(r"[^\w\- ]", "", words.lower()).replace(" ", "-")
+            again = sum(x == slug or re.fullmatch(rf"{slug}-\d+", x) is not None for x in found)
+            found.add(f"{slug}-{again}" if again else slug)
+    return found
+
+
+@page_of
+def test_links_lead_somewhere(page: Path) -> None:
+    for link in links(page):
+        if ELSEWHERE.match(link):
+            continue
+        file, _, anchor = link.partition("#")
+        assert not file.startswith("/") and ":" not in file, link
+        target = (page.parent / file).resolve() if file else page
+        assert target.exists() and target.is_relative_to(ROOT), link
+        if anchor:
+            assert anchor in anchors(target), f"{link}: {sorted(anchors(target))}"
+
+
+@page_of
+def test_no_link_is_left_as_text(page: Path) -> None:
+    for token in parsed(page):
+        for x in token.children or ():
+            if x.type == "text":
+                assert not re.search(r"\]\(|\]\[|https?://", x.content), x.content
+
+
+@page_of
+def test_tables_are_tables(page: Path) -> None:
+    """A row that a blank line cuts off from its table is shown as raw text."""
+    for token in parsed(page):
+        if token.type == "inline" and token.level < 3:
+            assert not token.content.startswith("|"), token.content
+
+
+def test_every_file_of_the_docs_is_found_from_the_first_page() -> None:
+    seen: set[Path] = set()
+    todo = [DOCS / "index.md"]
+    while todo:
+        page = todo.pop()
+        if page in seen:
+            continue
+        seen.add(page)
+        if page.suffix == ".md":
+            files = (x.partition("#")[0] for x in links(page) if not ELSEWHERE.match(x))
+            todo += [(page.parent / x).resolve() for x in files if x]
+    files = {x for x in DOCS.rglob("*") if x.is_file() and x.suffix not in CODE}
+    files = {x for x in files if "__pycache__" not in x.parts}
+    assert sorted(x.relative_to(ROOT).as_posix() for x in files - seen) == []
+    # From the README all of it is found too.
+    assert "docs/index.md" in {x.partition("#")[0] for x in links(ROOT / "README.md")}

@@ -1,0 +1,89 @@
+"""No test imports a private name: a change inside a module breaks no test."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+FILES = sorted(TESTS.rglob("*.py"))
+# Tests of code that is being rewritten; its new public functions will take the place of these.
+EXCEPTIONS = {
+    "study/test_robustness.py": {"_inertia", "_nearest", "_searched", "_table"},
+    "execution/test_endless.py": {"_limited", "_saturating"},
+}
+
+
+def is_private(name: str) -> bool:
+    return name.startswith("_") and not (name.startswith("__") and name.endswith("__"))
+
+
+def is_module(name: str) -> bool:
+    """Whether a dotted name is a module; the public names of a private module are public."""
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def private_names(tree: ast.Module) -> Iterator[str]:
+    """Private names that a module imports, or takes from a module that it imports."""
+    modules = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            for x in node.names:
+                if is_module(f"{node.module}.{x.name}"):
+                    modules.add(x.asname or x.name)
+                elif is_private(x.name):
+                    yield x.name
+        elif isinstance(node, ast.Import):
+            modules |= {x.asname or x.name.partition(".")[0] for x in node.names}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and is_private(node.attr):
+            owner = ast.unparse(node.value)
+            if owner.partition(".")[0] in modules and not is_module(f"{owner}.{node.attr}"):
+                yield node.attr
+        # monkeypatch.setattr(module, "_name", ...) and the like.
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("attr"):
+            for x in node.args[:2]:
+                if isinstance(x, ast.Constant) and isinstance(x.value, str):
+                    last = x.value.rpartition(".")[2]
+                    if is_private(last):
+                        yield last
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda x: str(x.relative_to(TESTS)))
+def test_a_test_imports_no_private_name(file: Path) -> None:
+    found = set(private_names(ast.parse(file.read_text(encoding="utf-8"))))
+    assert found <= EXCEPTIONS.get(file.relative_to(TESTS).as_posix(), set())
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from armcontour.frames import _x",
+        "from armcontour.frames import _x as y",
+        "import armcontour as ac\nac.frames._x",
+        "from armcontour import frames\nframes._x()",
+        "from armcontour import frames\nmonkeypatch.setattr(frames, '_x', None)",
+    ],
+)
+def test_a_private_name_is_found(code: str) -> None:
+    assert list(private_names(ast.parse(code))) == ["_x"]
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from armcontour._text import to_line",
+        "from armcontour import _text\n_text.to_line",
+        "class A:\n    def f(self):\n        return self._x",
+        "from armcontour import __version__",
+    ],
+)
+def test_a_public_name_is_not_found(code: str) -> None:
+    assert not list(private_names(ast.parse(code)))
