@@ -31,7 +31,7 @@ def test_a_path_of_checked_segments_shares_them():
 
 def test_what_is_made_of_a_checked_path_is_not_checked_again(monkeypatch):
     parts = [cut_path(ROUNDED, 0, 1.2), cut_path(ROUNDED, 1.2, ROUNDED.length)]
-    monkeypatch.setattr(Segments, "_refuse_gaps", lambda self: pytest.fail("checked again"))
+    monkeypatch.setattr(Segments, "refuse_gaps", lambda self: pytest.fail("checked again"))
     place_path(ROUNDED, Frame(position=[1, 2, 0]))
     place_path(ROUNDED, Frame(position=[1, 2, 3]))
     join_paths(parts)

@@ -111,7 +111,12 @@ class Orientation:
 
     @classmethod
     def join(cls, parts: Sequence[Orientation], lengths: Sequence[float]) -> Orientation:
-        """One orientation of several in order, along paths of these lengths [m]."""
+        """One orientation of several in order.
+
+        Args:
+            parts: The orientations, each along a path of its own.
+            lengths: Lengths of these paths [m].
+        """
         offsets = np.concatenate([[0.0], np.cumsum(lengths)])
         breaks = [x.breaks[:-1] + offset for x, offset in zip(parts, offsets, strict=False)]
         return cls(
@@ -222,7 +227,13 @@ class Orientation:
         return self.breaks[1:-1][(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)]
 
     def cut(self, begin: float, length: float, shortest: float) -> Orientation:
-        """The part of so great a length after `begin`; pieces up to `shortest` are left out [m]."""
+        """The orientation along a part of the path.
+
+        Args:
+            begin: Arc length at which the part starts [m].
+            length: Length of the part [m].
+            shortest: Pieces up to this length are left out [m].
+        """
         breaks = self.breaks - begin
         i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
         rows = {x: getattr(self, x)[i].copy() for x in ("starts", "first", "second", "f", "g")}
@@ -259,7 +270,12 @@ class Orientation:
         )
 
     def place(self, rotation: FloatArray, scale: float) -> Orientation:
-        """Along a path that is scaled and then turned."""
+        """The orientation along a path that is scaled and then turned.
+
+        Args:
+            rotation: Rotation matrix, (3, 3).
+            scale: Factor of lengths.
+        """
         return dataclasses.replace(
             self,
             breaks=self.breaks * scale,

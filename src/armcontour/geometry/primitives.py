@@ -36,7 +36,11 @@ class Demand:
             )
 
     def columns(self, n: int) -> dict[str, Any]:
-        """The demand as columns of a table of `n` segments."""
+        """The demand as columns of a table of segments.
+
+        Args:
+            n: Number of segments.
+        """
         speed = np.nan if self.speed is None else self.speed
         tolerance = np.nan if self.tolerance is None else self.tolerance
         return {

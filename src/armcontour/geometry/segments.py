@@ -231,10 +231,10 @@ class Segments:
             raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
         if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
             raise InvalidInput("The tangents of a path must be unit vectors.")
-        self._refuse_gaps()
+        self.refuse_gaps()
         return self.replace(checked=True)
 
-    def _refuse_gaps(self) -> None:
+    def refuse_gaps(self) -> None:
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
