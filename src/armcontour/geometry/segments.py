@@ -235,6 +235,7 @@ class Segments:
         return self.replace(checked=True)
 
     def refuse_gaps(self) -> None:
+        """Refuse segments of which one does not start where the segment before ends."""
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
