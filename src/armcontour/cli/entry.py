@@ -6,7 +6,6 @@ import os
 import sys
 from contextlib import suppress
 
-from armcontour import _memory
 from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.errors import ArmContourError
@@ -30,7 +29,9 @@ def _command() -> int:
         _complain(str(error))
         return error.exit_code
     except MemoryError:
-        _complain(_memory.describe_memory_error())
+        from armcontour._memory import describe_memory_error
+
+        _complain(describe_memory_error())
         return 1
     except BrokenPipeError:
         _mute()
