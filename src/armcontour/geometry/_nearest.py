@@ -21,17 +21,20 @@ def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -
 
 
 @compiled()
-def _point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
-    """Squared distance from `p` to the point at distance `u` along segment `g`."""
-    k = g[9]
+def _offsets(k: float, u: float) -> tuple[float, float]:
+    """How far the point at distance u along a segment is from its start: along, and across."""
     angle = k * u
     if abs(angle) > 1e-4:
-        along = math.sin(angle) / k
         half = math.sin(angle / 2)
-        across = 2 * half * half / k
-    else:  # series: exact to rounding here, and fit for lines
-        along = u * (1 - angle * angle / 6)
-        across = u * angle / 2 * (1 - angle * angle / 12)
+        return math.sin(angle) / k, 2 * half * half / k
+    # A series: exact to rounding here, and fit for lines.
+    return u * (1 - angle * angle / 6), u * angle / 2 * (1 - angle * angle / 12)
+
+
+@compiled()
+def _point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
+    """Squared distance from `p` to the point at distance `u` along segment `g`."""
+    along, across = _offsets(g[9], u)
     total = 0.0
     for axis in range(3):
         gap = p[axis] - g[axis] - along * g[3 + axis] - across * g[6 + axis]
@@ -131,13 +134,10 @@ def search_tree(
 
 
 @compiled()
-def _coordinate(g: FloatArray, u: float, axis: int) -> Any:
-    """Coordinate of the point at distance u along segment g."""
-    k = g[9]
-    if k == 0.0:
-        return g[axis] + u * g[3 + axis]
-    half = math.sin(k * u / 2)
-    return g[axis] + math.sin(k * u) / k * g[3 + axis] + 2 * half * half / k * g[6 + axis]
+def _plane_point(g: FloatArray, u: float) -> tuple[float, float]:
+    """The point at distance u along segment g, in the plane."""
+    along, across = _offsets(g[9], u)
+    return g[0] + along * g[3] + across * g[6], g[1] + along * g[4] + across * g[7]
 
 
 @compiled()
@@ -176,9 +176,9 @@ def fill_cells(
             step = g[10] / pieces
             # What an arc bulges over its chord, and rounding.
             margin = step * math.tan(g[9] * step / 4) / 2 + 1e-12 * size
-            x0, y0 = _coordinate(g, 0.0, 0), _coordinate(g, 0.0, 1)
+            x0, y0 = _plane_point(g, 0.0)
             for piece in range(1, pieces + 1):
-                x1, y1 = _coordinate(g, piece * step, 0), _coordinate(g, piece * step, 1)
+                x1, y1 = _plane_point(g, piece * step)
                 left = max(int((min(x0, x1) - margin - low[0]) / size), 0)
                 right = min(int((max(x0, x1) + margin - low[0]) / size), columns - 1)
                 down = max(int((min(y0, y1) - margin - low[1]) / size), 0)

@@ -26,8 +26,8 @@ ROUND = 1e-12
 WELL_KNOWN = 1.5 * np.pi
 # Vertices nearer than this are one [m]: so close that a path takes what is left for no gap.
 ONE_VERTEX = 0.5 * REPEATED_POINT
-# Places along an arc that show how far it reaches.
-REACHED = np.linspace(0.0, 1.0, 9)[1:-1]
+# An arc of more than this [rad] reaches about as far as all of its ellipse.
+WIDE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -134,11 +134,15 @@ class Chain:
     @property
     def reach(self) -> FloatArray:
         """Points from which no other one is far, (m, dimension)."""
-        arcs = np.repeat(np.flatnonzero(self.angles), len(REACHED))
-        if not len(arcs):
-            return np.concatenate([self.starts[:1], self.ends])
-        share = np.tile(REACHED, len(arcs) // len(REACHED))
-        return np.concatenate([self.starts[:1], self.ends, self[arcs]._at(share)])
+        points = [self.starts[:1], self.ends]
+        if self.angles.any():
+            wide = self.angles > WIDE
+            centres = (self.starts - self.cosines)[wide]
+            sizes = np.hypot(self.cosines[wide], self.sines[wide])
+            # Of a narrow arc the ellipse reaches much farther than the arc.
+            narrow = self[(self.angles > 0) & ~wide]
+            points += [centres - sizes, centres + sizes, narrow._at(0.5)]
+        return np.concatenate(points)
 
     def to_segments(self, tolerance: float) -> Segments | None:
         """Lines and arcs of circles as they are, others within a tolerance [m]; None if no length.

@@ -85,6 +85,9 @@ class Spline:
             # Straight between its points, whatever their weights.
             return Path.polyline(self.points).segments
         inner = np.unique(self.knots[self.degree : len(self.points) + 1])
+        if np.ptp(self.weights) == 0:
+            plain = BSpline(self.knots, self.points, self.degree)
+            return fit_arcs(lambda t, order: plain(t, order), inner, tolerance)
         weights = (self.weights / self.weights.max())[:, None]
         whole = BSpline(self.knots, np.hstack([weights * self.points, weights]), self.degree)
 
