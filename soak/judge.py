@@ -156,7 +156,6 @@ def _ratios(
     ddq: np.ndarray,
 ) -> dict[str, np.ndarray]:
     limits, arm = problem.limits, problem.arm
-    (law,) = planned.laws
     found: dict[str, np.ndarray] = {}
     if limits.joint_velocity is not None:
         found["joint_velocity"] = (np.abs(dq) / limits.joint_velocity).max(axis=1)
@@ -167,7 +166,8 @@ def _ratios(
         return found
     velocity = arm.tool_velocity(q, dq)
     speed = np.linalg.norm(velocity, axis=1)
-    middle = (law.s[:-1] + law.s[1:]) / 2
+    s = planned.s(planned.breaks)
+    middle = (s[:-1] + s[1:]) / 2
     own = planned.path.speeds[planned.path.locate(middle)][i]
     found["speed"] = speed / np.fmin(own, np.inf if limits.speed is None else limits.speed)
     if limits.tool_acceleration is None and limits.centripetal_acceleration is None:

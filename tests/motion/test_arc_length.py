@@ -223,6 +223,20 @@ def test_in_rapids_and_dwells_of_a_program_s_stands_still(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["optimal", "mac", "conventional"])
+def test_a_program_may_stand_at_both_of_its_ends(method: str) -> None:
+    moves = (Dwell(duration=0.1), Contour(path=ROUNDED), Dwell(duration=0.2))
+    trajectory = ac.plan(Program(moves=moves), ARM, SLOW, method=method)
+    ends = np.array([0.0, ROUNDED.length])
+    (contour,) = trajectory.contour_spans
+    assert trajectory.time_at(ends).tolist() == pytest.approx([0.0, contour.t[1]], abs=1e-12)
+    later = trajectory.time_at(ends, side="right")
+    assert later.tolist() == pytest.approx([contour.t[0], trajectory.duration], abs=1e-12)
+    assert contour.t[0] == 0.1 and trajectory.duration == pytest.approx(contour.t[1] + 0.2)
+    assert float(trajectory.speed_at(0.0, side="left")) == 0
+    assert float(trajectory.speed_at(ROUNDED.length)) == 0
+
+
+@pytest.mark.parametrize("method", ["optimal", "mac", "conventional"])
 def test_a_program_counts_on_where_its_contours_do(method: str) -> None:
     trajectory = plan(f"program, {method}")
     for span in trajectory.contour_spans:

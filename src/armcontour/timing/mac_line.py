@@ -136,6 +136,8 @@ class Line:
     ) -> None:
         self.name, self.joint_path, self.arm, self.limit = name, joint_path, arm, limit
         self.s, self.assigned = s, assigned
+        path = tool_path_of(joint_path, "mac")
+        self.point, self.direction = path(s[0]), path(s[0], 1)
         self.q = joint_path(s)
         # One-sided at both ends: the path may turn there.
         before, after = joint_path(s[-1:], 1, side="left"), joint_path(s[:-1], 1)
@@ -196,7 +198,6 @@ class Line:
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> Piece:
         """Laps from one knot to another one."""
-        path = tool_path_of(self.joint_path, "mac")
         ends = (float(self.s[first]), float(self.s[last]))
         law = LineLaw(
             breaks=np.concatenate([[0.0], np.cumsum(h)]),
@@ -205,8 +206,8 @@ class Line:
             ddq=ddq,
             arm=self.arm,
             ends=ends,
-            point=path(ends[0]),
-            direction=path(ends[0], 1),
+            point=self.point + (ends[0] - self.s[0]) * self.direction,
+            direction=self.direction,
         )
         return Piece(law, kind, ends)
 
