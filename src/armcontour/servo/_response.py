@@ -38,6 +38,9 @@ FALL = 0.6
 MOST_STEPS = 1e7
 
 
+# Functions on the shortest route are put into their callers: a call costs as much as they do.
+
+
 class Servo(NamedTuple):
     """One joint's gains [1/s], kv = 0 in the first order, and acceleration bounds [rad/s²]."""
 
@@ -358,7 +361,7 @@ def _stay(servo: Servo, over: Signal, end: float) -> float:
     return end
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
     """The motion at a bound for a time t, while the demand is over that bound."""
     bound = servo.upper if side > 0.0 else servo.lower
@@ -429,7 +432,7 @@ def _move_freely(
     return Phase(t, 0.0, 0.0, x, v, lowest, highest)
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def next_phase(
     servo: Servo, u: Cubic, q: float, w: float, side: float, left: float, span: float, step: Step
 ) -> Phase:
@@ -559,7 +562,7 @@ def _lag(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     return Motion(q, w, 0.0, lowest, highest)
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Run a joint through a step under the command u.
 
