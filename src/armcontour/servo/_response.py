@@ -35,7 +35,7 @@ NEAR = 1e-6
 # Half, and more than that as the inverse of 1 - x is more than 1 + x, in a step as short as above.
 FALL = 0.6
 # A span that takes more free motions than these is refused: no servo is so fast.
-MOST_STEPS = 1e7
+MOST_STEPS = 1e5
 
 
 # Functions on the shortest route are put into their callers: a call costs as much as they do.
