@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from armcontour.geometry import Path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.door import read_path
+from armcontour.jobs import Study, run
 from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
@@ -27,7 +28,6 @@ from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.sections.program_picture import MOST_MARKERS, _events, said
 from armcontour.report.sections.program_timeline import _bars as timeline_bars
 from armcontour.report.style import MOST_SENTENCES, few
-from armcontour.study import Study, run
 from armcontour.timing.explanation import Binding, Explanation
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"

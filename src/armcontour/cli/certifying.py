@@ -6,8 +6,8 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from armcontour.certification import Certificate
     from armcontour.evaluation import Evaluation
-    from armcontour.study import Certificate
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -51,7 +51,7 @@ def certify_file(
     job = read_job(job_file)
     overrides = _lengths(tolerance=tolerance, servo=servo)
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
-        from armcontour.study import certify
+        from armcontour.certification import certify
 
         with shown("certifying") as progress:
             found = certify(job, run, progress=progress, **overrides)

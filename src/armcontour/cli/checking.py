@@ -12,7 +12,7 @@ from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
 
 if TYPE_CHECKING:
     from armcontour.evaluation import Check, LimitUse
-    from armcontour.study import Job, Run
+    from armcontour.jobs import Job, Run
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -57,7 +57,7 @@ def check_file(
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits, read_trajectory
-    from armcontour.study import path_of
+    from armcontour.jobs import path_of
 
     job = None if job_file is None else read_job(job_file)
     if arm_name is not None:
@@ -100,7 +100,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     Without a name it is any of those that round corners, if these do not differ in that.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.study import traced_alike
+    from armcontour.jobs import traced_alike
 
     if run_name is not None:
         for run in job.runs:

@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from armcontour.study import Sweep, SweepPoint
+    from armcontour.certification import Sweep, SweepPoint
 
 # Columns of text where the output goes to a file or another program.
 WIDTH = 120
@@ -42,8 +42,8 @@ def sweep_file(
     job = read_job(job_file)
     asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
     with ResultFolder(out, force=force) as folder:
+        from armcontour.certification import sweep
         from armcontour.report import render_sweep
-        from armcontour.study import sweep
 
         with shown("sweeping") as progress:
             found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress)

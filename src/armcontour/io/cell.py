@@ -9,7 +9,7 @@ from typing import Any
 
 from armcontour.errors import InvalidInput
 from armcontour.io.job_file import Changes, job_text, parse_job
-from armcontour.study import Job
+from armcontour.jobs import Job
 
 # Keys of a job's path that say what it is, and that a drawing takes the place of.
 OWN_PATH = ("points", "start", "segments", "spline", "file")

@@ -6,8 +6,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
+from armcontour.jobs import RunResult
 from armcontour.motion import PathLaw, Trajectory
-from armcontour.study import RunResult
 
 # A path, its law or else None, when it begins and ends [s], and the length before it [m].
 Followed = tuple[Path, PathLaw | None, tuple[float, float], float]

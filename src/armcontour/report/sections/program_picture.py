@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.jobs import RunResult
 from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Program
 from armcontour.report.outline import finely, outlines
 from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons, view_label
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
-from armcontour.study import RunResult
 
 # Layers with a colour of their own, the longest first; black is for all others together.
 LAYER_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")

@@ -11,9 +11,9 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
+from armcontour.jobs.goal import Goal
 from armcontour.program import Process, Program
 from armcontour.servo import ServoModel
-from armcontour.study.goal import Goal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

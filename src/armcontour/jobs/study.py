@@ -16,10 +16,10 @@ from armcontour.errors import ArmContourError, ExecutionError
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.programs import planned, program_of, slow_ends
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
-from armcontour.study.job import Job, Run
-from armcontour.study.programs import planned, program_of, slow_ends
 from armcontour.timing import (
     Explanation,
     explain,
