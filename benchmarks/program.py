@@ -11,8 +11,8 @@ import numpy as np
 
 import armcontour as ac
 from armcontour.io.cell import read_cell
-from armcontour.study.programs import planned, program_of
-from armcontour.study.study import rounding_of
+from armcontour.jobs.programs import planned, program_of
+from armcontour.jobs.study import rounding_of
 from benchmarks.measured import Measured
 
 LINES = 150_000

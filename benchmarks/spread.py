@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 import armcontour as ac
-from armcontour.study.robustness import Box, spread
+from armcontour.robustness.monte_carlo import Box, spread
 from benchmarks.measured import Measured, paired
 
 SAMPLES = 4000

@@ -1,7 +1,7 @@
 """The fastest plan whose executed tool stays within 0.01 mm, on a controller 40 ms late."""
 
 import armcontour as ac
-from armcontour.study import Rounding, Run
+from armcontour.jobs import Rounding, Run
 
 arm = ac.load_arm("pmk3s")
 late = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.04)

@@ -139,7 +139,7 @@ class Bench:
 
         from armcontour.execution import ServoPlant, execute
         from armcontour.io import read_job
-        from armcontour.study import teach
+        from armcontour.jobs import teach
 
         job = read_job(self.folder / "job.yaml")
         plan = teach(job)["only"]

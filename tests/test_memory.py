@@ -13,7 +13,7 @@ import armcontour as ac
 from armcontour import _memory
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
-from armcontour.study import run, teach
+from armcontour.jobs import run, teach
 
 
 def job(**changes: object) -> ac.Job:

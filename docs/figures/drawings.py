@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
 from armcontour.io.cell import read_cell
+from armcontour.jobs import Job
+from armcontour.jobs.programs import planned, program_of
+from armcontour.jobs.study import rounding_of
 from armcontour.motion import Trajectory
 from armcontour.program import Program
-from armcontour.study import Job
-from armcontour.study.programs import planned, program_of
-from armcontour.study.study import rounding_of
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 LAYERS = (style.BLUE, style.VERMILLION)

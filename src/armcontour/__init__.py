@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         arm_names,
         load_arm,
     )
+    from armcontour.certification import Certificate, Sweep, certify, sweep
     from armcontour.compensation import compensate
     from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from armcontour.io.drawings.door import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
+    from armcontour.jobs import Goal, Job, Study, run
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.program import (
         Contour,
@@ -65,7 +67,6 @@ if TYPE_CHECKING:
     )
     from armcontour.report import write_report
     from armcontour.servo import ServoModel
-    from armcontour.study import Certificate, Goal, Job, Study, Sweep, certify, run, sweep
     from armcontour.timing import Explanation, explain, plan
     from armcontour.tracing import trace
 
@@ -79,6 +80,7 @@ _HOME = {
         "arm_names",
         "load_arm",
     ),
+    "certification": ("Certificate", "Sweep", "certify", "sweep"),
     "compensation": ("compensate",),
     "compensation.poles": ("fastest_poles",),
     "errors": (
@@ -105,6 +107,7 @@ _HOME = {
     "io.drawings.door": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
+    "jobs": ("Goal", "Job", "Study", "run"),
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "program": (
         "Contour",
@@ -120,7 +123,6 @@ _HOME = {
     ),
     "report": ("write_report",),
     "servo": ("ServoModel",),
-    "study": ("Certificate", "Goal", "Job", "Study", "Sweep", "certify", "run", "sweep"),
     "timing": ("Explanation", "explain", "plan"),
     "tracing": ("trace",),
 }

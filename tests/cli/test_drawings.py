@@ -201,7 +201,7 @@ def test_what_cannot_be_exported_is_refused_before_the_run(
     def never(*_: object, **__: object) -> None:
         raise AssertionError("the job was run")
 
-    monkeypatch.setattr("armcontour.study.run", never)
+    monkeypatch.setattr("armcontour.jobs.run", never)
     code, said = call("run", "two.csv", "--cell", "pmk3s", "--out", "out", *asked)
     assert code == 2
     assert all(x in said for x in words), said

@@ -383,6 +383,42 @@ def test_the_range_of_the_demand_has_both_directions(arm):
     np.testing.assert_allclose(done.demand_range, seen, rtol=1e-2)
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+def test_no_demand_is_outside_of_its_range(arm, interpolation):
+    """At the end of an interval in saturation the demand may be larger than anywhere before."""
+    q = np.cumsum(np.random.default_rng(4).normal(size=(15, 2)), axis=0) * (3e-3, 1e-2)
+    done = ac.execute(taught_data(q, 0.011), plant(arm, limit=0.72, interpolation=interpolation))
+    assert (done.saturated_time > 0.05).all()
+    assert (done.demand_range[0] <= done.demand.min(axis=0)).all()
+    assert (done.demand_range[1] >= done.demand.max(axis=0)).all()
+
+
+def test_rounding_does_not_saturate(arm):
+    """A cubic command of uniform acceleration asks, once the joint follows, for just that."""
+    t = np.arange(200)[:, None] * 0.004
+    q = 2.0 + 0.5 * np.array([0.7, 0.72]) * t**2
+    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic")
+    limits = ac.Limits(joint_acceleration=[0.7, 0.72])
+    times = [
+        ac.execute(taught_data(q, 0.004), ac.ServoPlant(arm, servo, limits), resolution=x)
+        .saturated_time
+        for x in (4e-3, 2e-3, 1e-3, 5e-4)
+    ]  # fmt: skip
+    np.testing.assert_allclose(times, np.broadcast_to(times[0], (4, 2)), atol=1e-6)
+
+
+@pytest.mark.parametrize("gains", [(1e300, 1e300), (1e9, 1e9), (1e-3, 1e15), (1e300, None)])
+def test_gains_beyond_all_time_steps_are_an_error(arm, gains):
+    """Time steps as short as they need make no progress, or too little."""
+
+    def run():
+        servo = ac.ServoModel(kp=gains[0], kv=gains[1], order="second" if gains[1] else "first")
+        ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo))
+
+    with pytest.raises(ac.ArmContourError, match="1/s"):
+        run()
+
+
 def test_a_servo_that_does_not_settle_is_an_error(arm, refuses):
     refuses(
         lambda: ac.execute(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02),

@@ -122,3 +122,9 @@ def test_a_joint_at_rest_stays_until_the_first_set_point_reaches_it():
     assert (out[0, :51] == 0.02).all()
     expected = move(t, u, kp=25.0, kv=150.0, delay=0.0505, before=0.02, steps=20)
     np.testing.assert_allclose(out[0], expected, rtol=0, atol=1e-9)
+
+
+def test_intervals_beyond_all_time_steps_are_told():
+    t, u = np.arange(60) * 1e9, np.linspace(0.0, 1.0, 60)
+    _, seen = _run(t, u, True, 25.0, 150.0, 0.0, 1e-30)
+    assert np.isnan(seen[0])

@@ -16,8 +16,8 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.io import parse_job, read_job
 from armcontour.io.cell import cell_names, read_cell
+from armcontour.jobs import Job
 from armcontour.program import Program
-from armcontour.study import Job
 
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"

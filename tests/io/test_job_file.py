@@ -253,7 +253,7 @@ def test_the_published_schema_is_the_one_in_use() -> None:
 
 def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key() -> None:
     validator = jsonschema.Draft202012Validator(json_schema())
-    text = (ROOT / "src/armcontour/study/library/paper.yaml").read_text(encoding="utf-8")
+    text = (ROOT / "src/armcontour/jobs/library/paper.yaml").read_text(encoding="utf-8")
     assert list(validator.iter_errors(yaml.safe_load(text))) == []
     assert list(validator.iter_errors(GOOD)) == []
     assert list(validator.iter_errors({**GOOD, "speeed": 1}))

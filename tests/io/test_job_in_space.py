@@ -15,7 +15,7 @@ from armcontour._xacro.expanding import expand_xacro
 from armcontour.errors import InvalidInput
 from armcontour.frames import from_rpy
 from armcontour.io import json_schema, parse_job
-from armcontour.study import Experiment, Job
+from armcontour.jobs import Experiment, Job
 
 DATA = FilePath(__file__).parents[1] / "arms" / "data"
 POINTS = [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, "100 mm", 0.2]]

@@ -12,7 +12,7 @@ import yaml
 
 from armcontour.arms import load_arm
 from armcontour.io import parse_job, parse_trajectory, planned_csv, summary, torque_csv
-from armcontour.study import Study, run
+from armcontour.jobs import Study, run
 
 JOB = {
     "name": "corner",

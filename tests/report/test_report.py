@@ -13,11 +13,11 @@ import yaml
 from armcontour.cli.running import built_in_job
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.io import parse_job
+from armcontour.jobs import Study, run
 from armcontour.report import render_report, write_report
 from armcontour.report.sections import bindings, overview, paths
 from armcontour.report.sections.motion import accelerations, find_saturation
 from armcontour.report.style import thinned
-from armcontour.study import Study, run
 
 
 @pytest.fixture(scope="module")

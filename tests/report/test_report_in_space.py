@@ -11,10 +11,10 @@ import pytest
 import yaml
 
 from armcontour.io import parse_job
+from armcontour.jobs import Study, run
 from armcontour.report import render_report, sections
 from armcontour.report.sections.corners import corners
 from armcontour.report.sections.space import FRAMES, MAGNIFICATIONS
-from armcontour.study import Study, run
 
 UR = {
     "name": "corner",

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from armcontour.geometry import Path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.door import read_path
+from armcontour.jobs import Study, run
 from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
@@ -27,7 +28,6 @@ from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.sections.program_picture import MOST_MARKERS, mark_events, said
 from armcontour.report.sections.program_timeline import merge_moves
 from armcontour.report.style import MOST_SENTENCES, few
-from armcontour.study import Study, run
 from armcontour.timing.explanation import Binding, Explanation
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
@@ -263,7 +263,7 @@ def test_more_events_than_can_be_marked_are_thinned_and_that_is_said(study: Stud
     many = [dataclasses.replace(result.trajectory.events[0], t=float(i)) for i in range(4000)]
     marked, told = mark_events(many, True)
     assert sum(len(x.x) for x in marked) <= MOST_MARKERS
-    assert told == "In the picture only every 3th event is marked."
+    assert told == "In the picture only every 3rd event is marked."
 
 
 def test_assigned_velocities_are_steps_with_gaps(study: Study) -> None:

@@ -27,7 +27,7 @@ class Robot(NamedTuple):
     end: FloatArray
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(fastmath=FUSED)
 def _turn(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
     """Sine and cosine of joint j's angle, from those of an angle near by, which are kept."""
     x = q - anchors[j, 0]
@@ -40,7 +40,7 @@ def _turn(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
     return anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(fastmath=FUSED)
 def tool_in_plane(
     planar: FloatArray, q: FloatArray, anchors: FloatArray
 ) -> tuple[float, float, float]:
@@ -50,7 +50,7 @@ def tool_in_plane(
     return planar[0] + planar[1] * s + planar[2] * s2, planar[1] * c + planar[2] * c2, 0.0
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(fastmath=FUSED)
 def tool_in_space(
     rotations: FloatArray,
     positions: FloatArray,

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
+    from armcontour.certification import Certificate
     from armcontour.evaluation import Evaluation
-    from armcontour.study import Certificate, Job
+    from armcontour.jobs import Job
 
 
 def certify_file(
@@ -58,7 +59,7 @@ def certify_file(
     }
     overrides = {name: value for name, value in lengths.items() if value is not None}
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
-        from armcontour.study import certify
+        from armcontour.certification import certify
 
         with shown("certifying") as progress:
             found = certify(job, run, progress=progress, **overrides)

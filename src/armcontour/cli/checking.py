@@ -14,7 +14,7 @@ from armcontour.cli.console import Console
 if TYPE_CHECKING:
     from armcontour.evaluation import Check
     from armcontour.evaluation.tally import Occurrence
-    from armcontour.study import Job, Run
+    from armcontour.jobs import Job, Run
 
 HEADINGS = (
     *("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"),
@@ -67,7 +67,7 @@ def check_file(
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits, read_trajectory
-    from armcontour.study import path_of
+    from armcontour.jobs import path_of
 
     job = None if job_file is None else read_job(job_file, trust_xacro=trust_xacro)
     if arm_name is not None:
@@ -117,7 +117,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     Without a name it is any of those that round corners, if these do not differ in that.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.study import traced_alike
+    from armcontour.jobs import traced_alike
 
     if run_name is not None:
         for run in job.runs:

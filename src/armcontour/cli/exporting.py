@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armcontour.io import ResultFolder
     from armcontour.io.exports.table import Table
+    from armcontour.jobs import Job, RunPlan
     from armcontour.program import Event
-    from armcontour.study import Job, RunPlan
 
 # Taught data is what the robot gets; the reference is the plan, without compensation.
 TAUGHT, REFERENCE = "taught", "reference"

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armcontour.study import Job
+    from armcontour.jobs import Job
 
 Told = Callable[[float], None]
 

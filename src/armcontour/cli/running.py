@@ -14,14 +14,14 @@ from armcontour.cli.progress import job_progress
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
     from armcontour.io import ResultFolder
-    from armcontour.study import Job, RunPlan, RunResult, Study
+    from armcontour.jobs import Job, RunPlan, RunResult, Study
 
 
 def built_in_job() -> Job:
     """The paper's job, as shipped."""
     from armcontour.io import parse_job
 
-    file = resources.files("armcontour.study") / "library" / "paper.yaml"
+    file = resources.files("armcontour.jobs") / "library" / "paper.yaml"
     return parse_job(file.read_text(encoding="utf-8"), source="the built-in job")
 
 
@@ -55,7 +55,7 @@ def run_job(
         if exports:
             # What cannot be exported is refused before the run.
             rehearse(job, exports, folder.scratch)
-        from armcontour.study import run, steps_of, teach
+        from armcontour.jobs import run, steps_of, teach
 
         def begin(name: str, what: str) -> None:
             progress.begin(f"{name}: {what}", what)
@@ -128,7 +128,7 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
 
 
 def _print_results(study: Study, report: FilePath) -> None:
-    from armcontour.study.quantities import assumed
+    from armcontour.jobs.quantities import assumed
 
     tried = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
-    from armcontour.study import Sweep, SweepPoint
+    from armcontour.certification import Sweep, SweepPoint
 
 
 def sweep_file(
@@ -46,8 +46,8 @@ def sweep_file(
     job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
     asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
     with ResultFolder(out, force=force) as folder:
+        from armcontour.certification import sweep
         from armcontour.report import render_sweep
-        from armcontour.study import sweep
 
         with shown("sweeping") as progress:
             found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress)

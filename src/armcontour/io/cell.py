@@ -11,8 +11,8 @@ from armcontour._checks import LONGEST_NAME
 from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.io.job_file import Changes, job_text, parse_job
-from armcontour.study import Job
-from armcontour.study.job import LONGEST_TITLE
+from armcontour.jobs import Job
+from armcontour.jobs.job import LONGEST_TITLE
 
 # Keys of a job's path that say what it is, and that a drawing takes the place of.
 OWN_PATH = ("points", "start", "segments", "spline", "file")

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
+from armcontour.certification import Certificate, Sweep
 from armcontour.io.summary import UNITS, plain, run_summary
-from armcontour.study import Certificate, Goal, Sweep
-from armcontour.study.robustness import Spread
+from armcontour.jobs import Goal
+from armcontour.robustness.monte_carlo import Spread
 
 CERTIFICATE_UNITS = {
     "cost": "s",

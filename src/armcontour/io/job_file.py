@@ -32,9 +32,9 @@ from armcontour.io.job_path import Told, path_of
 from armcontour.io.job_process import with_process
 from armcontour.io.problems import first_problem
 from armcontour.io.units import parse
+from armcontour.jobs import Experiment, Goal, Job, Published, Rounding, Run
+from armcontour.robustness.monte_carlo import Box
 from armcontour.servo import ServoModel
-from armcontour.study import Experiment, Goal, Job, Published, Rounding, Run
-from armcontour.study.robustness import Box
 
 Changes = Callable[[dict[str, Any]], dict[str, Any]]
 # Which method takes which option.

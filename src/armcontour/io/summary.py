@@ -12,16 +12,16 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.evaluation import ErrorProfile, Evaluation
 from armcontour.geometry import Corners, Path, RoundedPath
-from armcontour.motion import Execution
-from armcontour.program import Program
-from armcontour.study import ExperimentResult, Job, RunPlan, RunResult, Study
-from armcontour.study.quantities import (
+from armcontour.jobs import ExperimentResult, Job, RunPlan, RunResult, Study
+from armcontour.jobs.quantities import (
     Torques,
     angular_speed,
     applied_torques,
     assumed,
     planned_torques,
 )
+from armcontour.motion import Execution
+from armcontour.program import Program
 from armcontour.timing import Explanation
 
 # Lists of a long path are cut here: a summary is for people and small programs.

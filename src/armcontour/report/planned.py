@@ -7,8 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from armcontour.study import RunResult
-from armcontour.study.quantities import Torques, planned_torques, torques_at
+from armcontour.jobs import RunResult
+from armcontour.jobs.quantities import Torques, planned_torques, torques_at
 
 # More runs than this are computed again.
 MOST_RUNS = 16

@@ -7,11 +7,12 @@ from pathlib import Path as FilePath
 
 from armcontour import _staging
 from armcontour._version import __version__
+from armcontour.certification import Certificate, Sweep
 from armcontour.errors import InvalidInput
+from armcontour.jobs import Job, Study
 from armcontour.report import sections
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
-from armcontour.study import Certificate, Job, Study, Sweep
 
 # Tiles that a row has room for.
 MOST_COLUMNS = 5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour.study import RunResult, Study
+from armcontour.jobs import RunResult, Study
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,23 +34,6 @@ def shift(u: Cubic, t: float) -> Cubic:
     return Cubic(evaluate(u, t), rate, u.second + 3 * u.third * t, u.third)
 
 
-@compiled(fastmath=FUSED, inline="always")
-def command_from(command: FloatArray, interval: int, t: float) -> Cubic:
-    """The command from the time t of an interval on.
-
-    Args:
-        command: `servo.command.polynomials` of one joint, (n + 1, 4).
-        interval: From 0 at the first set-point. Before the first set-point and after the last one
-            the command is constant.
-        t: Time since the set-point that begins the interval [s].
-    """
-    last = len(command) - 1
-    i = min(max(interval + 1, 0), last)
-    if i == 0 or i == last:
-        return Cubic(command[i, 0], 0.0, 0.0, 0.0)
-    return shift(Cubic(command[i, 0], command[i, 1], command[i, 2], command[i, 3]), t)
-
-
 @compiled(fastmath=FUSED)
 def divide_interval(
     period: float,

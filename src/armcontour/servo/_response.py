@@ -35,9 +35,12 @@ NEAR = 1e-6
 # Half, and more than that as the inverse of 1 - x is more than 1 + x, in a step as short as above.
 FALL = 0.6
 # A span that takes more free motions than these is refused: no servo is so fast.
-MOST_STEPS = 1e7
+MOST_STEPS = 1e5
 # A step with more phases (free, at a bound) than these comes to no end: phases round to nothing.
 MOST_PHASES = 100_000
+
+
+# Functions on the shortest route are put into their callers: a call costs as much as they do.
 
 
 class Servo(NamedTuple):
@@ -360,7 +363,7 @@ def _stay(servo: Servo, over: Signal, end: float) -> float:
     return end
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
     """The motion at a bound for a time t, while the demand is over that bound."""
     bound = servo.upper if side > 0.0 else servo.lower
@@ -431,7 +434,7 @@ def _move_freely(
     return Phase(t, 0.0, 0.0, x, v, lowest, highest)
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def next_phase(
     servo: Servo, u: Cubic, q: float, w: float, side: float, left: float, span: float, step: Step
 ) -> Phase:
@@ -565,7 +568,7 @@ def _lag(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     return Motion(q, w, 0.0, lowest, highest)
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Run a joint through a step under the command u.
 

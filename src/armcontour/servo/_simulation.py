@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import command_from, divide_interval, shift
+from armcontour.servo._command import Cubic, divide_interval, shift
 from armcontour.servo._response import (
     LARGEST_STEP,
     Motion,
@@ -114,24 +114,6 @@ def write_step(s: Step, row: FloatArray) -> None:
     row[6], row[7], row[8], row[9], row[10] = s.q2, s.q3, s.w1, s.w2, s.w3
 
 
-@compiled(fastmath=FUSED, inline="always")
-def read_step(x: FloatArray, j: int, i: int) -> Step:
-    """The free motion in a row of an array, (dof, parts, 11)."""
-    return Step(
-        x[j, i, 0],
-        x[j, i, 1],
-        x[j, i, 2],
-        x[j, i, 3],
-        x[j, i, 4],
-        x[j, i, 5],
-        x[j, i, 6],
-        x[j, i, 7],
-        x[j, i, 8],
-        x[j, i, 9],
-        x[j, i, 10],
-    )
-
-
 @compiled(fastmath=FUSED)
 def run_joint(
     servo: Servo,
@@ -157,12 +139,19 @@ def run_joint(
     """
     m = motion
     row = 0
-    # Tuples of arrays are taken apart outside of loops: that costs as much as the rest.
-    number, _, local, late, due, repeats, steps = parts
+    # Arrays in tuples and arguments of other functions are counted at every use, which costs as
+    # much as the rest: the loop has neither.
+    number, _, local, late, due, repeats, x = parts
+    last = len(command) - 1
     for k in range(begin, end):
         for i in range(number[j]):
-            u = command_from(command, k - late[j, i], local[j, i])
-            step = read_step(steps, j, i)
+            # Constant before the first set-point and after the last one.
+            n = min(max(k - late[j, i] + 1, 0), last)
+            t = local[j, i] if 0 < n < last else 0.0
+            u = shift(Cubic(command[n, 0], command[n, 1], command[n, 2], command[n, 3]), t)
+            own = x[j, i, 0], x[j, i, 1], x[j, i, 2], x[j, i, 3], x[j, i, 4]
+            driven = x[j, i, 5], x[j, i, 6], x[j, i, 7], x[j, i, 8], x[j, i, 9], x[j, i, 10]
+            step = Step(*own, *driven)
             for _ in range(repeats[j, i]):
                 m = respond(servo, step, u, m)
                 u = shift(u, step.time)

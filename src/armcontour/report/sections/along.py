@@ -6,8 +6,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
+from armcontour.jobs import RunResult
 from armcontour.motion import Trajectory
-from armcontour.study import RunResult
 
 # A path, its motion, when that begins [s], and the length before it [m].
 Followed = tuple[Path, Trajectory, float, float]

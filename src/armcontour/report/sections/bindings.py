@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.jobs import RunResult, Study, same_plan
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thinned
-from armcontour.study import RunResult, Study, same_plan
 from armcontour.timing import Explanation
 
 # A run's places below the assigned velocity are listed up to this number.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.certification import Certificate
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -17,7 +18,6 @@ from armcontour.report.style import (
     line,
     thinned,
 )
-from armcontour.study import Certificate
 
 
 def certificate(found: Certificate) -> Section:

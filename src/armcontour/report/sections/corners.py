@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath
+from armcontour.jobs import Study
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.report.style import (
@@ -20,7 +21,6 @@ from armcontour.report.style import (
     run_colours,
     run_widths,
 )
-from armcontour.study import Study
 
 # An enlarged corner shows this many corner errors around it.
 ZOOM = 4.0

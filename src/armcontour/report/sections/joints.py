@@ -9,6 +9,12 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.jobs import RunResult, Study
+from armcontour.jobs.quantities import (
+    Torques,
+    applied_torques,
+    assumed,
+)
 from armcontour.motion import Execution
 from armcontour.report.planned import looked_at, torques_of
 from armcontour.report.section import Section, Table
@@ -20,12 +26,6 @@ from armcontour.report.style import (
     finish,
     line,
     thinned,
-)
-from armcontour.study import RunResult, Study
-from armcontour.study.quantities import (
-    Torques,
-    applied_torques,
-    assumed,
 )
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")

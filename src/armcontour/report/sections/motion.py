@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.jobs import RunResult, Study
+from armcontour.jobs.quantities import assumed
 from armcontour.program import Program
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.sections.along import assigned_speeds
@@ -23,8 +25,6 @@ from armcontour.report.style import (
     switching_labels,
     thinned,
 )
-from armcontour.study import RunResult, Study
-from armcontour.study.quantities import assumed
 
 # What is smaller than this on the logarithmic axis of errors is drawn there [mm].
 SMALLEST_ERROR = 1e-6

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from itertools import permutations
 
+from armcontour.jobs import RunResult, Study, same_plan
+from armcontour.jobs.quantities import assumed
 from armcontour.program import Program
 from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import few
-from armcontour.study import RunResult, Study, same_plan
-from armcontour.study.quantities import assumed
 
 # So many runs have tiles; more are compared in a table.
 MOST_TILED = 2

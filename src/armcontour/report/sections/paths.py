@@ -8,12 +8,12 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
+from armcontour.jobs import RunResult, Study
 from armcontour.program import Program
 from armcontour.report.outline import DRAWN_PLACES, drawn, outlines, simplified
 from armcontour.report.section import Section, marked_run
 from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
-from armcontour.study import RunResult, Study
 
 # Points of an executed path.
 MOST_TOOL = 4000

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from armcontour.evaluation import ErrorProfile
+from armcontour.jobs import RunResult, Study
 from armcontour.motion import Span
 from armcontour.program import Contour, Program
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
 from armcontour.report.sections.program_timeline import timeline
-from armcontour.study import RunResult, Study
 
 # So many contours have a row each; of more, those with the largest errors.
 MOST_ROWS = 20

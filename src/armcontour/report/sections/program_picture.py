@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.jobs import RunResult
 from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Program
 from armcontour.report.outline import finely, outlines
+from armcontour.report.planned import ordinal
 from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons, view_label
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
-from armcontour.study import RunResult
 
 # Layers with a colour of their own, the longest first; black is for all others together.
 LAYER_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -160,7 +161,7 @@ def _starts(
         found += [(x.path(s), x.path(s, 1), said) for s in places]
     if every == 1:
         return found, ""
-    return found, f"In the picture every {every}th contour has an arrow where it begins."
+    return found, f"In the picture every {ordinal(every)} contour has an arrow at its start."
 
 
 def _arrows_in_plane(
@@ -236,7 +237,7 @@ def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], st
         _marked(name, kind, found, names.index(name), flat)
         for (name, kind), found in groups.items()
     ]
-    told = f"In the picture only every {every}th event is marked." if every > 1 else ""
+    told = f"In the picture only every {ordinal(every)} event is marked." if every > 1 else ""
     return traces, told
 
 

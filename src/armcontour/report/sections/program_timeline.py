@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.jobs import RunResult
 from armcontour.motion import Span
 from armcontour.report.sections.program_picture import said
 from armcontour.report.style import PATH_COLOUR, finish
-from armcontour.study import RunResult
 
 # Rows from the top, with the colours of their bars.
 ROWS = {"contour": "#0072B2", "rapid": PATH_COLOUR, "dwell": "#E69F00"}

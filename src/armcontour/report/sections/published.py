@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from armcontour.jobs import Published, Study
 from armcontour.report.section import Section, Table
-from armcontour.study import Published, Study
 
 # Name in a job file -> what people call it, factor from SI, unit.
 FIGURES = {

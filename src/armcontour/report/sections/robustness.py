@@ -18,7 +18,7 @@ from armcontour.report.style import (
     finish,
     line,
 )
-from armcontour.study.robustness import Spread
+from armcontour.robustness.monte_carlo import Spread
 
 
 def robustness(

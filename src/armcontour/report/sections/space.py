@@ -11,6 +11,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.evaluation import Evaluation
 from armcontour.geometry import Path
+from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.report.outline import DRAWN_PLACES, drawn, simplified
@@ -32,7 +33,6 @@ from armcontour.report.style import (
     run_colours,
     run_widths,
 )
-from armcontour.study import RunResult, Study
 
 # How many times larger errors can be shown.
 MAGNIFICATIONS = (1, 10, 100, 1000)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from armcontour.certification import Sweep, SweepPoint
 from armcontour.report.section import Section, Table
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, PLANNED_COLOUR, finish
-from armcontour.study import Sweep, SweepPoint
 
 
 def sweep(found: Sweep) -> Section:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.jobs import Study
+from armcontour.jobs.quantities import angular_speed
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
@@ -15,8 +17,6 @@ from armcontour.report.style import (
     run_widths,
     thinned,
 )
-from armcontour.study import Study
-from armcontour.study.quantities import angular_speed
 
 # The axis of angular speeds goes as far as this at least [deg/s].
 SLOWEST_TURN = 1.0

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour import _checks
+from armcontour.certification._search import Progress
+from armcontour.certification.certificate import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
-from armcontour.study._search import Progress
-from armcontour.study.certificate import certify, goal_of, run_of
-from armcontour.study.goal import Goal
-from armcontour.study.job import Job, Rounding, Run
-from armcontour.study.study import path_of, traced
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Job, Rounding, Run
+from armcontour.jobs.study import path_of, traced
 from armcontour.timing import plan
 
 # What a sweep looks at by default, as multiples of what the job has.

@@ -45,7 +45,7 @@ def _to_joint(x: float, y: float, z: float, g: FloatArray, i: int, first: int) -
     return float(gx * gx + gy * gy + gz * gz)
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def _march(
     x: float,
     y: float,
@@ -92,7 +92,7 @@ def _march(
     return best, found
 
 
-@compiled(fastmath=FUSED)
+@compiled(fastmath=FUSED, inline="always")
 def find_nearest(
     x: float,
     y: float,

@@ -18,9 +18,7 @@ from armcontour.geometry import Path, angle_between
 from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import TaughtData
-from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials
-from armcontour.study._spread import (
+from armcontour.robustness._monte_carlo import (
     SETTLED,
     STUCK,
     Clock,
@@ -31,11 +29,15 @@ from armcontour.study._spread import (
     Samples,
     run,
 )
+from armcontour.servo import ServoModel
+from armcontour.servo.command import polynomials
 
 # Contour errors are looked at this often at least: every 2 ms [s], and twice in the shortest time
 # constant of a servo. The RMS of the paper's job is then within 1e-4 of that at 0.1 ms.
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
+# Most results in a command interval: no servo is so fast.
+MOST_RESULTS = 1e5
 # More corners than this are not all executed: 10 parameters have so many.
 MOST_CORNERS = 1024
 # The tool is not further behind its plan than so many lags of its servo, nor further ahead.
@@ -429,8 +431,18 @@ class _Model:
         return [*names, "payload"]
 
     def _steps(self) -> int:
-        """Results per command interval."""
+        """Results per command interval.
+
+        Raises:
+            ExecutionError: They are too many.
+        """
         span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
+        if not self.taught.period < MOST_RESULTS * span:
+            raise ExecutionError(
+                f"The fastest servo of the box has a time constant of {1 / self._fastest():.3g} s, "
+                f"too short to simulate command intervals of {self.taught.period:g} s: lower its "
+                "gains kp and kv [1/s]."
+            )
         # Steps of the command draw a ripple of its own period, which one result would not see.
         least = 2 if self.servo.interpolation == "step" else 1
         return max(least, int(np.ceil(self.taught.period / span * (1 - 1e-12))))
@@ -441,7 +453,7 @@ class _Model:
         if self.servo.kv is None:
             return float(kp.max())
         kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
-        return float(np.where(kv >= 4 * kp, kv, np.sqrt(kp * kv)).max())
+        return float(np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv)).max())
 
     def _lag(self) -> float:
         """Time by which the tool may be from where the plan has it [s]."""

@@ -17,8 +17,8 @@ from armcontour.execution.plant import refuse_too_long
 from armcontour.geometry import Path
 from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
 from armcontour.motion.laws import path_states
+from armcontour.robustness.monte_carlo import Box
 from armcontour.servo import ServoModel
-from armcontour.study.robustness import Box
 
 # Executions are looked at this often per command interval, but not more often than this [s].
 PER_INTERVAL = 16

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable
+from armcontour.jobs.job import Job, Run
 from armcontour.motion import Trajectory
 from armcontour.program import (
     Contour,
@@ -19,7 +20,6 @@ from armcontour.program import (
     prepared,
     round_corners,
 )
-from armcontour.study.job import Job, Run
 from armcontour.timing import plan
 
 # Automatic leads: the first that is tried [m], and how many times it is made twice as long.

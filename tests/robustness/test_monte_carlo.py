@@ -7,9 +7,9 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import LapLaw
-from armcontour.study import robustness
-from armcontour.study._nearest_place import find_nearest
-from armcontour.study.robustness import Box, Spread, jitter_of, spread, worst_corner
+from armcontour.robustness import monte_carlo as robustness
+from armcontour.robustness._nearest_place import find_nearest
+from armcontour.robustness.monte_carlo import Box, Spread, jitter_of, spread, worst_corner
 
 PERIOD = 4e-3
 SAMPLES = 12
@@ -337,6 +337,13 @@ def test_the_section_of_the_report(taught, rounded, arm, servo, limits):
     assert len(found.tables[0].rows) == 4
     alone = section(spread(taught, rounded, arm, servo, limits, Box(jitter=1e-3), samples=20))
     assert len(alone.figures) == 1
+
+
+def test_gains_beyond_all_time_steps_are_an_error(taught, rounded, arm, limits):
+    with pytest.raises(ac.ArmContourError, match="1/s"):
+        spread(
+            taught, rounded, arm, ac.ServoModel(kp=1e9, kv=1e300), limits, Box(), samples=1
+        )  # fmt: skip
 
 
 def test_refusals(taught, rounded, arm, servo, limits, refuses, objective):

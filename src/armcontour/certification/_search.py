@@ -13,15 +13,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.certification._derating import Held, held_plan
+from armcontour.certification._uses import Setting, Uses, run, uses_of
 from armcontour.compensation import compensate
 from armcontour.evaluation import Check, check
 from armcontour.execution import execute
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Run
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
-from armcontour.study._held import Held, held_plan
-from armcontour.study._uses import Setting, Uses, run, uses_of
-from armcontour.study.goal import Goal
-from armcontour.study.job import Run
-from armcontour.study.robustness import Spread, spread, worst_corner
+from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
 
 # Lengths of the moving averages in command intervals, the likeliest fastest first.
 WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {

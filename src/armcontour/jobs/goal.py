@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from armcontour import _checks
 from armcontour.errors import InvalidInput
-from armcontour.study.robustness import Box
+from armcontour.robustness.monte_carlo import Box
 
 SATURATION = ("refuse", "report")
 

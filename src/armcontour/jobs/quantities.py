@@ -9,8 +9,8 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
+from armcontour.jobs.study import ExperimentResult, RunResult
 from armcontour.motion import Execution, Trajectory
-from armcontour.study.study import ExperimentResult, RunResult
 
 # Times at which a plan is looked at, beside its breaks.
 PLACES = 4000

@@ -9,21 +9,18 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour.certification._derating import Held
+from armcontour.certification._search import RESOLUTION, Kept, Progress, Search
+from armcontour.certification._uses import Setting
+from armcontour.certification._uses import run as run_on
 from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.evaluation import Check, Evaluation, evaluate
 from armcontour.execution import execute
 from armcontour.geometry import Path, RoundedPath
-from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
-from armcontour.servo import ServoModel
-from armcontour.study._held import Held
-from armcontour.study._search import RESOLUTION, Kept, Progress, Search
-from armcontour.study._uses import Setting
-from armcontour.study._uses import run as run_on
-from armcontour.study.goal import Goal
-from armcontour.study.job import Job, Rounding, Run
-from armcontour.study.robustness import Spread, worst_corner
-from armcontour.study.study import (
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Job, Rounding, Run
+from armcontour.jobs.study import (
     ExperimentResult,
     RunResult,
     Study,
@@ -31,6 +28,9 @@ from armcontour.study.study import (
     path_of,
     traced,
 )
+from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.robustness.monte_carlo import Spread, worst_corner
+from armcontour.servo import ServoModel
 from armcontour.timing import refuse_jerk
 
 # A command interval this many times shorter is taken for none, but not below this time [s].

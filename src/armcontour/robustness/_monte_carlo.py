@@ -13,10 +13,10 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import FUSED, compiled
 from armcontour.arms._tool_point import Robot, tool_in_plane, tool_in_space, tool_point
+from armcontour.robustness._nearest_place import find_nearest
 from armcontour.servo._command import SNAP, Cubic, shift
 from armcontour.servo._response import Motion, Servo, respond, transition
 from armcontour.servo._simulation import Parts, divide, prepare, run_joint
-from armcontour.study._nearest_place import find_nearest
 
 # Command intervals run at a time: their results stay in the processor's nearest memory.
 CHUNK = 64

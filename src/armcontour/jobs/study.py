@@ -16,11 +16,11 @@ from armcontour.errors import ArmContourError, ExecutionError
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.memory import RESOLUTION, refuse_too_large
+from armcontour.jobs.programs import planned, program_of, slow_ends
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
-from armcontour.study.job import Job, Run
-from armcontour.study.memory import RESOLUTION, refuse_too_large
-from armcontour.study.programs import planned, program_of, slow_ends
 from armcontour.timing import (
     Explanation,
     assigned_time,

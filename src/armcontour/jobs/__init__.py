@@ -1,9 +1,8 @@
 """Jobs and studies: all arrows at once."""
 
-from armcontour.study.certificate import Budget, Certificate, Uncertified, certify
-from armcontour.study.goal import Goal
-from armcontour.study.job import Experiment, Job, Published, Rounding, Run
-from armcontour.study.study import (
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Experiment, Job, Published, Rounding, Run
+from armcontour.jobs.study import (
     STEPS,
     ExperimentResult,
     RunPlan,
@@ -16,12 +15,9 @@ from armcontour.study.study import (
     teach,
     traced_alike,
 )
-from armcontour.study.sweeping import Sweep, SweepPoint, sweep
 
 __all__ = [
     "STEPS",
-    "Budget",
-    "Certificate",
     "Experiment",
     "ExperimentResult",
     "Goal",
@@ -32,15 +28,10 @@ __all__ = [
     "RunPlan",
     "RunResult",
     "Study",
-    "Sweep",
-    "SweepPoint",
-    "Uncertified",
-    "certify",
     "path_of",
     "run",
     "same_plan",
     "steps_of",
-    "sweep",
     "teach",
     "traced_alike",
 ]

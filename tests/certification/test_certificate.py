@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.certification._derating import Held, held_plan
 from armcontour.compensation.command_limits import refuse_commands
 from armcontour.io import certificate_json, held_csv, parse_job
+from armcontour.jobs import Goal
 from armcontour.report import render_report
-from armcontour.study import Goal
-from armcontour.study._held import Held, held_plan
-from armcontour.study.robustness import Box
+from armcontour.robustness.monte_carlo import Box, spread
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
 JOB = """
@@ -125,7 +125,7 @@ def test_gains_ten_percent_off():
     assert found.uncertified.box > 5e-3
     shared = (found.taught, found.path, found.job.arm, found.job.plant_servo, found.run.limits)
     # Other robots of the box than those that the certificate was made with.
-    drawn = ac.study.robustness.spread(*shared, box, samples=500, seed=7)
+    drawn = spread(*shared, box, samples=500, seed=7)
     assert drawn.max.max() <= 1e-3
     assert len(found.spread) == 2000 and found.spread.within(1e-3) == 1.0
     assert found.budget.executed == max(found.spread.max.max(), found.corners.max.max())

@@ -9,8 +9,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.frames import from_rpy, log
-from armcontour.study import STEPS, Experiment, Rounding, Run, path_of, same_plan, steps_of
-from armcontour.study.quantities import (
+from armcontour.jobs import STEPS, Experiment, Rounding, Run, path_of, same_plan, steps_of
+from armcontour.jobs.quantities import (
     angular_speed,
     planned_torques,
 )
@@ -180,7 +180,7 @@ def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypa
     def fails(*_):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
 
-    monkeypatch.setattr("armcontour.study.study.on_bodies", fails)
+    monkeypatch.setattr("armcontour.jobs.study.on_bodies", fails)
     this = dataclasses.replace(job.runs[0], experiment=Experiment())
     found = ac.run(dataclasses.replace(job, runs=(this, job.runs[1]))).runs
     assert found["proposed"].experiment is None

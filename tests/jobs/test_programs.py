@@ -11,10 +11,10 @@ import pytest
 import armcontour as ac
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Arc, Path
+from armcontour.jobs import Job, Rounding, Run, run
+from armcontour.jobs.programs import planned, program_of, slow_ends
 from armcontour.motion import Trajectory
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
-from armcontour.study import Job, Rounding, Run, run
-from armcontour.study.programs import planned, program_of, slow_ends
 
 ARM = ac.load_arm("pmk3s")
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)

@@ -9,7 +9,7 @@ from armcontour.compensation import set_point_count
 from armcontour.execution import ServoPlant
 from armcontour.execution.rigid_body_plant import bytes_of
 from armcontour.geometry import Path
-from armcontour.study.job import Job, Run
+from armcontour.jobs.job import Job, Run
 
 # Largest time between two results of an execution [s], unless the drives on bodies are slower.
 RESOLUTION = 1e-3

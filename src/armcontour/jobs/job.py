@@ -13,10 +13,10 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.execution.rigid_body_plant import checked_noise, checked_step
 from armcontour.geometry import Path
+from armcontour.jobs.goal import Goal
 from armcontour.motion import checked_interval
 from armcontour.program import Process, Program
 from armcontour.servo import ServoModel
-from armcontour.study.goal import Goal
 from armcontour.timing import refuse_endless
 
 # A title is a line of a report.

@@ -1,0 +1,5 @@
+"""Robustness: executions on robots that are not quite the model."""
+
+from armcontour.robustness.monte_carlo import Box, Spread, jitter_of, spread, worst_corner
+
+__all__ = ["Box", "Spread", "jitter_of", "spread", "worst_corner"]
