@@ -327,6 +327,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--turn": ("#, 0, 0", "0 deg, 0 deg, # deg"),
     "--speed": ("#", "# mm/s"),
     "--tolerance": ("#", "# mm"),
+    "--total-tolerance": ("#", "# mm"),
     "--from-s": ("#", "# mm"),
     "--memory": ("#", "# GB"),
     "--servo": ("#", "# um"),

@@ -13,7 +13,7 @@ import armcontour as ac
 from armcontour import _memory
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
-from armcontour.jobs import run, teach
+from armcontour.jobs import Experiment, run, teach
 
 
 def job(**changes: object) -> ac.Job:
@@ -47,7 +47,7 @@ def test_command_intervals_of_no_controller_are_refused(interval: float) -> None
 @pytest.mark.parametrize("step", [1e-12, 1e-300, 5e-324, 1e-9, 1e9])
 def test_steps_of_no_drive_are_refused(step: float) -> None:
     with pytest.raises(ac.InvalidInput, match="drives must be from 1e-06 to 0.1 s"):
-        ac.study.Experiment(step=step)
+        Experiment(step=step)
 
 
 def test_a_bound_can_be_raised_and_lowered() -> None:

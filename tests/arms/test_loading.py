@@ -233,7 +233,7 @@ def test_what_yaml_merges_is_no_key_twice():
     assert found["a"]["in"] == {"b": 1e-3, "c": np.pi} and found["d"] == {"b": 4, "c": np.pi}
 
 
-@pytest.mark.parametrize("number", ["'1_0'", "'١'", "true", ".inf", "1" + "0" * 400, "'1e999'"])
+@pytest.mark.parametrize("number", ["'1_0'", "'١'", "true", ".inf", ".nan", "'1e999'"])
 def test_numbers_of_arm_files_are_plain_and_finite(number, tmp_path, refuses):
     text = yaml.safe_dump(SERIAL)
     file = tmp_path / "arm.yaml"

@@ -26,9 +26,6 @@ INTERPOLATIONS = ("linear", "step")
 FEWEST = 50
 # An interval this many times the usual one is a gap: nobody knows what was commanded in it.
 GAP = 3.0
-# Samples of a controller are from a microsecond to a second apart [s]: a slower log tells no gain,
-# and the simulation of a servo in it takes steps without end.
-INTERVALS = (1e-6, 1.0)
 # A jump this close to a whole turn [rad] is the edge of a counter.
 NEAR_A_TURN = 0.6
 
@@ -46,7 +43,7 @@ class Log:
         source: Where it comes from, for messages.
 
     Raises:
-        InvalidInput: Times that do not increase, or too near or too far apart; gaps, angles that
+        InvalidInput: Times that do not increase, or are too near; gaps, angles that
             wrap, too few samples.
     """
 
@@ -137,14 +134,6 @@ class Log:
                 f"{self.source}: {describe_short_step(before, after, float(steps[i - 1]))}.",
                 index=i,
                 t=float(self.t[i]),
-            )
-        low, high = INTERVALS
-        if not low <= self.interval <= high:
-            raise InvalidInput(
-                f"{self.source}: samples come every {self.interval:g} s, but must come from "
-                f"{low:g} to {high:g} s apart: look at the unit of t.",
-                needed=self.interval,
-                allowed=high,
             )
         i = int(np.argmax(steps))
         if steps[i] > GAP * self.interval:
