@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, named
 from armcontour.execution.rigid_body_plant import checked_noise, checked_step
 from armcontour.geometry import Path
 from armcontour.jobs.goal import Goal
@@ -177,7 +176,7 @@ class Job:
         _memory.checked_bound(self.memory)
         for x in self.runs:
             _checks.check_name("name of a run", x.name)
-            with _of_run(x.name):
+            with named(f"run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)
                 refuse_endless(self.path, x.limits)
@@ -207,13 +206,3 @@ class Job:
             f"contour{'s' if len(self.path.contours) != 1 else ''} with what belongs to it: "
             "certify, sweep and check --path take a job of a single path, without leads or events."
         )
-
-
-@contextmanager
-def _of_run(name: str) -> Iterator[None]:
-    """Say which run an error is of."""
-    try:
-        yield
-    except InvalidInput as error:
-        error.args = (f"run {name}: {error}",)
-        raise

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.errors import ArmContourError, InvalidInput, NotRealizable
+from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, named
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import Trajectory
 from armcontour.program import (
@@ -81,16 +81,13 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
             return _reached(job, this, rounding, contour, Leads(before=before, behind=behind))
 
         lengths = []
-        try:
+        with named("leads"):
             for lead, s, side, speed in (
                 (process.lead_in, 0.0, "right", lambda length: reached(length, 0.0)[0]),
                 (process.lead_out, x.path.length, "left", lambda length: reached(0.0, length)[1]),
             ):
-                asked = lead is not None and lead.length is None
-                lengths.append(_length(speed, _assigned(x, s, side, this)) if asked else 0.0)
-        except ArmContourError as error:
-            error.args = (f"leads: {error}",)
-            raise
+                automatic = lead is not None and lead.length is None
+                lengths.append(_length(speed, _assigned(x, s, side, this)) if automatic else 0.0)
         found.append(Leads(before=lengths[0], behind=lengths[1]))
     return found
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -12,7 +11,7 @@ import numpy as np
 
 from armcontour.arms import Limits
 from armcontour.compensation import compensate
-from armcontour.errors import ArmContourError, ExecutionError
+from armcontour.errors import ExecutionError, named
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
@@ -177,7 +176,7 @@ def _every(
     """What every run of a job comes to, by its name; each is told of those before it."""
     found: dict[str, Result] = {}
     for x in job.runs:
-        with _named(f"Run {x.name}"):
+        with named(f"Run {x.name}"):
             found[x.name] = do(job, x, progress or (lambda run, step: None), done, found.values())
     return MappingProxyType(found)
 
@@ -235,7 +234,7 @@ def _run(
     if this.experiment is not None:
         progress(this.name, EXPERIMENT)
         try:
-            with _named("experiment"):
+            with named("experiment"):
                 experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
         except ExecutionError as error:
             failure = error
@@ -371,13 +370,3 @@ def on_bodies(
             executed, path, objective=objective, limits=this.limits, until=this.until
         ),
     )
-
-
-@contextmanager
-def _named(what: str) -> Iterator[None]:
-    """Put what was being done before the sentence of an error."""
-    try:
-        yield
-    except ArmContourError as error:
-        error.args = (f"{what}: {error}",)
-        raise
