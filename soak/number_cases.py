@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, get_args
 
-from armcontour.cli.main import app
+from armcontour.cli.commands import app
 from armcontour.io import json_schema
 
 Place = tuple[str | int, ...]

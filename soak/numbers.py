@@ -139,7 +139,7 @@ def _call(arguments: list[str], folder: FilePath) -> None:
         os.dup2(said, 1)
         os.dup2(said, 2)
         sys.argv = ["armcontour", *arguments]
-        from armcontour.cli.main import main
+        from armcontour.cli import main
 
         try:
             main()
@@ -215,7 +215,7 @@ def _warmed(case: Case) -> None:
     """Run a case here, unseen."""
     from typer.testing import CliRunner
 
-    from armcontour.cli.main import app
+    from armcontour.cli.commands import app
 
     with tempfile.TemporaryDirectory() as name:
         folder = FilePath(name)

@@ -27,7 +27,7 @@ from markdown_it import MarkdownIt
 from soak.joint import move
 
 import armcontour as ac
-from armcontour.cli.main import app
+from armcontour.cli.commands import app
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.door import READERS

@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from armcontour.cli.main import app
+from armcontour.cli.commands import app
 
 GROUP: Any = typer.main.get_command(app)
 COMMANDS: dict[str, Any] = {"armcontour": GROUP, **GROUP.commands}

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from armcontour.cli.main import app
+from armcontour.cli.commands import app
 from armcontour.errors import InvalidInput
 
 pytest.importorskip("xacro")

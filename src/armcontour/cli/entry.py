@@ -45,7 +45,7 @@ def _command() -> int:
 
 def _run() -> int:
     # typer takes a tenth of a second, in which signals are to be answered already.
-    from armcontour.cli.main import app
+    from armcontour.cli.commands import app
 
     try:
         app()
