@@ -199,8 +199,8 @@ def _asked_radius(
     allowed = _per_vertex("corner error tolerance", tolerance, vertices, "m", np.inf)
     slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.nan)
     pull = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
-    if acceleration is not None and vertices and (pull <= 0).any():
-        raise InvalidInput(f"corner acceleration must be above zero, but is {pull.min():g} m/s².")
+    if acceleration is not None and vertices:
+        _checks.positive("corner acceleration", pull.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))
     radius = _largest_radius(allowed[corner], half)
