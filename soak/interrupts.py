@@ -207,9 +207,8 @@ def try_signals(bench: Bench, count: int, seed: int) -> int:
         if wrong:
             failed += 1
             print(f"seed {seed}, signal {i}: {name}, {number.name}, {earlier=}: {wrong}")
-    print(
-        f"{count} signals: {failed} failed; {dict(codes)}; longest {max(latencies, default=0.0):.2f} s"
-    )
+    longest = max(latencies, default=0.0)
+    print(f"{count} signals: {failed} failed; {dict(codes)}; longest {longest:.2f} s")
     return failed
 
 
