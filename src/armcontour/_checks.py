@@ -241,5 +241,5 @@ def in_unit(unit: str) -> str:
 
 
 def suffix(unit: str) -> str:
-    """`unit` behind a number, for messages."""
+    """`unit` after a number, for messages."""
     return f" {unit}" if unit else ""

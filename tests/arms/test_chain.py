@@ -41,9 +41,9 @@ def test_what_is_not_given_is_zero_and_all_is_locked():
         ({"gravity": [0, 0, np.inf]}, ("gravity", "finite")),
         ({"axes": [[0, 0, 2], [0, 1, 0]]}, ("unit vectors",)),
         ({"armature": [-1, 0]}, ("armature", "negative")),
-        ({"masses": [1, -1]}, ("link behind b", "-1 kg")),
-        ({"inertias": [np.eye(3), np.diag([1, 1, 3])]}, ("link behind b", "no body", "1, 1, 3")),
-        ({"inertias": [np.triu(np.ones((3, 3))), np.eye(3)]}, ("link behind a", "symmetric")),
+        ({"masses": [1, -1]}, ("link after b", "-1 kg")),
+        ({"inertias": [np.eye(3), np.diag([1, 1, 3])]}, ("link after b", "no body", "1, 1, 3")),
+        ({"inertias": [np.triu(np.ones((3, 3))), np.eye(3)]}, ("link after a", "symmetric")),
     ],
 )
 def test_chains_that_are_none_are_refused(change, words, refuses):

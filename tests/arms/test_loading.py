@@ -144,10 +144,10 @@ def test_the_users_own_serial_arm(tmp_path):
         ({"angles": {"value": "up", "unit": "rad"}}, ("angles in", "numbers in rad")),
         ({"angles": {"value": 1, "unit": "rad"}}, ("angles must be 2 by 3", "but is one")),
         ({"masses": None}, ("masses must be a quantity",)),
-        ({"masses": {"value": [2, -1], "unit": "kg"}}, ("behind second", "-1 kg")),
+        ({"masses": {"value": [2, -1], "unit": "kg"}}, ("after second", "-1 kg")),
         (
             {"inertias": {"value": [[0.1, 0, 0, 0.1, 0, 0.5]] * 2, "unit": "kg m^2"}},
-            ("inertia of the link behind first", "no body"),
+            ("inertia of the link after first", "no body"),
         ),
     ],
 )

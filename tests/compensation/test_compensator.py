@@ -79,7 +79,7 @@ def test_the_last_set_point_is_the_end(uneven, method, period):
     trajectory = smooth()
     taught = ac.compensate(trajectory, uneven, method=method, period=period)
     np.testing.assert_array_equal(taught.q[-1], trajectory(1.0))
-    # The first set-point that may be the end is the first at or behind it.
+    # The first set-point that may be the end is the first at or after it.
     assert taught.t[-1] >= 1.0 - 1e-9
     if method != "pole_placement":
         assert taught.t[-1] < 1.0 + period

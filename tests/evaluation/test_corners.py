@@ -24,7 +24,7 @@ def test_a_perfect_corner_has_none():
 
 
 def test_rounding_off():
-    # A chamfer from 20 mm before to 20 mm behind misses the corner by 20 mm / sqrt(2).
+    # A chamfer from 20 mm before to 20 mm after misses the corner by 20 mm / sqrt(2).
     tool = dense([(0, 0), (0.98, 0), (1, 0.02), (1, 1)], 8001)
     (found,) = corner_deviations(tool, RIGHT_ANGLE)
     assert found.rounding == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)

@@ -71,7 +71,7 @@ def taught_data(q, period=0.004):
 
 
 def swing(to=0.5, duration=1.0, period=0.004, start=0.0):
-    """From `start` by `to`, gently, and a while of rest behind it."""
+    """From `start` by `to`, gently, and a while of rest after it."""
     t = np.clip(np.arange(0, 1.5 * duration, period) / duration, 0, 1)
     return start + np.atleast_1d(to) * (1 - np.cos(np.pi * t))[:, None] / 2
 

@@ -34,7 +34,7 @@ def _run(t, u, linear, kp, kv, delay, limit, columns=1, q0=None, dq0=0.2):
 @pytest.mark.parametrize("delay", [0.0, 0.0123, -0.0007])
 def test_positions_are_those_of_fine_steps(kp, kv, delay, linear):
     t, u = _log(1e-3)
-    if delay < 0:  # what is commanded behind the end is not in the log
+    if delay < 0:  # what is commanded after the end is not in the log
         t, u = t[:-2], u[:-2]
     q, _ = _run(t, u, linear, kp, kv, delay, math.inf)
     expected = move(

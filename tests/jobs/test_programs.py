@@ -74,12 +74,12 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) 
     # A tenth less does not do: they are not longer than they need.
     for i, contour in enumerate(program.contours):
         assert contour.work is not None
-        before, behind = contour.work[0], contour.path.length - contour.work[1]
+        before, after = contour.work[0], contour.path.length - contour.work[1]
         shorter = dataclasses.replace(
             done,
             process=Process(
                 lead_in=Lead(shape=shape, length=0.9 * before),
-                lead_out=Lead(shape=shape, length=0.9 * behind),
+                lead_out=Lead(shape=shape, length=0.9 * after),
             ),
         )
         _, other = program_of(shorter, this, ROUNDING)
@@ -112,8 +112,8 @@ def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
     _, program = program_of(done, this, ROUNDING)
     (contour,) = program.contours
     assert contour.work is not None
-    behind = contour.path.length - contour.work[1]
-    assert 0 < behind < 0.01
+    after = contour.path.length - contour.work[1]
+    assert 0 < after < 0.01
     trajectory = planned(done, this, program)
     ((on, off),) = speeds_at_ends(program, trajectory)
     assert on == pytest.approx(0.05, rel=1e-3)

@@ -31,7 +31,7 @@ def planned(path, arm, limits):
 
 
 def way(law, t):
-    """S of a law, at rest before it begins and behind its end."""
+    """S of a law, at rest before it begins and after its end."""
     if t <= 0 or t >= law.breaks[-1]:
         return law.s[0] if t <= 0 else law.s[-1]
     i = np.array([min(np.searchsorted(law.breaks, t), len(law.breaks) - 1) - 1])

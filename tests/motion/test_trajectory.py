@@ -1,4 +1,4 @@
-"""Trajectories: one continuous law from many, two-sided at breaks; and what flows behind them."""
+"""Trajectories: one continuous law from many, two-sided at breaks; and what flows after them."""
 
 from __future__ import annotations
 

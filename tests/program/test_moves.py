@@ -74,7 +74,7 @@ def test_flattens_a_program_with_its_events() -> None:
     (flat,) = program.flattened().moves  # the rapid only went down
     assert isinstance(flat, Contour)
     np.testing.assert_allclose(flat.path.vertices, [[0, 0], [0.03, 0], [0.13, 0]], atol=1e-15)
-    # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat behind it run themselves.
+    # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat after it run themselves.
     assert [x.s for x in flat.events] == pytest.approx([0.015, 0.05], abs=1e-15)
 
 

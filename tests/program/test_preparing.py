@@ -157,7 +157,7 @@ def test_leads_take_the_demands_of_the_segments_they_touch() -> None:
 def test_automatic_leads_take_the_lengths_that_are_given() -> None:
     asked = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
     assert asked.automatic and not Process(lead_in=Lead(length=0.1)).automatic
-    lengths = [Leads(before=0.03, behind=0.5), Leads(before=0.0, behind=0.5)]
+    lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
     first, second = prepared(program(BEND, BEND), asked, lengths).contours
     assert first.work == pytest.approx((0.03, 0.13), abs=1e-15)
     assert first.path.length == pytest.approx(0.15, abs=1e-15)
@@ -178,7 +178,7 @@ def test_automatic_leads_without_a_length_for_every_contour_are_refused(
     )
     for value in (-0.01, float("nan")):
         refuses(lambda x=value: Leads(before=x), InvalidInput, "before")
-        refuses(lambda x=value: Leads(behind=x), InvalidInput, "behind")
+        refuses(lambda x=value: Leads(after=x), InvalidInput, "after")
 
 
 # ------------------------------------------------------------------------ beginnings and overlaps
@@ -353,7 +353,7 @@ def test_resumes_at_the_end_of_a_contour_with_the_next_one() -> None:
 def test_resuming_runs_in_along_the_contour_itself_if_that_is_long_enough() -> None:
     lead = Lead(length=0.02)
     done = only(prepared(program(BEND), Process(lead_in=lead, from_s=0.06)))
-    # Round the corner: the last centimetre before it and the first behind it.
+    # Round the corner: the last centimetre before it and the first after it.
     ends = [[0.34, 0.2], [0.35, 0.2], [0.35, 0.21], [0.35, 0.25]]
     np.testing.assert_allclose(done.path.vertices, _without_joints(done.path, ends), atol=1e-12)
     assert done.work == pytest.approx((0.02, 0.06), abs=1e-12)

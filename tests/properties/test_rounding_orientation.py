@@ -171,7 +171,7 @@ def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
 
 @given(seed=SEEDS)
 def test_backwards_the_rounded_path_turns_the_same_way(seed):
-    # In the middle of a corner what is behind and what is before count alike.
+    # In the middle of a corner what is after and what is before count alike.
     rng = np.random.default_rng(seed)
     path, rotations, scale = random_path(rng)
     angular = 0.05

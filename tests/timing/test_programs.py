@@ -129,12 +129,12 @@ def test_keeps_all_that_holds_of_programs_in_the_plane() -> None:
     trajectory = ac.plan(program, PMK3S, IN_PLANE)
     judged(program, PMK3S, IN_PLANE, trajectory)
     kinds = [x.kind for x in trajectory.spans]
-    # Bridges too: behind the lead-out, which the hand-made rapid does not begin at.
+    # Bridges too: after the lead-out, which the hand-made rapid does not begin at.
     assert kinds[:2] == ["dwell", "contour"] and kinds[-2:] == ["rapid", "contour"]
     assert kinds.count("contour") == 3 and kinds.count("dwell") == 2
     first, last = trajectory.events[0], trajectory.events[-1]
     assert (first.name, first.t) == ("spindle", 0.0)
-    # The dwell behind it is for the spindle to run up.
+    # The dwell after it is for the spindle to run up.
     assert trajectory.spans[0].t == (0.0, 0.5)
     assert (last.name, last.t) == ("spindle", pytest.approx(trajectory.duration))
 
@@ -211,7 +211,7 @@ def test_an_event_may_lead_by_the_whole_lead_in_whatever_sums_round_to() -> None
         program = plane(process, Contour(path=SQUARE, events=(event,)))
         (timed,) = ac.plan(program, PMK3S, IN_PLANE).events
         assert timed.t == pytest.approx(0, abs=1e-6)
-    # As far behind the end as a contour takes it.
+    # As far after the end as a contour takes it.
     late = Contour(path=BEND, events=(Event(name="x", s=0.1 + 0.9e-9),))
     (timed,) = ac.plan(Program(moves=(late,)), PMK3S, IN_PLANE).events
     np.testing.assert_allclose(timed.point, BEND(0.1), atol=1e-9)
@@ -462,7 +462,7 @@ def there_and_back(*, axis_only: bool) -> Program:
 
 def test_a_rapid_turns_the_tool_by_half_a_turn_between_lines_there_and_back() -> None:
     spans = ac.plan(there_and_back(axis_only=False), UR5E, IN_SPACE).spans
-    # No motion on the spot before or behind it.
+    # No motion on the spot before or after it.
     assert [x.kind for x in spans] == ["contour", "rapid", "contour"]
 
 

@@ -46,7 +46,7 @@ class Payload:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain:
-    """Turning joints in a row, each with the link behind it; arrays have one row per joint.
+    """Turning joints in a row, each with the link after it; arrays have one row per joint.
 
     Joint i turns by q[i] about `axes[i]` in a frame that, at q = 0, stands at `positions[i]`,
     `rotations[i]` in the frame of link i - 1 (of the base for the first). Links have the frame of
@@ -128,9 +128,9 @@ class Chain:
             for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
                 if mass < 0:
                     raise InvalidInput(
-                        f"The link behind {name} has the mass {mass:g} kg: it must not be negative."
+                        f"The link after {name} has the mass {mass:g} kg: it must not be negative."
                     )
-                refuse_inertia(f"the link behind {name}", inertia)
+                refuse_inertia(f"the link after {name}", inertia)
 
     def __len__(self) -> int:
         """Number of joints."""

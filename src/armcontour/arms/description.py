@@ -171,15 +171,15 @@ class Description:
     def _check_bodies(self) -> bool:
         """Whether the links have masses; refuses links that no body could be."""
         file = self.tree.file
-        behind: dict[str, str] = {}
+        after: dict[str, str] = {}
         weight: dict[str, float] = {joint.child: 0.0 for joint in self.moving}
         known = False
         for joint in self.below:
             moves = joint.name in self._names
-            carrier = joint.child if moves else behind.get(joint.parent)
+            carrier = joint.child if moves else after.get(joint.parent)
             if carrier is None:
                 continue
-            behind[joint.child] = carrier
+            after[joint.child] = carrier
             inertial = self.tree.links[joint.child].find("inertial")
             if inertial is not None:
                 known = True

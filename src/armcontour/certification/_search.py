@@ -359,7 +359,7 @@ class Search:
 
 
 class _Moments:
-    """When a plan is in each cell of its path, and a while before and behind.
+    """When a plan is in each cell of its path, and a while before and after.
 
     Args:
         trial: The trial.

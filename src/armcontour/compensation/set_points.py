@@ -24,7 +24,7 @@ class SetPointTimes:
     Args:
         before: Number of set-points that come before the motion.
         inside: Times of those within it, snapped to breaks next to them [s].
-        after_end: From the end of the motion to the first set-point at or behind it [s].
+        after_end: From the end of the motion to the first set-point at or after it [s].
     """
 
     before: int
@@ -33,7 +33,7 @@ class SetPointTimes:
 
 
 def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) -> SetPointTimes:
-    """`offset`, not above 0, and every period behind it, up to the end of the motion."""
+    """`offset`, not above 0, and every period after it, up to the end of the motion."""
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / period * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * period
@@ -74,7 +74,7 @@ def led(
         trajectory: What the joints shall do.
         lead: Of every joint, (dof,) [s].
         period: Command interval [s].
-        command: Set-points of some joints at and behind some places of the plan, (n, their number).
+        command: Set-points of some joints at and after some places of the plan, (n, their number).
 
     Returns:
         Time of the first set-point, not above 0 [s]; set-points, (n, dof) [rad].

@@ -239,7 +239,7 @@ def _tool_acceleration(
     slowest = np.minimum(first, last)
     # While the tool turns by an angle within the window, its tangential acceleration, too, has a
     # part normal to the middle direction: the sine of the angle times its amount, which is taken
-    # from the windows from one before this one to one behind it.
+    # from the windows from one before this one to one after it.
     cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)

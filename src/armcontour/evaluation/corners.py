@@ -51,7 +51,7 @@ def corner_deviations(
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
     first, last = np.searchsorted(at, low), np.searchsorted(at, high, side="right")
-    # Where no result falls into it, those before and behind it are the nearest.
+    # Where no result falls into it, those before and after it are the nearest.
     empty = first == last
     first = np.where(empty, np.maximum(first - 1, 0), first)
     last = np.where(empty, np.minimum(last + 1, len(at)), last)
@@ -70,7 +70,7 @@ def corner_deviations(
 
 
 def _members(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
-    """The members of ranges one behind the other, and of which range each is."""
+    """The members of ranges one after the other, and of which range each is."""
     count = last - first
     of = np.repeat(np.arange(len(first)), count)
     number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)

@@ -53,7 +53,7 @@ class ErrorProfile:
         until: float,
         side: FloatArray | None = None,
     ) -> ErrorProfile:
-        """The profile from the first time to `until`; behind the last one its value holds.
+        """The profile from the first time to `until`; after the last one its value holds.
 
         Args:
             t: Times [s], (n,).

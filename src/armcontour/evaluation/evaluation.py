@@ -98,7 +98,7 @@ def evaluate(
 ) -> Evaluation:
     """Judge an execution against the path that it was to follow.
 
-    Errors are weighted by time, from the first set-point to `until`; behind its end the execution
+    Errors are weighted by time, from the first set-point to `until`; after its end the execution
     stands still. Of a program, every contour is judged for as long as the process is planned to be
     at work on it, and nothing between contours.
 

@@ -98,7 +98,7 @@ def _refuse_singular(chain: Chain, matrix: FloatArray) -> None:
         j = int(np.argmax(np.abs(vectors[:, 0])))
         raise InvalidInput(
             f"Joint {j + 1} ({chain.joints[j]}) turns no inertia, so its torque moves nothing: "
-            "give the link behind it a mass and an inertia, or its drive an armature."
+            "give the link after it a mass and an inertia, or its drive an armature."
         )
 
 

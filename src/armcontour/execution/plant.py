@@ -163,5 +163,5 @@ def intervals(taught: TaughtData, servo: ServoModel) -> int:
 
 
 def patience(duration: float) -> float:
-    """Time to come to rest behind set-points that take `duration` [s]."""
+    """Time to come to rest after set-points that take `duration` [s]."""
     return max(PATIENCE, PATIENCE_IN_DURATIONS * duration)

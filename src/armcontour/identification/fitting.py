@@ -60,7 +60,7 @@ class Data:
 
     @property
     def last(self) -> int:
-        """The sample behind the last one that the set-points reach, whatever the dead time."""
+        """The sample after the last one that the set-points reach, whatever the dead time."""
         return int(np.searchsorted(self.t, self.t[-1] + min(self.delays[0], 0.0), side="right"))
 
 
@@ -351,7 +351,7 @@ def correlations(residuals: FloatArray, most: int) -> FloatArray:
 
 
 def correlated_lags(residuals: FloatArray) -> int:
-    """Twice the lag behind which the residuals are not correlated."""
+    """Twice the lag after which the residuals are not correlated."""
     n = len(residuals)
     most = max(min(n // 8, 500), 1)
     small = np.abs(correlations(residuals, most)) < 2 / math.sqrt(n)

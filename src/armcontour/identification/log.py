@@ -140,7 +140,7 @@ class Log:
             raise InvalidInput(
                 f"{self.source} has a gap of {steps[i]:g} s at t = {self.t[i]:g} s, where samples "
                 f"usually come every {self.interval:g} s, and nobody knows what was commanded in "
-                "it: use the part before or behind it.",
+                "it: use the part before or after it.",
                 index=i,
                 t=float(self.t[i]),
                 needed=float(steps[i]),

@@ -146,7 +146,7 @@ class LayerModel(Model):
 class PathModel(Model):
     """One of `points` of a polyline, `start` and `segments`, `spline`, and a `file`.
 
-    What stands behind `file` here says how that is read.
+    What stands after `file` here says how that is read.
     """
 
     points: list[Point] | None = None

@@ -267,7 +267,7 @@ def _names_files(listed: object) -> bool:
 
 
 def _checksum(file: FilePath) -> str:
-    """The SHA-256 of a regular file; of anything else, and of a file behind a link, none."""
+    """The SHA-256 of a regular file; of anything else, and of a file that a link leads to, none."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
         handle = os.open(file, flags | getattr(os, "O_BINARY", 0))

@@ -79,7 +79,7 @@ def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> Tr
 
     Args:
         file: The file.
-        joint_names: Other names of joint 1, 2, ..., alone for positions or behind `q`, `dq`, `ddq`.
+        joint_names: Other names of joint 1, 2, ..., alone for positions or after `q`, `dq`, `ddq`.
 
     Raises:
         InvalidInput: Anything else; names the file and the line.

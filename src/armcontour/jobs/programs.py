@@ -75,10 +75,8 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
     for x in prepared(job.path, plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
-        def reached(
-            before: float, behind: float, contour: Contour = contour
-        ) -> tuple[float, float]:
-            return _reached(job, this, rounding, contour, Leads(before=before, behind=behind))
+        def reached(before: float, after: float, contour: Contour = contour) -> tuple[float, float]:
+            return _reached(job, this, rounding, contour, Leads(before=before, after=after))
 
         lengths = []
         with named("leads"):
@@ -88,7 +86,7 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
             ):
                 automatic = lead is not None and lead.length is None
                 lengths.append(_length(speed, _assigned(x, s, side, this)) if automatic else 0.0)
-        found.append(Leads(before=lengths[0], behind=lengths[1]))
+        found.append(Leads(before=lengths[0], after=lengths[1]))
     return found
 
 
@@ -105,7 +103,7 @@ def _reached(
     ends = Process(
         begin="drawn",
         lead_in=job.process.lead_in if leads.before else None,
-        lead_out=job.process.lead_out if leads.behind else None,
+        lead_out=job.process.lead_out if leads.after else None,
         up=job.process.up,
     )
     alone = rounded(prepared(Program(moves=(contour,)), ends, [leads]), rounding)

@@ -302,7 +302,7 @@ def _planned_path(
 ) -> tuple[Path, JointPath, Trajectory]:
     """The rounded path of a run, its joint path and its plan."""
     progress(this.name, "rounding")
-    # Runs that differ in what comes behind tracing share what is before: with joints to spare
+    # Runs that differ in what comes after tracing share what is before: with joints to spare
     # tracing takes seconds.
     known = [(x.path, x.joint_path) for x in earlier if traced_alike(x.run, this)]
     path, joint_path = next(((a, b) for a, b in known if isinstance(a, Path)), (None, None))
@@ -332,7 +332,7 @@ def _planned_program(
 
 
 def same_plan(first: RunResult, second: RunResult) -> bool:
-    """Whether two runs of a study differ only behind their plans."""
+    """Whether two runs of a study differ only after their plans."""
     plans = first.trajectory, second.trajectory
     return (
         first.joint_path is second.joint_path

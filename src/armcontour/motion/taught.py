@@ -42,7 +42,7 @@ class TaughtData:
 
     Raises:
         InvalidInput: Not one finite set-point per time and joint, an interval outside
-            INTERVALS, or a start behind the plan's.
+            INTERVALS, or a start after the plan's.
     """
 
     period: float

@@ -64,7 +64,7 @@ class Span:
         kind: "contour", "rapid" or "dwell".
         name: Of its contour; may be empty.
         t: Start and end [s].
-        s: Start and end along the contours of the program, one behind the other [m].
+        s: Start and end along the contours of the program, one after the other [m].
         work: Of a contour: from when to when the process is at work [s].
         trajectory: Its own, from 0; None where the tool stands still.
     """
@@ -87,7 +87,7 @@ class TimedEvent:
         value: What to.
         t: When, its lead taken off [s].
         due: When the tool is at its place [s].
-        s: That place along the contours of the program, one behind the other [m].
+        s: That place along the contours of the program, one after the other [m].
         point: The same in space or in the plane [m].
     """
 

@@ -21,7 +21,7 @@ def switched_off_between(moves: Sequence[Move], names: Sequence[str]) -> list[Mo
         found: list[Move] = []
         for x in result:
             if isinstance(x, Event) and x.name == name:
-                # It comes on with the contour behind it, and is off till then.
+                # It comes on with the contour after it, and is off till then.
                 state = x
                 continue
             if isinstance(x, Contour):

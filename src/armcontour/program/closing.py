@@ -1,4 +1,4 @@
-"""Closed contours: where they begin, and how far they are gone on with behind their end."""
+"""Closed contours: where they begin, and how far they are gone on with after their end."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour
         events = tuple(_moved(x, begin, path.length) for x in events)
     once = path.length
     path = _gone_on(path, process.overlap)
-    # What is switched at the end is so behind the overlap.
+    # What is switched at the end is so after the overlap.
     events = tuple(
         dataclasses.replace(x, s=path.length) if x.s >= once - REPEATED_POINT else x for x in events
     )
@@ -77,7 +77,7 @@ def _goes_on(path: Path) -> bool:
 
 
 def _gone_on(path: Path, overlap: float) -> Path:
-    """A closed path gone on with behind its end, as often around as it takes.
+    """A closed path gone on with after its end, as often around as it takes.
 
     Raises:
         InvalidInput: More than MOST_SEGMENTS.

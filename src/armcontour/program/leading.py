@@ -24,9 +24,9 @@ UPRIGHT = 1e-6
 
 
 def lead_path(
-    path: Path, length: float, shape: str, side: str, up: FloatArray, *, behind: bool
+    path: Path, length: float, shape: str, side: str, up: FloatArray, *, after: bool
 ) -> Path:
-    """The lead before a path, or behind it.
+    """The lead before a path, or after it.
 
     Args:
         path: The path.
@@ -34,23 +34,23 @@ def lead_path(
         shape: "line" or "arc".
         side: Of the path, seen along it, on which an arc lies.
         up: In space, the direction about which "left" is to the left, (3,).
-        behind: Whether it comes behind the path.
+        after: Whether it comes after the path.
 
     Raises:
         InvalidInput: An arc beside a tangent that goes straight up.
     """
-    at = path.length if behind else 0.0
-    which = "left" if behind else "right"
+    at = path.length if after else 0.0
+    which = "left" if after else "right"
     point, tangent = path(at), path(at, 1, side=which)
-    i = -1 if behind else 0
+    i = -1 if after else 0
     if shape == "line":
-        start = point if behind else point - length * tangent
+        start = point if after else point - length * tangent
         normal, curvature, first = np.zeros_like(tangent), 0.0, tangent
     else:
         curvature = QUARTER / length
         normal = _beside(tangent, side, up)
         start, first = point, tangent
-        if not behind:
+        if not after:
             # The same circle, run a quarter earlier: it comes in from its side.
             start = point - (tangent - normal) / curvature
             first, normal = -normal, tangent
@@ -63,13 +63,13 @@ def lead_path(
             lengths=np.array([length]),
             speeds=path.speeds[[i]],
             tolerances=path.tolerances[[i]],
-            tags=np.array(["lead-out" if behind else "lead-in"], dtype=object),
+            tags=np.array(["lead-out" if after else "lead-in"], dtype=object),
         )
     )
     if path.orientation is None:
         return lead
     held = path.orientation(at, side=which)
-    return dataclasses.replace(lead, orientation=_held(path.orientation, held, lead, behind))
+    return dataclasses.replace(lead, orientation=_held(path.orientation, held, lead, after))
 
 
 def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
@@ -90,13 +90,13 @@ def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
     return np.asarray(left if side == "left" else -left)
 
 
-def _held(orientation: Orientation, held: FloatArray, lead: Path, behind: bool) -> Orientation:
+def _held(orientation: Orientation, held: FloatArray, lead: Path, after: bool) -> Orientation:
     """The tool held as at the end of the path, or going on to follow the tangent."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]
     start = held
-    if not behind and rate.any():
+    if not after and rate.any():
         from armcontour.frames import exp
 
         start = exp(-rate[None] * lead.length)[0] @ held

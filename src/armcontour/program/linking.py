@@ -82,7 +82,7 @@ def rerouted(
 def _prolonged(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     """A rapid that goes in arcs, with lines from and to other ends."""
     ways = ((first, path(0.0)), (path(path.length), last))
-    before, behind = (
+    before, after = (
         [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in ways
     )
-    return Rapid(path=join_paths([*before, dataclasses.replace(path, orientation=None), *behind]))
+    return Rapid(path=join_paths([*before, dataclasses.replace(path, orientation=None), *after]))

@@ -38,7 +38,7 @@ class Event:
         value: What to: on and off are True and False.
         s: Place along the path of its contour [m]; 0 where it is a move of its own.
         lead_time: So much earlier than the tool gets there [s]; later if negative.
-        lead_distance: So far before that place along the path [m]; behind it if negative.
+        lead_distance: So far before that place along the path [m]; after it if negative.
 
     Raises:
         InvalidInput: A name or a value that is longer than 80 characters or not printable, or a
@@ -73,13 +73,13 @@ class Contour:
         name: What it is called in its source, such as an id or a line number.
         layer: Layer of the drawing that it is on.
         events: What is switched along it, by their places.
-        work: Between which places the process is at work [m]; before and behind are leads. By
+        work: Between which places the process is at work [m]; before and after are leads. By
             default all of it.
         begun: Where it begins is meant, as in G-code, and no matter of how it was drawn.
         ring: Whether it is closed, where its path with leads and overlap does not tell.
 
     Raises:
-        InvalidInput: No path, a name or a layer that is no name, an event behind its end, or work
+        InvalidInput: No path, a name or a layer that is no name, an event after its end, or work
             that is not within it.
     """
 

@@ -91,9 +91,7 @@ def _lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> 
             return 0.0
         return automatic if lead.length is None else lead.length
 
-    return Leads(
-        before=of(process.lead_in, given.before), behind=of(process.lead_out, given.behind)
-    )
+    return Leads(before=of(process.lead_in, given.before), after=of(process.lead_out, given.after))
 
 
 def _refuse_unknown_layers(program: Program, layers: Mapping[str, Demand]) -> None:
@@ -202,9 +200,9 @@ def _around(
         lead = _lead_in(path, process, process.lead_in, leads.before, run_in, waste)
         before = lead.length
         parts.insert(0, lead)
-    if process.lead_out is not None and leads.behind > REPEATED_POINT:
+    if process.lead_out is not None and leads.after > REPEATED_POINT:
         shape, side = process.lead_out.shape, _side(process.lead_out, waste)
-        parts.append(lead_path(path, leads.behind, shape, side, process.up, behind=True))
+        parts.append(lead_path(path, leads.after, shape, side, process.up, after=True))
     return dataclasses.replace(
         contour,
         path=join_paths(parts),
@@ -223,7 +221,7 @@ def _lead_in(
     """What comes before a path: where it is resumed, what comes before it on its contour."""
     if run_in is not None and run_in.path.length >= length:
         return cut_path(run_in.path, run_in.path.length - length, run_in.path.length)
-    return lead_path(path, length, lead.shape, _side(lead, waste), process.up, behind=False)
+    return lead_path(path, length, lead.shape, _side(lead, waste), process.up, after=False)
 
 
 def _between(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:

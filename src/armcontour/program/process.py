@@ -24,7 +24,7 @@ ORDERS = ("drawn", "nearest")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead:
-    """A piece of path before or behind a contour, along which the tool is off.
+    """A piece of path before or after a contour, along which the tool is off.
 
     Args:
         length: Its length [m]; None is as long as the arm needs for the assigned velocity.
@@ -74,7 +74,7 @@ class Process:
             unless the program leads there by a rapid, a dwell or an event between contours, or
             has events on the contour; "drawn" leaves it; a number is an arc length [m], which may
             go round; a point, the place nearest to it.
-        overlap: How far closed contours are gone on with behind their end [m].
+        overlap: How far closed contours are gone on with after their end [m].
         lead_in: Before every contour.
         lead_out: Behind every contour.
         approach: Straight down to every contour from so high [m].
@@ -142,8 +142,8 @@ class Leads:
     """Lengths of the leads of one contour [m]."""
 
     before: float = 0.0
-    behind: float = 0.0
+    after: float = 0.0
 
     def __post_init__(self) -> None:
         _checks.not_negative("lead before a contour", self.before, "m")
-        _checks.not_negative("lead behind a contour", self.behind, "m")
+        _checks.not_negative("lead after a contour", self.after, "m")

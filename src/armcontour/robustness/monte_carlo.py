@@ -46,7 +46,7 @@ LAGS_AHEAD = 1.0
 # Times at which the plan is looked at per command interval, and in all at least.
 PLACES_PER_INTERVAL = 2
 FEWEST_PLACES = 4000
-# As in `ServoPlant`: time to come to rest behind the last set-point [s], or in durations.
+# As in `ServoPlant`: time to come to rest after the last set-point [s], or in durations.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
 # What an error of one sample's model takes [bytes], measured.

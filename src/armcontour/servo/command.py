@@ -17,7 +17,7 @@ def polynomials(q: FloatArray, period: float, interpolation: str) -> FloatArray:
     """The command in powers of the time since each interval's first set-point.
 
     Interval k is between the set-points k - 1 and k: the first is before all of them and the last
-    behind them, both constant.
+    after them, both constant.
 
     Args:
         q: Set-points, (n, dof) [rad].

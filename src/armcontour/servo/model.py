@@ -1,4 +1,4 @@
-"""The joint servo: the paper's two loops (5)-(7), or a first-order lag, behind a dead time."""
+"""The joint servo: the paper's two loops (5)-(7), or a first-order lag, after a dead time."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class ServoModel:
     - "cubic": the cubic with the slopes `(u[k + 1] - u[k - 1]) / (2 T)` at set-points, and 0 at the
       first and the last one (Catmull and Rom's spline: once differentiable, and local).
 
-    Before the first set-point the command is the first, behind the last the last. Each one is met
+    Before the first set-point the command is the first, after the last the last. Each one is met
     when it is due. A controller cannot draw a line before it has the set-point at its end, nor the
-    cubic before it has the one behind that; how long it waits for them is part of the dead time.
+    cubic before it has the one after that; how long it waits for them is part of the dead time.
 
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint.

@@ -18,7 +18,7 @@ PEAK_SAMPLES = 33
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
-    """The tool path behind a joint path.
+    """The tool path that a joint path follows.
 
     Raises:
         InvalidInput: There is none.

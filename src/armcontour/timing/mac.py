@@ -45,7 +45,7 @@ CHECKED = (
 
 @dataclass(slots=True)
 class Junction:
-    """What lies before, between or behind the lines: arcs at one speed, a joint, or a stop.
+    """What lies before, between or after the lines: arcs at one speed, a joint, or a stop.
 
     Args:
         arcs: Segment indices of the arcs; empty where lines meet.
@@ -147,7 +147,7 @@ def _junctions(
     assigned: FloatArray,
     limits: Limits,
 ) -> list[Junction]:
-    """One junction before the first line, one behind each line, with its largest speed."""
+    """One junction before the first line, one after each line, with its largest speed."""
     ends = np.concatenate([[-1], lines, [len(path)]])
     stop_joints = set(np.searchsorted(path.breaks, path.stops).tolist())
     result = []

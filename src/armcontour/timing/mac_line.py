@@ -26,7 +26,7 @@ class Pass:
 
     Args:
         h: Lap times [s], (n,).
-        speed: Tool speed at the knots [m/s], (n + 1,); NaN behind the last good lap.
+        speed: Tool speed at the knots [m/s], (n + 1,); NaN after the last good lap.
         dq: Joint velocities at the start of the laps [rad/s], (n, dof).
         ddq: Joint accelerations in the laps [rad/s²], (n, dof).
         done: Number of laps that keep the limit.
@@ -86,7 +86,7 @@ class Part:
 
 
 def parts_by_rule(name: str, pieces: list[Piece]) -> list[Part]:
-    """The parts of a line; a meeting lap is MAC before the switch and MDC behind it."""
+    """The parts of a line; a meeting lap is MAC before the switch and MDC after it."""
     parts = []
     for piece in pieces:
         time = float(piece.law.breaks[-1])
@@ -236,8 +236,8 @@ class Line:
         places = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
             return Piece(law, "AVC", places)
-        ahead, behind = backward[low] ** 2 - begin**2, forward[high] ** 2 - end**2
-        way = float(s[1] - s[0]) * (ahead / (ahead + behind) if ahead + behind > 0 else 0.5)
+        ahead, after = backward[low] ** 2 - begin**2, forward[high] ** 2 - end**2
+        way = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
         acceleration = law.rates.dds[0]
         time = 2 * way / (begin + np.sqrt(max(begin**2 + 2 * acceleration * way, 0.0)))
         return Piece(law, "meeting", places, (float(time), way))

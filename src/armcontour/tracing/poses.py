@@ -102,8 +102,8 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     if path.orientation is None:
         poses[:, :, :3] = np.eye(3)
     else:
-        behind = knots.at(u) - path.orientation.breaks[knots.piece]
-        poses[:, :, :3] = path.orientation.on_piece(knots.piece, behind)
+        after = knots.at(u) - path.orientation.breaks[knots.piece]
+        poses[:, :, :3] = path.orientation.on_piece(knots.piece, after)
     return poses
 
 
@@ -119,6 +119,6 @@ def rates_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     rates[:, 0] = path.on_segment(knots.segment, u, 1)
     rates[:, 1] = path.on_segment(knots.segment, u, 2)
     if path.orientation is not None:
-        behind = knots.at(u) - path.orientation.breaks[knots.piece]
-        rates[:, 2], rates[:, 3] = path.orientation.rates_on_piece(knots.piece, behind)
+        after = knots.at(u) - path.orientation.breaks[knots.piece]
+        rates[:, 2], rates[:, 3] = path.orientation.rates_on_piece(knots.piece, after)
     return rates

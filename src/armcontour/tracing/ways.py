@@ -182,13 +182,13 @@ def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
     of = np.repeat(np.arange(len(knots)), count)
     number = np.arange(at[-1]) - at[of]
     ahead = width[of] * (number / count[of])
-    behind = width[of] * ((number + 1) / count[of])
+    after = width[of] * ((number + 1) / count[of])
     u0 = knots.u0[of]
     found = Knots(
         segment=knots.segment[of],
         piece=knots.piece[of],
         u0=u0 + ahead,
-        u1=u0 + behind,
+        u1=u0 + after,
         s0=knots.s0[of] + ahead,
     )
     return found, at

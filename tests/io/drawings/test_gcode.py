@@ -378,7 +378,7 @@ def test_lines_left_out_are_noted():
         "2 lines with a slash (block delete) were left out, first line 3.",
     )
     assert read_file("frame/percent_signs").notes == (
-        "Lines behind the end of the program, line 5, were not read.",
+        "Lines after the end of the program, line 5, were not read.",
     )
     assert read("%\nG1 X1 F60\n%\n\n").notes == ()
 

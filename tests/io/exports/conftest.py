@@ -1,4 +1,4 @@
-"""Tables to export: of any number of joints, with events between, on and behind the points."""
+"""Tables to export: of any number of joints, with events between, on and after the points."""
 
 from __future__ import annotations
 

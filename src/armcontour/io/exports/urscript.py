@@ -38,7 +38,7 @@ def urscript_of(table: Table, outputs: Mapping[str, int | str] | None = None) ->
     """The table as a program: slowly to the first set-point, then one `servoj` per set-point.
 
     An event comes between the two set-points that it is nearest to, at most half an interval off;
-    its very time stands behind it as a comment. The last sample of a trajectory comes a whole
+    its very time stands after it as a comment. The last sample of a trajectory comes a whole
     interval after the one before it, even if its own time is earlier. On and off set the digital
     output that is given for the event's name; any other event is only told, by `textmsg`.
 
@@ -75,10 +75,10 @@ def write_urscript(
 
 
 def _merged(table: Table, outputs: Mapping[str, int], point: str, last: str) -> Iterator[str]:
-    """The set-points and events in the order of their times, and what comes behind the end."""
+    """The set-points and events in the order of their times, and what comes after the end."""
     done, count = 0, len(table.q)
     for event in table.events:
-        # A servoj that starts at a set-point's time lasts for one interval, so that the line behind
+        # A servoj that starts at a set-point's time lasts for one interval, so that the line after
         # it runs at the time of the next.
         before = round(event.t / table.period)
         yield from filled(point, table.q[done : min(before, count)])

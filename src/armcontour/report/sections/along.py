@@ -1,4 +1,4 @@
-"""Planned and assigned tool speeds along what is followed, contour behind contour."""
+"""Planned and assigned tool speeds along what is followed, contour after contour."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from armcontour.report.style import (
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
 # Small figures need few points, and there are many of them.
 MOST_POINTS = 400
-# Digits behind the point of amounts in tables: what is left of nothing is nothing.
+# Digits after the decimal point of amounts in tables: what is left of nothing is nothing.
 ROUNDED = 6
 # A joint that moves by less stands still, and so does one that takes less of a limit.
 AT_REST = 1e-4

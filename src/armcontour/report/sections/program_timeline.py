@@ -20,7 +20,7 @@ LABELS = {"contour": "contours", "rapid": "rapids", "dwell": "dwells"}
 # Moves with a shorter gap than this share of the time between them are seen as one.
 FINEST = 1 / 1500
 MOST_TICKS = 2000
-# Room before and behind, so that an event at the very beginning is seen.
+# Room before and after, so that an event at the very beginning is seen.
 EDGE = 0.01
 
 

@@ -163,5 +163,5 @@ class _Frame:
                 f"{self.first_deleted}."
             )
         if self.ended and any(x.strip(WHITE + "%") for x in rest):
-            found.append(f"Lines behind the end of the program, line {last}, were not read.")
+            found.append(f"Lines after the end of the program, line {last}, were not read.")
         return found

@@ -122,7 +122,7 @@ def _what_is_wrong(text: str, at: int) -> str:
             return "a comment that begins with ( and does not end: close it with )"
         return "a comment ( ) within a comment: leave out the inner parentheses"
     if here.isascii() and here.isalpha():
-        return f"the letter {here} without a number behind it"
+        return f"the letter {here} without a number after it"
     if here in "@^":
         return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
     return f"{ascii(here)}, which begins no word"
