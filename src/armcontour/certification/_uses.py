@@ -23,7 +23,7 @@ from armcontour.servo import ServoModel
 # Executions are looked at this often per command interval, but not more often than this [s].
 PER_INTERVAL = 16
 FINEST = 1.25e-4
-# Likewise for executions in the corners of a box.
+# The same for executions in the corners of a box.
 BOX_PER_INTERVAL = 4
 # Contour errors are looked at no more often than this [s] while a plan is searched for.
 ERRORS_EVERY = 5e-4
@@ -82,7 +82,7 @@ class Uses:
         joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
         pace: Of what bounds the speed, as a ratio of ds², (n,).
         error: Of the budget, (n,).
-        box: Likewise, estimated for the worst robot of the box, (n,); None without a box.
+        box: Of the budget, estimated for the worst robot of the box, (n,); None without a box.
         peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
         rms: RMS contour error over its largest; 0 without one.
         largest: Largest contour error [m].

@@ -33,7 +33,7 @@ def certify_file(
         run: Name of the run; by default the certificate's.
         out: Folder for summary.json, report.html and the trajectories; None writes nothing.
         tolerance: Total tolerance as text with a unit, in the place of the job's.
-        servo: Budget of the servo, likewise.
+        servo: Budget of the servo as text with a unit, in the place of the job's.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
         as_json: Whether to print the summary and not a table.

@@ -30,7 +30,7 @@ def sweep_file(
         run: Name of the run; by default the certificate's.
         out: Folder for summary.json and report.html.
         tolerances: Corner tolerances as text with units, separated by commas.
-        speeds: Assigned velocities, likewise.
+        speeds: Assigned velocities as text with units, separated by commas.
         memory: What the program may take, in the place of the job's.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.

@@ -107,7 +107,7 @@ def set_point_count(
         servo: The model whose delay is compensated, with values per joint.
         period: Command interval [s].
         method: As in `compensate`.
-        poles: Likewise.
+        poles: As in `compensate`.
 
     Raises:
         InvalidInput: Poles that are none.

@@ -45,7 +45,7 @@ class Ways:
         branch: As in `plan`.
         start: As in `plan`.
         contour: Plans a contour along its joint path.
-        rapid: Plans a rapid, likewise.
+        rapid: Plans a rapid along its joint path.
     """
 
     arm: Arm

@@ -25,7 +25,7 @@ def planned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
 
 
 def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Times, arc lengths and assigned velocity as steps, likewise; None where none is assigned."""
+    """Times, arc lengths and assigned velocity as steps; None where none is assigned."""
     most = np.inf if result.run.limits.speed is None else result.run.limits.speed
     found = []
     for path, motion, begin, offset in _followed(result):

@@ -32,7 +32,7 @@ class JointDerivatives:
 
     Args:
         first: dq_ds at the starts (index 0) and ends (1) of all intervals, (2, n, dof).
-        second: d2q_ds2, likewise.
+        second: d2q_ds2 there, (2, n, dof).
         third: Bound of |d3q_ds3| on each interval, (n, dof).
         fourth: Bound of |d4q_ds4| on each interval, (n, dof).
     """
@@ -115,9 +115,9 @@ class Rows:
 
     Args:
         a: Coefficients of u, (2, n, rows).
-        b: Coefficients of x, likewise.
-        low: Lower bounds, likewise.
-        high: Upper bounds, likewise.
+        b: Coefficients of x, (2, n, rows).
+        low: Lower bounds, (2, n, rows).
+        high: Upper bounds, (2, n, rows).
         margin: What both bounds are drawn in by on each interval, (n, rows).
     """
 

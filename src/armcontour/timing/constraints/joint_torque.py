@@ -29,7 +29,7 @@ class _Friction:
         departs: Bound of what it departs from its chord, (n, dof).
         sign: 1 or -1 where a joint certainly turns one way all along an interval, else 0, (n, dof).
         above: Largest Coulomb friction on each interval, (n, dof).
-        below: Smallest, likewise.
+        below: Smallest Coulomb friction on each interval, (n, dof).
     """
 
     viscous: FloatArray

@@ -99,7 +99,7 @@ def bulge(
     Args:
         grid: The grid.
         a: Coefficients of u at the ends, (2, n, rows).
-        b: Coefficients of x, likewise.
+        b: Coefficients of x at the ends, (2, n, rows).
         rises: What a, b and c depart from their chords, (n, rows) each.
         bounds: How large x and u can get.
     """
