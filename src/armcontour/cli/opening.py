@@ -27,8 +27,8 @@ class Overrides:
         flat: Leave z out.
         skip: Skip what the reader does not know.
         speed: Assigned velocity where the drawing gives none, of runs with one of their own too.
-        tolerance: Largest corner error where the drawing gives none, of runs with one of their own too;
-            runs without rounding keep sharp corners.
+        tolerance: Largest corner error where the drawing gives none, of runs with one of their own
+            too; runs without rounding keep sharp corners.
         from_s: Where to resume.
         memory: What the program may take.
     """
