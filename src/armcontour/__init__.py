@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     )
     from armcontour.identification import Identification, Log, identify
     from armcontour.io import read_job
-    from armcontour.io.drawings.door import read_path
+    from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
     from armcontour.jobs import Goal, Job, Study, run
@@ -104,7 +104,7 @@ _HOME = {
     ),
     "identification": ("Identification", "Log", "identify"),
     "io": ("read_job",),
-    "io.drawings.door": ("read_path",),
+    "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
     "jobs": ("Goal", "Job", "Study", "run"),

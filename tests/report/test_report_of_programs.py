@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from armcontour.geometry import Path
 from armcontour.io.cell import read_cell
-from armcontour.io.drawings.door import read_path
+from armcontour.io.drawings.read import read_path
 from armcontour.jobs import Study, run
 from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch

@@ -1,4 +1,4 @@
-"""Compensation of the servo's delay: one file per method, one door to them."""
+"""Compensation of the servo's delay: one file per method, one entry point."""
 
 from armcontour.compensation.compensator import METHODS, compensate, set_point_count
 

@@ -1,4 +1,4 @@
-"""The one door to the compensators: from a realizable trajectory to taught data."""
+"""Entry point `compensate`: from a realizable trajectory to taught data."""
 
 from __future__ import annotations
 

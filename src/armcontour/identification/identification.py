@@ -1,4 +1,4 @@
-"""The one door: from a log to the gains, dead time and acceleration limit of every joint."""
+"""Entry point `identify`: from a log to the gains, dead time and acceleration limit of every joint."""
 
 from __future__ import annotations
 

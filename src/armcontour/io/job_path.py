@@ -13,7 +13,7 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
 from armcontour.geometry.placing import keeps_plane, lift_path
-from armcontour.io.drawings.door import read_path
+from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of, rotation_of
 from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel

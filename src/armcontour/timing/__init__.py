@@ -1,4 +1,4 @@
-"""Timing: one file per method, one door to them."""
+"""Timing: one file per method, one entry point."""
 
 from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain

@@ -1,4 +1,4 @@
-"""The one door to the planners."""
+"""Entry point `plan`: checks its input and calls the timing method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one door to the readers: a file becomes a program, by its extension."""
+"""Entry point `read_path`: a file becomes a program, by its extension."""
 
 from __future__ import annotations
 
