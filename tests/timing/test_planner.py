@@ -1,4 +1,4 @@
-"""The door to the planners: what it takes and refuses."""
+"""The entry point of the planners: what it takes and refuses."""
 
 from __future__ import annotations
 

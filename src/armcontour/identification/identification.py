@@ -1,4 +1,4 @@
-"""Entry point `identify`: from a log to the gains, dead time and acceleration limit of every joint."""
+"""Entry point `identify`: gains, dead time and acceleration limit of every joint from a log."""
 
 from __future__ import annotations
 
