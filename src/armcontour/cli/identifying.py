@@ -150,7 +150,7 @@ def _cells(x: Estimate) -> list[str]:
     return [
         shown(x.value),
         shown(x.sd, 2),
-        f"{shown(x.low)} to {shown(x.high)}",
+        f"above {shown(x.low)}" if x.high == math.inf else f"{shown(x.low)} to {shown(x.high)}",
         unit,
         "yes" if x.determined else "no",
     ]

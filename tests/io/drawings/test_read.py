@@ -1,4 +1,4 @@
-"""One entry point of all readers: by the ending, with units, scale, frame and filters at this edge."""
+"""One entry point of all readers: by the ending; units, scale, frame and filters here."""
 
 from __future__ import annotations
 
