@@ -546,7 +546,7 @@ def test_rounding_a_program_rounds_contours_and_leaves_rapids() -> None:
     np.testing.assert_array_equal(first.path.vertices, alone.vertices)
     (rapid,) = rapids(done)
     assert rapid is bent
-    # Behind the corner the path is shorter by what the arc saves.
+    # After the corner the path is shorter by what the arc saves.
     saved = BEND.length - alone.length
     assert first.work == pytest.approx((0.02, 0.09 - saved), abs=1e-12)
 

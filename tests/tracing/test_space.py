@@ -498,3 +498,17 @@ def test_a_corner_beside_an_arc_is_not_to_be_rounded_but_made_tangent(ur5e):
     rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
     with pytest.raises(ac.InvalidInput, match="make line and arc tangent"):
         ac.trace(rounded, ur5e)
+
+
+def test_an_arm_of_two_joints_is_refused_in_space(tmp_path, refuses):
+    joint = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="50"/>'
+    (tmp_path / "two.urdf").write_text(
+        '<robot name="two"><link name="a"/><link name="b"/><link name="c"/><link name="t"/>'
+        f'<joint name="j1" type="revolute"><parent link="a"/><child link="b"/>{joint}</joint>'
+        '<joint name="j2" type="revolute"><parent link="b"/><child link="c"/>'
+        f'<origin xyz="0.3 0 0"/>{joint}</joint><joint name="end" type="fixed">'
+        '<parent link="c"/><child link="t"/><origin xyz="0.3 0 0"/></joint></robot>'
+    )
+    arm = ac.load_arm(tmp_path / "two.urdf")
+    path = ac.Path.polyline([(0.3, 0.2, 0.0), (0.4, 0.2, 0.0)])
+    refuses(lambda: ac.trace(path, arm), ac.InvalidInput, "two has 2 joints", "needs 3")

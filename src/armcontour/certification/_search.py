@@ -73,7 +73,7 @@ class Trial:
         held: What was held back.
         factors: What was left of other limits.
         plan: Before smoothing.
-        trajectory: Behind it.
+        trajectory: The plan after smoothing.
         taught: Its taught data.
         execution: On the robot of the certificate.
         uses: Of all limits over time.

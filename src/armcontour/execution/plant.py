@@ -13,7 +13,7 @@ from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
-# Behind the last set-point the joints get this long to come to rest [s], or this many durations.
+# After the last set-point the joints get this long to come to rest [s], or this many durations.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
 # No joint of an arm is that fast [rad/s]: it falls, or its servo is unstable.

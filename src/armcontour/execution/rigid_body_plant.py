@@ -40,7 +40,7 @@ LARGEST_NOISE = 0.1
 # while its block of commands is run [bytes], measured.
 OF_JOINT = 200.0
 AT_A_STEP = 120.0
-# Behind the last set-point, the joints are at rest when for this time [s], and for the slowest
+# After the last set-point, the joints are at rest when for this time [s], and for the slowest
 # position loop's time constant, each one stays within this range [rad], within steps too: a micron
 # at 1 m. Where they stop is up to friction and gravity; so it is no part of the test.
 REST_TIME = 0.25

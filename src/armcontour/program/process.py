@@ -76,7 +76,7 @@ class Process:
             go round; a point, the place nearest to it.
         overlap: How far closed contours are gone on with after their end [m].
         lead_in: Before every contour.
-        lead_out: Behind every contour.
+        lead_out: After every contour.
         approach: Straight down to every contour from so high [m].
         retract: Straight up from every contour so high [m].
         up: Which way is up, and about which arcs of leads turn, in space, (3,).

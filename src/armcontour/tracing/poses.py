@@ -36,6 +36,11 @@ def asked_of(path: Path, arm: SerialArm) -> int:
                 "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
                 "path.pointing(direction) where only the tool axis counts)."
             )
+        if arm.dof < 3:
+            raise InvalidInput(
+                f"The arm {arm.name} has {arm.dof} joints, but a path in space needs 3: describe "
+                "an arm that moves in a plane by an arm file of two links."
+            )
         return 3
     asked = 5 if orientation.axis_only else 6
     if asked > arm.dof:

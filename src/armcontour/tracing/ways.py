@@ -349,7 +349,7 @@ def _refuse(
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], turning]))
     joint = int(np.argmax(np.abs(motions[asked - 1])))
     raise Unreachable(
-        f"Behind {s[i - 1]:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
+        f"After {s[i - 1]:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
         f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
         f"singular value {sizes[asked - 1]:.2g}): {what_helps(path)}.",
         s=float(s[i - 1]),

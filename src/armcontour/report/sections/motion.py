@@ -30,7 +30,7 @@ from armcontour.report.style import (
 SMALLEST_ERROR = 1e-6
 # A joint is shown as saturated where it does not get its demand by this share of what it gets.
 SATURATED = 1e-3
-# Behind rapids; more than so many cannot be told apart.
+# Rapids are shaded; more than so many cannot be told apart.
 RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 MOST_SHADES = 300
 
