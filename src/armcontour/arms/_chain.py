@@ -49,7 +49,7 @@ def place(
         positions: Of the chain, (dof, 3).
         axes: Of the chain, (dof, 3).
         base: Base in work coordinates: rotation and, in column 3, position, (3, 4).
-        end: Tool in the frame of the last link, likewise, (3, 4).
+        end: Tool in the frame of the last link: rotation and position, (3, 4).
         q: Joint positions, (dof,).
         origins: Takes a point of every joint's axis, (dof, 3).
         directions: Takes every joint's axis, (dof, 3).

@@ -144,10 +144,10 @@ def newton(
 
     Args:
         rotations: Of the chain, as in `place`.
-        positions: Likewise.
-        axes: Likewise.
-        base: Likewise.
-        end: Likewise.
+        positions: Of the chain, as in `place`.
+        axes: Of the chain, as in `place`.
+        base: Base of the chain, as in `place`.
+        end: Tool of the chain, as in `place`.
         q: Guesses, overwritten with what is found, (n, dof).
         targets: Poses, (n, 3, 4).
         asked: 6, 5 or 3 of them.
@@ -215,10 +215,10 @@ def path_derivatives(
 
     Args:
         rotations: Of the chain, as in `place`.
-        positions: Likewise.
-        axes: Likewise.
-        base: Likewise.
-        end: Likewise.
+        positions: Of the chain, as in `place`.
+        axes: Of the chain, as in `place`.
+        base: Base of the chain, as in `place`.
+        end: Tool of the chain, as in `place`.
         q: Joint positions, (n, dof).
         targets: Poses, (n, 3, 4).
         rates: Of the targets with respect to s: velocity, acceleration, rate of turning and its
@@ -316,10 +316,10 @@ def free_motions(
 
     Args:
         rotations: Of the chain, as in `place`.
-        positions: Likewise.
-        axes: Likewise.
-        base: Likewise.
-        end: Likewise.
+        positions: Of the chain, as in `place`.
+        axes: Of the chain, as in `place`.
+        base: Base of the chain, as in `place`.
+        end: Tool of the chain, as in `place`.
         q: Joint positions, (n, dof).
         targets: Poses, (n, 3, 4).
         asked: 6, 5 or 3 of them.
@@ -417,10 +417,10 @@ def approach(
 
     Args:
         rotations: Of the chain, as in `place`.
-        positions: Likewise.
-        axes: Likewise.
-        base: Likewise.
-        end: Likewise.
+        positions: Of the chain, as in `place`.
+        axes: Of the chain, as in `place`.
+        base: Base of the chain, as in `place`.
+        end: Tool of the chain, as in `place`.
         target: The pose, (3, 4).
         asked: 6, 5 or 3 of it.
         q: Where each starts, overwritten with where it ends, (n, dof).
@@ -519,10 +519,10 @@ def follow(
 
     Args:
         rotations: Of the chain, as in `place`.
-        positions: Likewise.
-        axes: Likewise.
-        base: Likewise.
-        end: Likewise.
+        positions: Of the chain, as in `place`.
+        axes: Of the chain, as in `place`.
+        base: Base of the chain, as in `place`.
+        end: Tool of the chain, as in `place`.
         targets: Poses near to their neighbours, (n, 3, 4).
         asked: 6, 5 or 3 of them.
         q: Joint positions, of which the first is given and the others are found, (n, dof).

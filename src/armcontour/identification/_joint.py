@@ -57,7 +57,7 @@ def second_order(
         u: Set-points [rad], (n,).
         linear: Interpolate between set-points; else hold the earlier one.
         first: The sample at which the state is q0, dq0, unless `rest`.
-        last: The sample behind the last one.
+        last: The sample after the last one.
         rest: The joint stays at q0 until the first set-point reaches it, at t[0] + delay. Otherwise
             the first set-point holds before.
         kp: Position loop gain [1/s].
@@ -207,7 +207,7 @@ def scan(
         y: Measured positions [rad], (n,).
         linear: Whether to interpolate.
         first: First sample.
-        last: The one behind the last.
+        last: The one after the last.
         rest: Whether it begins at rest.
         trials: kp, kv, delay and limit, (m, 4); an infinite kv is the first-order model.
         q0: Position at the first sample.

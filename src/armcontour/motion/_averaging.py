@@ -72,7 +72,7 @@ def _from(
 ) -> FloatArray:
     """At increasing times `ends`: dds, ds, way since `begin`, and its two integrals from there.
 
-    Before its first break and behind its last the law is at rest.
+    Before its first break and after its last the law is at rest.
     """
     n = len(breaks) - 1
     found = np.zeros((len(ends), 5))

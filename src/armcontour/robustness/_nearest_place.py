@@ -112,10 +112,10 @@ def find_nearest(
     far2 = REACH * REACH * best
     begin, end = table[segment, 11], table[segment, 11] + table[segment, 10]
     ahead = end <= high or _to_joint(x, y, z, table, segment, 15) <= far2
-    behind = begin >= low or _to_joint(x, y, z, table, segment, 0) <= far2
+    after = begin >= low or _to_joint(x, y, z, table, segment, 0) <= far2
     if ahead:
         best, found = _march(x, y, z, table, around, segment, True, high, best)
-    if behind:
+    if after:
         less, other = _march(x, y, z, table, around, segment, False, low, best)
         if less < best:
             best, found = less, other

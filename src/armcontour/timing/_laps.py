@@ -27,7 +27,7 @@ def laps(
 
     Args:
         q: Joint positions at the knots [rad], (n + 1, dof).
-        dq_ds: Their derivatives along the path, likewise.
+        dq_ds: Their derivatives along the path, of the same shape.
         speed: Tool speed at the first knot [m/s].
         limit: Largest joint accelerations [rad/s²], (dof,).
 

@@ -204,9 +204,9 @@ def reach(
     Args:
         width: Interval lengths, (n,).
         a: Coefficients of u at interval starts and ends, (2, n, rows).
-        b: Coefficients of x, likewise.
-        low: Lower bounds, likewise.
-        high: Upper bounds, likewise.
+        b: Coefficients of x there, (2, n, rows).
+        low: Lower bounds there, (2, n, rows).
+        high: Upper bounds there, (2, n, rows).
         margin: What both bounds are drawn in by, (n, rows).
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n).
@@ -319,9 +319,9 @@ def skews(
     Args:
         width: Interval lengths, (n,).
         a: Coefficients of u at interval starts and ends, (2, n, rows).
-        b: Coefficients of x, likewise.
-        low: Lower bounds, likewise.
-        high: Upper bounds, likewise.
+        b: Coefficients of x there, (2, n, rows).
+        low: Lower bounds there, (2, n, rows).
+        high: Upper bounds there, (2, n, rows).
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n).
         radius: Their radii, infinite for none, (n,).
