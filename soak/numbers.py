@@ -84,6 +84,13 @@ def _of_jobs() -> Iterator[Case]:
             )
 
 
+# A sweep draws several values of what is not given: one is enough beside a hostile number.
+BESIDE = {
+    ("sweep", "--speeds"): ("--tolerances", "1 mm"),
+    ("sweep", "--tolerances"): ("--speeds", "0.1 m/s"),
+}
+
+
 def _of_options() -> Iterator[Case]:
     text = yaml.safe_dump(PLANE | {"certificate": {"tolerance": 2e-3, "servo": 1e-4}})
     for command, option, form in numeric_options():
@@ -91,7 +98,8 @@ def _of_options() -> Iterator[Case]:
         for word, value in HOSTILE.items():
             number = str(value) if isinstance(value, str) else f"{value:g}"
             given = form.replace("#", number)
-            call = (command, source, f"{option}={given}", "--out", "{out}")
+            beside = BESIDE.get((command, option), ())
+            call = (command, source, f"{option}={given}", *beside, "--out", "{out}")
             yield Case(f"{command} {option} '{given}' ({word})", text, call)
 
 
