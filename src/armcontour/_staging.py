@@ -35,9 +35,6 @@ class Staging:
         destination: What is made in it, for messages.
         parents: Whether to make the folders above it; those that stay empty are removed.
 
-    Attributes:
-        left: Whether a killed run had left the folder, with what it holds.
-
     Raises:
         InvalidInput: Another process has the folder.
         OSError: The folder cannot be made.
@@ -48,7 +45,7 @@ class Staging:
         # Nobody may end the program between the two steps.
         with moving():
             self._made = _make_parents(place) if parents else []
-            self.left, self._handle = _take(place, destination)
+            self._handle = _take(place, destination)
             _open[place] = (destination, self._made)
 
     def __enter__(self) -> Staging:
@@ -168,8 +165,8 @@ def _swap(fresh: FilePath, file: FilePath, old: FilePath) -> None:
         raise
 
 
-def _take(place: FilePath, destination: FilePath) -> tuple[bool, int | None]:
-    """Make or take over a staging folder: whether it was there, and the handle with the lock."""
+def _take(place: FilePath, destination: FilePath) -> int | None:
+    """Make or take over a staging folder: the handle with the lock, None without locks."""
     while True:
         left = False
         try:
@@ -185,7 +182,7 @@ def _take(place: FilePath, destination: FilePath) -> tuple[bool, int | None]:
                     f"another place. If there is no other run, remove {place}."
                 )
             if handle is None or os.path.samestat(os.fstat(handle), os.lstat(place)):
-                return left, handle
+                return handle
             os.close(handle)
 
 

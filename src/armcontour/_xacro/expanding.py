@@ -12,6 +12,7 @@ from pathlib import Path as FilePath
 from typing import IO, Any
 
 from armcontour import _files
+from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
 
 # The largest public descriptions take some 2 s.
@@ -138,5 +139,4 @@ def _parsed(answer: list[bytes]) -> dict[str, Any]:
 
 def _printable(text: object) -> str:
     """What another process said, in characters that a terminal only shows."""
-    shown = str(text)[:500].rstrip(". ")
-    return "".join(x if x.isprintable() else repr(x)[1:-1] for x in shown)
+    return make_printable(str(text)[:500].rstrip(". "))
