@@ -66,6 +66,10 @@ class Staging:
         """Remove the folder with what it holds, and give up the lock."""
         shutil.rmtree(self.place, ignore_errors=True)
         _remove_empty(self._made)
+        self.release()
+
+    def release(self) -> None:
+        """Give up the lock; the folder stays for the next run."""
         _open.pop(self.place, None)
         if self._handle is not None:
             os.close(self._handle)

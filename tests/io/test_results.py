@@ -257,6 +257,30 @@ def test_a_killed_replacement_never_looks_whole_and_is_completed(
     assert contents(out) == {"report.html", "summary.json", "mine.txt"}
 
 
+def test_a_replacement_that_the_system_stops_is_completed_by_the_next_run(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, ["old.csv", "report.html"])
+    moves = 0
+    inner = os.replace
+
+    def replace(source: FilePath, target: FilePath) -> None:
+        nonlocal moves
+        moves += 1
+        if moves == 3:
+            raise OSError(5, os.strerror(5))
+        inner(source, target)
+
+    with monkeypatch.context() as patch, pytest.raises(InvalidInput, match="Input/output error"):
+        patch.setattr(os, "replace", replace)
+        write(tmp_path, ["new.csv", "report.html"], force=True, text="newer")
+    assert not (tmp_path / "summary.json").exists()
+    with pytest.raises(InvalidInput, match="not empty"):
+        ResultFolder(tmp_path)
+    assert contents(tmp_path) == {"new.csv", "report.html", "summary.json"}
+    assert (tmp_path / "report.html").read_text() == "newer report.html"
+
+
 def test_what_a_killed_first_run_left_is_cleared(tmp_path: FilePath) -> None:
     out = tmp_path / "out"
     code = KILLED.replace("os.replace = replace", "os.kill(os.getpid(), 9)")

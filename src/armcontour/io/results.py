@@ -65,7 +65,7 @@ class ResultFolder:
             self.scratch.mkdir()
             self._refuse_occupied()
         except BaseException as error:
-            self._staging.remove()
+            self._close()
             if isinstance(error, OSError):
                 raise self._unwritable(error) from None
             raise
@@ -109,6 +109,13 @@ class ResultFolder:
         except OSError as error:
             raise self._unwritable(error) from None
         finally:
+            self._close()
+
+    def _close(self) -> None:
+        """Remove the staging folder, unless the next run has to complete a move from it."""
+        if (self._staging.place / JOURNAL).exists():
+            self._staging.release()
+        else:
             self._staging.remove()
 
     def _stage(self) -> _staging.Staging:
