@@ -24,10 +24,10 @@ import armcontour as ac
 from armcontour._checks import FloatArray
 from armcontour.arms import _newton
 from armcontour.motion import quintic
-from armcontour.tracing.cells import Knots, first_knots
+from armcontour.tracing.configurations import Solution
+from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
 from armcontour.tracing.poses import poses_at, rates_at
-from armcontour.tracing.ways import Way
 from benchmarks import ur5e
 from benchmarks.measured import Measured, paired
 
@@ -111,7 +111,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     first = first_knots(path)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = Numeric(path, arm, 6, first, Way(q=q, cost=0.0), 1e-10)
+    solver = Numeric(path, arm, 6, first, Solution(q=q, cost=0.0), 1e-10)
     begin, end = (solver.ends(first, at, None) for at in (first.u0, first.u1))
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)

@@ -25,7 +25,7 @@ limits = arm.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 
 def cut(asked: ac.Process) -> ac.TaughtData:
     """Plan, compensate, execute and judge what a process asks for."""
-    objective = ac.prepared(gasket, asked)
+    objective = ac.prepare(gasket, asked)
     program = ac.round_corners(objective, tolerance=2e-4)
     # A tenth of the joints' acceleration is left to the servo.
     planned = ac.plan(program, arm, limits, reserve=0.1)

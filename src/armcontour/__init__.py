@@ -62,7 +62,7 @@ if TYPE_CHECKING:
         Program,
         Rapid,
         Switch,
-        prepared,
+        prepare,
         round_corners,
     )
     from armcontour.report import write_report
@@ -118,7 +118,7 @@ _HOME = {
         "Program",
         "Rapid",
         "Switch",
-        "prepared",
+        "prepare",
         "round_corners",
     ),
     "report": ("write_report",),
@@ -187,7 +187,7 @@ __all__ = [
     "identify",
     "load_arm",
     "plan",
-    "prepared",
+    "prepare",
     "read_job",
     "read_log",
     "read_path",

@@ -35,14 +35,14 @@ NOT_NUMERIC = {
 }
 
 
-def locked(values: npt.ArrayLike) -> FloatArray:
+def lock_floats(values: npt.ArrayLike) -> FloatArray:
     """A read-only copy of `values` as a float array."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
 
 
-def locked_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A read-only copy of `array`, of the same type."""
     copy = array.copy()
     copy.setflags(write=False)

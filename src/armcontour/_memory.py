@@ -17,7 +17,7 @@ PROGRAM = 0.4e9
 SMALLEST = 0.5e9
 
 
-def checked_bound(memory: float) -> float:
+def check_bound(memory: float) -> float:
     """A bound on memory [bytes].
 
     Raises:
@@ -39,7 +39,7 @@ def refuse_above(bound: float, needed: float, what: str, mend: str) -> None:
         InvalidInput: It would take more.
     """
     total = PROGRAM + needed
-    if not total <= checked_bound(bound):
+    if not total <= check_bound(bound):
         raise InvalidInput(
             f"{what} would take about {in_words(total)} of memory, more than the bound of "
             f"{in_words(bound)}: {mend}, or raise the bound (memory in a job, --memory on the "

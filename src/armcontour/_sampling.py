@@ -19,7 +19,7 @@ LATEST = 1e10
 LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
 
 
-def needed_step(t: FloatArray) -> FloatArray:
+def shortest_step(t: FloatArray) -> FloatArray:
     """The shortest usable steps after times `t` [s]."""
     ulp = STEP_ULPS * np.finfo(np.float64).eps
     # The difference of two times that are printed a nanosecond apart may be a little less.
@@ -29,7 +29,7 @@ def needed_step(t: FloatArray) -> FloatArray:
 def find_short_step(t: FloatArray) -> int | None:
     """Index of the first time that does not follow the one before it by a usable step."""
     # Compared with the later time: where times jump back, any bound is missed.
-    short = np.flatnonzero(~(np.diff(t) >= needed_step(t[1:])))
+    short = np.flatnonzero(~(np.diff(t) >= shortest_step(t[1:])))
     return int(short[0]) + 1 if len(short) else None
 
 

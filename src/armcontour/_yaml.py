@@ -55,7 +55,7 @@ def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
     if not WHOLE.match(text):
         raise _wrong(node, f"{show(text)} is not a whole number")
     # Thousands of digits are no number that anybody means.
-    _parsed(text, node)
+    _parse(text, node)
     return int(text)
 
 
@@ -64,10 +64,10 @@ def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
     text = str(loader.construct_scalar(node))
     if ENDLESS.match(text):
         return float(text.replace(".", ""))
-    return _parsed(text, node)
+    return _parse(text, node)
 
 
-def _parsed(text: str, node: yaml.Node) -> float:
+def _parse(text: str, node: yaml.Node) -> float:
     if len(text) > LONGEST:
         raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
     try:

@@ -87,7 +87,7 @@ class ArmContourError(Exception):
 
 
 @contextmanager
-def named(where: str) -> Iterator[None]:
+def locate_errors(where: str) -> Iterator[None]:
     """Begin the sentence of an error that occurs inside with a place, such as a run's name."""
     try:
         yield

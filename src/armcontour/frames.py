@@ -16,8 +16,8 @@ from armcontour.errors import InvalidInput
 ROTATION_TOLERANCE = 1e-6
 # A given quaternion may be off by this in length, as four printed digits are; it is then scaled.
 QUATERNION_TOLERANCE = 1e-3
-ORIGIN = _checks.locked(np.zeros(3))
-UNTURNED = _checks.locked(np.eye(3))
+ORIGIN = _checks.lock_floats(np.zeros(3))
+UNTURNED = _checks.lock_floats(np.eye(3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,11 +42,11 @@ class Frame:
             raise InvalidInput(
                 f"The position of a frame must be 3 coordinates in m, not {position.size}."
             )
-        object.__setattr__(self, "position", _checks.locked(position))
+        object.__setattr__(self, "position", _checks.lock_floats(position))
         turned = rotations("rotation of a frame", self.rotation)
         if turned.shape != (3, 3):
             raise InvalidInput("A frame takes one rotation.")
-        object.__setattr__(self, "rotation", _checks.locked(turned))
+        object.__setattr__(self, "rotation", _checks.lock_floats(turned))
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:

@@ -12,7 +12,7 @@ import pytest
 
 import armcontour as ac
 from armcontour._xacro.expanding import expand_xacro
-from armcontour._xacro.expressions import OPERATIONS, Refused, compiled
+from armcontour._xacro.expressions import OPERATIONS, Refused, compile_expression
 
 pytest.importorskip("xacro")
 
@@ -262,7 +262,7 @@ def test_what_gets_past_the_checks_of_expressions_is_stopped_too(call, said, tmp
 
 
 def evaluate(text: str, **symbols: object) -> object:
-    return eval(compiled(text), {"__builtins__": OPERATIONS, **symbols})
+    return eval(compile_expression(text), {"__builtins__": OPERATIONS, **symbols})
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.evaluation.turning import angle_off
+from armcontour.evaluation.angular_deviation import angle_off
 from armcontour.frames import exp
 
 POINTS = [(0.4, -0.1, 0.3), (0.45, 0.1, 0.3)]

@@ -61,5 +61,5 @@ def test_a_profile_that_ends_before_its_first_time_is_one_value():
     found = ErrorProfile.over_time(T + 1.0, VALUES + 3.0, S, 0.999)
     assert (found.rms, found.max, found.t_max) == (3.0, 3.0, 0.999)
     whole = ErrorProfile.over_time(T, VALUES, S, 4.0)
-    assert ErrorProfile.joined([found, whole]).rms == whole.rms
-    assert ErrorProfile.joined([found, found]).rms == 3.0
+    assert ErrorProfile.join([found, whole]).rms == whole.rms
+    assert ErrorProfile.join([found, found]).rms == 3.0

@@ -19,7 +19,7 @@ from armcontour.program import (
     Process,
     Program,
     Rapid,
-    prepared,
+    prepare,
     round_corners,
 )
 
@@ -40,7 +40,7 @@ def executed(program: Program | Path, method: str = "none") -> Execution:
 
 @pytest.fixture(scope="module")
 def objective() -> Program:
-    return prepared(DRAWN, LEADS)
+    return prepare(DRAWN, LEADS)
 
 
 @pytest.fixture(scope="module")

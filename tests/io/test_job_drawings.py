@@ -254,9 +254,7 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, refuses):
     layers = {"CUT": {"speed": 0.02}, "MARK": {}}
     job = read_cell("pmk3s", file, path={"units": "mm", "layers": layers})
     assert isinstance(job.path, ac.Program)
-    np.testing.assert_array_equal(
-        ac.prepared(job.path, job.process).contours[0].path.speeds, [0.02]
-    )
+    np.testing.assert_array_equal(ac.prepare(job.path, job.process).contours[0].path.speeds, [0.02])
     assert job.path.notes == ("there is nothing on the layer 'MARK'.",)
     refuses(
         lambda: read_cell("pmk3s", file, path={"units": "mm", "layers": {"MARK": {}}}),

@@ -14,7 +14,7 @@ from armcontour.jobs.quantities import (
     angular_speed,
     planned_torques,
 )
-from armcontour.tracing.tracer import traces
+from armcontour.tracing.tracer import trace_all
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space)
     planned = ac.plan(in_space.path, in_space.arm, this.limits)
     np.testing.assert_array_equal(found(0.0), planned(0.0))
     assert found.duration == planned.duration
-    others = traces(in_space.path, in_space.arm)
+    others = trace_all(in_space.path, in_space.arm)
     other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
     asked = dataclasses.replace(in_space, start=other(0.0) + 0.01)
     np.testing.assert_allclose(ac.run(asked).runs["one"].trajectory(0.0), other(0.0), atol=1e-6)

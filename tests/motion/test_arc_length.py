@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour.geometry import Path
-from armcontour.motion import LapLaw, Method, PathLaw, Rates, Span, smoothed
+from armcontour.motion import LapLaw, Method, PathLaw, Rates, Span, smooth
 from armcontour.program import Contour, Dwell, Program
 
 ARM = ac.load_arm("pmk3s")
@@ -47,9 +47,9 @@ def plan(name: str) -> ac.Trajectory:
     makers: dict[str, Callable[[], ac.Trajectory]] = {
         "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, intervals=400),
         "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, intervals=400),
-        "smoothed": lambda: smoothed(plan("optimal"), 0.02, 0.01),
-        "smoothed once": lambda: smoothed(plan("optimal"), 0.02),
-        "smoothed, sharp": lambda: smoothed(plan("optimal, sharp"), 0.02, 0.01),
+        "smoothed": lambda: smooth(plan("optimal"), 0.02, 0.01),
+        "smoothed once": lambda: smooth(plan("optimal"), 0.02),
+        "smoothed, sharp": lambda: smooth(plan("optimal, sharp"), 0.02, 0.01),
         "mac": lambda: ac.plan(ROUNDED, ARM, SLOW, method="mac"),
         "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, method="mac"),
         "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, method="conventional"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import PathLaw, SmoothedLaw, smoothed
+from armcontour.motion import PathLaw, SmoothedLaw, smooth
 
 WINDOWS = [(8e-3,), (4e-3, 4e-3), (30e-3, 7e-3)]
 
@@ -46,7 +46,7 @@ def of(law, t, order):
 
 @pytest.mark.parametrize("windows", WINDOWS)
 def test_the_way_is_the_mean_over_the_windows(planned, windows):
-    base, law = planned.laws[0], smoothed(planned, *windows).laws[0]
+    base, law = planned.laws[0], smooth(planned, *windows).laws[0]
     assert isinstance(base, PathLaw) and isinstance(law, SmoothedLaw)
 
     def mean(t, lengths):
@@ -72,7 +72,7 @@ def test_the_way_is_the_mean_over_the_windows(planned, windows):
 
 @pytest.mark.parametrize("windows", WINDOWS)
 def test_velocity_and_acceleration_are_the_derivatives(planned, windows):
-    law = smoothed(planned, *windows)
+    law = smooth(planned, *windows)
     t = np.random.default_rng(0).uniform(2e-5, law.duration - 2e-5, 3000)
     h = 4e-6
     # Across a break a difference is of both sides.
@@ -84,7 +84,7 @@ def test_velocity_and_acceleration_are_the_derivatives(planned, windows):
 
 @pytest.mark.parametrize("windows", WINDOWS)
 def test_it_begins_and_ends_at_rest_where_the_plan_does(planned, windows):
-    law = smoothed(planned, *windows)
+    law = smooth(planned, *windows)
     np.testing.assert_array_equal(law(0.0), planned(0.0))
     end, side = law.duration, {"side": "left"}
     np.testing.assert_allclose(law(end, **side), planned(planned.duration, side="left"), atol=1e-15)
@@ -94,7 +94,7 @@ def test_it_begins_and_ends_at_rest_where_the_plan_does(planned, windows):
 
 
 def test_the_tool_stays_on_the_path(planned, arm, path):
-    law = smoothed(planned, 0.1, 0.05)
+    law = smooth(planned, 0.1, 0.05)
     t = np.linspace(0, law.duration, 20_000)
     assert path.project(arm.forward(law(t))).distance.max() < 2e-9
 
@@ -105,14 +105,14 @@ def test_speeds_and_path_accelerations_never_exceed_the_plans_largest(planned):
     ends = base.path_position(i, base.breaks[1:], 2)
     largest = max(np.abs(base.rates.dds).max(), np.abs(ends).max())
     for windows in WINDOWS:
-        law = smoothed(planned, *windows).laws[0]
+        law = smooth(planned, *windows).laws[0]
         t = np.linspace(0, law.breaks[-1], 50_000)
         assert of(law, t, 1).max() <= base.speeds.max() * (1 + 1e-12)
         assert np.abs(of(law, t, 2)).max() <= largest * (1 + 1e-9)
 
 
 def test_two_windows_make_path_accelerations_continuous_and_their_rate_finite(planned):
-    law = smoothed(planned, 4e-3, 4e-3).laws[0]
+    law = smooth(planned, 4e-3, 4e-3).laws[0]
     before, after = (law.path_position(i, law.breaks[1:-1], 2) for i in _both(law))
     np.testing.assert_allclose(before, after, atol=1e-9)
     base = planned.laws[0]
@@ -129,7 +129,7 @@ def _both(law):
 
 
 def test_at_a_joint_between_line_and_arc_only_the_bend_jumps(planned, path):
-    law = smoothed(planned, 4e-3, 4e-3)
+    law = smooth(planned, 4e-3, 4e-3)
     inner = law.laws[0]
     for s in path.breaks[1:-1]:
         k = int(np.flatnonzero(inner.s == s)[0])
@@ -144,7 +144,7 @@ def test_at_a_joint_between_line_and_arc_only_the_bend_jumps(planned, path):
 def test_stops_stay_stops(arm, limits):
     path = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
     planned = ac.plan(path, arm, limits)
-    law = smoothed(planned, 8e-3, 4e-3)
+    law = smooth(planned, 8e-3, 4e-3)
     assert len(law.laws) == 2
     assert law.duration == pytest.approx(planned.duration + 2 * 12e-3, abs=1e-12)
     stop = law.starts[1]
@@ -154,7 +154,7 @@ def test_stops_stay_stops(arm, limits):
 
 def test_a_window_may_be_longer_than_the_motion(arm, limits):
     planned = ac.plan(ac.Path.polyline([(0.35, 0.10), (0.352, 0.10)]), arm, limits)
-    law = smoothed(planned, 3 * planned.duration)
+    law = smooth(planned, 3 * planned.duration)
     middle = 2 * planned.duration
     # Everything is within the window then: uniform speed.
     assert of(law.laws[0], middle, 1)[0] == pytest.approx(0.002 / (3 * planned.duration))
@@ -162,7 +162,7 @@ def test_a_window_may_be_longer_than_the_motion(arm, limits):
 
 
 def test_it_is_compensated_and_executed_like_any_other(planned, arm, limits, path):
-    law = smoothed(planned, 8e-3, 8e-3)
+    law = smooth(planned, 8e-3, 8e-3)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     slow = limits.replace(joint_acceleration=2.0)
     taught = ac.compensate(law, servo, method="inverse", period=1e-3)
@@ -173,10 +173,10 @@ def test_it_is_compensated_and_executed_like_any_other(planned, arm, limits, pat
 
 
 def test_what_cannot_be_smoothed_is_refused(planned, path, arm, limits, refuses):
-    refuses(lambda: smoothed(planned), ac.InvalidInput, "one or two windows", "0")
-    refuses(lambda: smoothed(planned, 1e-3, 1e-3, 1e-3), ac.InvalidInput, "3")
-    refuses(lambda: smoothed(planned, 0.0), ac.InvalidInput, "window", "above zero")
+    refuses(lambda: smooth(planned), ac.InvalidInput, "one or two windows", "0")
+    refuses(lambda: smooth(planned, 1e-3, 1e-3, 1e-3), ac.InvalidInput, "3")
+    refuses(lambda: smooth(planned, 0.0), ac.InvalidInput, "window", "above zero")
     mac = ac.plan(path, arm, limits, method="mac")
-    refuses(lambda: smoothed(mac, 1e-3), ac.InvalidInput, "mac", "optimal")
+    refuses(lambda: smooth(mac, 1e-3), ac.InvalidInput, "mac", "optimal")
     moving = ac.plan(path, arm, limits, start_speed=0.01)
-    refuses(lambda: smoothed(moving, 1e-3), ac.InvalidInput, "begins at 0.01 m/s", "start_speed")
+    refuses(lambda: smooth(moving, 1e-3), ac.InvalidInput, "begins at 0.01 m/s", "start_speed")

@@ -16,7 +16,7 @@ from scipy import sparse
 import armcontour as ac
 from armcontour.timing import optimal
 from armcontour.timing.constraints import JointDerivatives
-from armcontour.timing.grid import given_grid
+from armcontour.timing.grid import grid_through
 
 clarabel = pytest.importorskip("clarabel")
 
@@ -117,7 +117,7 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
 
 def first_pass(joint_path, s, arm, limits):
     """The planner's own optimum with the limits kept at the ends of the intervals only."""
-    grid = given_grid(joint_path, s)
+    grid = grid_through(joint_path, s)
     active = optimal.constraints_of(joint_path, arm, limits)
     x = optimal.Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
     return float(np.sum(2 * grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.arms.inverse import configurations
 from armcontour.frames import Frame
-from armcontour.tracing import traces
+from armcontour.tracing import trace_all
 
 _spec = importlib.util.spec_from_file_location(
     "ur_inverse", Path(__file__).with_name("ur_inverse.py")
@@ -55,7 +55,7 @@ def test_a_trace_starts_in_every_configuration_that_can_follow():
     path = ac.Path.polyline([(0.4, -0.2, 0.3), (0.42, -0.15, 0.32)])
     path = path.oriented(np.diag([1.0, -1.0, -1.0]))
     known, _ = ur_inverse.solutions("ur5e", path(0.0), path.orientation(0.0))
-    traced = traces(path, arm)
+    traced = trace_all(path, arm)
     starts = np.array([x(0.0) for x in traced])
     assert len(known) == len(starts) == 8
     between = apart(known, starts)

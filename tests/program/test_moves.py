@@ -71,7 +71,7 @@ def test_flattens_a_program_with_its_events() -> None:
             Contour(path=ramp, events=(Event(name="x", s=0.125), Event(name="y", s=0.17))),
         )
     )
-    (flat,) = program.flattened().moves  # the rapid only went down
+    (flat,) = program.without_z().moves  # the rapid only went down
     assert isinstance(flat, Contour)
     np.testing.assert_allclose(flat.path.vertices, [[0, 0], [0.03, 0], [0.13, 0]], atol=1e-15)
     # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat after it run themselves.
@@ -104,7 +104,7 @@ def test_flattening_keeps_the_work_and_what_is_switched_where_nothing_is_left() 
         Dwell(duration=1),
         Contour(path=ramp, work=(0.06, 0.15)),
     )
-    event, dwell, contour = Program(moves=moves).flattened().moves
+    event, dwell, contour = Program(moves=moves).without_z().moves
     assert event == Event(name="laser", lead_time=0.1)
     assert dwell == Dwell(duration=1)
     assert isinstance(contour, Contour)
@@ -117,8 +117,8 @@ def test_flattening_says_which_contour_cannot_be_and_that_the_tool_is_held_no_mo
     across = ac.Arc(start=(0, 0, 0), center=(0.1, 0, 0), angle=1.0, normal=(0, 1, 0))
     moves = (Contour(path=SPACE), Contour(path=ac.Path.from_segments([across]), name="line 7"))
     program = Program(moves=moves, source="x.ngc")
-    refuses(program.flattened, InvalidInput, "x.ngc: contour line 7: Segment 1", "leaves the plane")
-    held = Program(moves=(Contour(path=SPACE.pointing([0, 0, -1.0])),)).flattened()
+    refuses(program.without_z, InvalidInput, "x.ngc: contour line 7: Segment 1", "leaves the plane")
+    held = Program(moves=(Contour(path=SPACE.pointing([0, 0, -1.0])),)).without_z()
     assert held.path.orientation is None
     assert "how the tool is held" in held.notes[0]
 

@@ -22,7 +22,7 @@ from armcontour.program import (
     Program,
     Rapid,
     Switch,
-    prepared,
+    prepare,
     round_corners,
 )
 
@@ -49,7 +49,7 @@ def rapids(result: Program) -> list[Path]:
 
 def test_leads_along_a_line_go_on_along_the_tangents() -> None:
     done = only(
-        prepared(program(BEND), Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
+        prepare(program(BEND), Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
     )
     ends = [[0.28, 0.2], [0.3, 0.2], [0.35, 0.2], [0.35, 0.25], [0.35, 0.26]]
     np.testing.assert_allclose(done.path.vertices, ends, atol=1e-15)
@@ -65,7 +65,7 @@ def test_leads_in_an_arc_are_quarters_of_circles_that_touch_the_contour(
     length = 0.02
     radius = length / (np.pi / 2)
     lead = Lead(length=length, shape="arc", side=side)
-    path = only(prepared(program(BEND), Process(lead_in=lead, lead_out=lead))).path
+    path = only(prepare(program(BEND), Process(lead_in=lead, lead_out=lead))).path
     # Into [0.3, 0.2] along +x from a centre beside it; out of [0.35, 0.25] along +y likewise.
     np.testing.assert_allclose(path(0.0), [0.3 - radius, 0.2 + sign * radius], atol=1e-15)
     np.testing.assert_allclose(path(0.0, 1), [0, -sign], atol=1e-12)
@@ -98,7 +98,7 @@ def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_it(
     path = Path.polyline(flat @ turn.T + [0.4, 0, 0.3])
     up = turn[:, 2]
     lead = Lead(length=length, shape=shape, side=side)
-    done = only(prepared(program(path), Process(lead_in=lead, lead_out=lead, up=7 * up))).path
+    done = only(prepare(program(path), Process(lead_in=lead, lead_out=lead, up=7 * up))).path
     assert done.length == pytest.approx(path.length + 2 * length, abs=1e-12)
     np.testing.assert_allclose(done.turns[[0, -1]], 0, atol=1e-9)
     s = np.linspace(0, done.length, 50)
@@ -117,19 +117,19 @@ def test_an_arc_beside_a_contour_that_goes_straight_up_is_refused(
 ) -> None:
     path = Path.polyline([[0.4, 0, 0.1], [0.4, 0, 0.2]])
     asked = Process(lead_in=Lead(length=0.01, shape="arc"))
-    refuses(lambda: prepared(program(path), asked), InvalidInput, "straight up", "line")
-    assert only(prepared(program(path), Process(lead_in=Lead(length=0.01)))).work == (0.01, 0.11)
+    refuses(lambda: prepare(program(path), asked), InvalidInput, "straight up", "line")
+    assert only(prepare(program(path), Process(lead_in=Lead(length=0.01)))).work == (0.01, 0.11)
 
 
 def test_the_tool_is_held_along_leads_as_at_the_ends_and_follows_where_it_follows() -> None:
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1], [0.45, 0.05, 0.1]])
     lead = Lead(length=0.02, shape="arc")
     ends = Process(lead_in=lead, lead_out=lead)
-    held = only(prepared(program(path.pointing([0, 0, -1.0])), ends)).path
+    held = only(prepare(program(path.pointing([0, 0, -1.0])), ends)).path
     assert held.orientation is not None
     axes = held.orientation(np.linspace(0, held.length, 40))[:, :, 2]
     np.testing.assert_allclose(axes, np.tile([0, 0, -1.0], (40, 1)), atol=1e-12)
-    follows = only(prepared(program(path.following_tangent([0, 0, 1.0])), ends)).path
+    follows = only(prepare(program(path.following_tangent([0, 0, 1.0])), ends)).path
     assert follows.orientation is not None
     for s in (0.0, 0.01, 0.0199, follows.length - 0.015, follows.length):
         turned = follows.orientation(s, side="left" if s else "right")
@@ -149,7 +149,7 @@ def test_leads_take_the_demands_of_the_segments_they_touch() -> None:
         ]
     )
     lead = Lead(length=0.01)
-    done = only(prepared(program(path), Process(lead_in=lead, lead_out=lead))).path
+    done = only(prepare(program(path), Process(lead_in=lead, lead_out=lead))).path
     assert done.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
     assert done.tolerances[0] == 1e-4 and np.isnan(done.tolerances[-1])
 
@@ -158,7 +158,7 @@ def test_automatic_leads_take_the_lengths_that_are_given() -> None:
     asked = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
     assert asked.automatic and not Process(lead_in=Lead(length=0.1)).automatic
     lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
-    first, second = prepared(program(BEND, BEND), asked, lengths).contours
+    first, second = prepare(program(BEND, BEND), asked, lengths).contours
     assert first.work == pytest.approx((0.03, 0.13), abs=1e-15)
     assert first.path.length == pytest.approx(0.15, abs=1e-15)
     assert second.work == pytest.approx((0.0, 0.1), abs=1e-15)
@@ -171,7 +171,7 @@ def test_automatic_leads_without_a_length_for_every_contour_are_refused(
     asked = Process(lead_in=Lead())
     given_ = 0 if lengths is None else len(lengths)
     refuses(
-        lambda: prepared(program(BEND, BEND), asked, lengths),
+        lambda: prepare(program(BEND, BEND), asked, lengths),
         InvalidInput,
         "2 lengths",
         f"there are {given_}",
@@ -185,19 +185,19 @@ def test_automatic_leads_without_a_length_for_every_contour_are_refused(
 
 
 def test_a_closed_contour_begins_off_its_corners_so_that_all_are_rounded() -> None:
-    done = prepared(program(SQUARE), Process())
+    done = prepare(program(SQUARE), Process())
     np.testing.assert_allclose(only(done).path(0.0), [0.33, 0.1], atol=1e-15)
     assert only(done).path.length == pytest.approx(0.2, abs=1e-15)
     smooth = only(round_corners(done, tolerance=1e-3)).path
     assert smooth.stops.size == 0
     assert len(smooth.corners) == 4 and not smooth.corners.stopped.any()  # type: ignore[attr-defined]
-    drawn = only(round_corners(prepared(program(SQUARE), DRAWN), tolerance=1e-3)).path
+    drawn = only(round_corners(prepare(program(SQUARE), DRAWN), tolerance=1e-3)).path
     assert len(drawn.corners) == 3  # type: ignore[attr-defined]
 
 
 def test_a_smooth_closed_contour_stays_where_it_is_drawn() -> None:
     circle = Path.from_segments([Arc(start=[0.35, 0.1], center=[0.3, 0.1], angle=2 * np.pi)])
-    np.testing.assert_allclose(only(prepared(program(circle), Process())).path(0.0), [0.35, 0.1])
+    np.testing.assert_allclose(only(prepare(program(circle), Process())).path(0.0), [0.35, 0.1])
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_a_smooth_closed_contour_stays_where_it_is_drawn() -> None:
 def test_a_closed_contour_begins_where_it_is_asked_to(
     begin: str | float | tuple[float, ...], start: list[float]
 ) -> None:
-    path = only(prepared(program(SQUARE), Process(begin=begin))).path
+    path = only(prepare(program(SQUARE), Process(begin=begin))).path
     np.testing.assert_allclose(path(0.0), start, atol=1e-12)
     np.testing.assert_allclose(path(path.length), start, atol=1e-12)
     assert path.length == pytest.approx(0.2, abs=1e-12)
@@ -222,11 +222,11 @@ def test_a_closed_contour_begins_where_it_is_asked_to(
 
 @pytest.mark.parametrize("overlap", [0.004, 0.03, 0.2, 0.45])
 def test_overlap_goes_on_along_the_contour_by_its_length(overlap: float) -> None:
-    path = only(prepared(program(SQUARE), Process(begin=0.07, overlap=overlap))).path
+    path = only(prepare(program(SQUARE), Process(begin=0.07, overlap=overlap))).path
     assert path.length == pytest.approx(0.2 + overlap, abs=1e-12)
     s = np.linspace(0, overlap, 23)
     np.testing.assert_allclose(path(0.2 + s), SQUARE((0.07 + s) % 0.2), atol=1e-12)
-    open_one = only(prepared(program(BEND), Process(overlap=overlap))).path
+    open_one = only(prepare(program(BEND), Process(overlap=overlap))).path
     assert open_one.length == BEND.length
 
 
@@ -235,15 +235,15 @@ def test_a_beginning_is_left_where_the_program_leads_to_it() -> None:
     to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
     on, rest = Event(name="spindle"), Dwell(duration=0.1)
     for between in ((to,), (to, on), (to, on, rest), (on,), (rest,), (Rapid(),)):
-        done = prepared(
+        done = prepare(
             Program(moves=(Contour(path=BEND), *between, Contour(path=SQUARE))), Process()
         )
         np.testing.assert_allclose(done.contours[1].path(0.0), corner, atol=1e-15)
         assert len(done.moves) == 2 + len(between)
     with_event = program(Contour(path=SQUARE, events=(on,)))
-    np.testing.assert_allclose(only(prepared(with_event, Process())).path(0.0), corner, atol=1e-15)
+    np.testing.assert_allclose(only(prepare(with_event, Process())).path(0.0), corner, atol=1e-15)
     # What comes before all contours leads nowhere.
-    begun = prepared(Program(moves=(on, Contour(path=SQUARE))), Process())
+    begun = prepare(Program(moves=(on, Contour(path=SQUARE))), Process())
     np.testing.assert_allclose(begun.contours[0].path(0.0), [0.33, 0.1], atol=1e-15)
 
 
@@ -273,7 +273,7 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
     process = Process(
         begin=begin, overlap=overlap, lead_in=ends, lead_out=ends, switch=Switch(), from_s=from_s
     )
-    done = only(prepared(program(Contour(path=SQUARE, events=events)), process))
+    done = only(prepare(program(Contour(path=SQUARE, events=events)), process))
     assert done.work is not None
     on, off = (x for x in done.events if x.name == "tool")
     assert (on.value, off.value) == (True, False)
@@ -302,7 +302,7 @@ def test_events_at_the_ends_of_a_closed_contour_stay_at_its_ends() -> None:
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     contour = Contour(path=SQUARE, events=events)
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
-    done = only(prepared(program(contour), process))
+    done = only(prepare(program(contour), process))
     places = {x.name: x.s for x in done.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
 
@@ -311,12 +311,12 @@ def test_events_of_the_process_come_on_every_contour_by_its_own_arc_length(
     refuses: Callable[..., None],
 ) -> None:
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))
-    for contour in prepared(program(BEND, SQUARE), process).contours:
+    for contour in prepare(program(BEND, SQUARE), process).contours:
         (event,) = contour.events
         assert event.s == pytest.approx(0.06, abs=1e-15)
     far = Process(events=(Event(name="glue", s=0.15),))
     named = program(SQUARE, Contour(path=BEND, name="E7"))
-    refuses(lambda: prepared(named, far), InvalidInput, "glue", "E7", "0.1 m")
+    refuses(lambda: prepare(named, far), InvalidInput, "glue", "E7", "0.1 m")
 
 
 # -------------------------------------------------------------------------------------- resumption
@@ -332,7 +332,7 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before() -> None:
         Contour(path=SQUARE, name="b", events=(Event(name="coolant", value=False, s=0.08),)),
         Contour(path=BEND, name="c"),
     )
-    done = prepared(Program(moves=moves), Process(from_s=0.1 + 0.07))
+    done = prepare(Program(moves=moves), Process(from_s=0.1 + 0.07))
     assert [type(x).__name__ for x in done.moves] == ["Event", "Event", "Contour", "Contour"]
     before = {x.name: x.value for x in done.moves if isinstance(x, Event)}
     assert before == {"spindle": "reverse", "coolant": True}
@@ -345,19 +345,19 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before() -> None:
 
 
 def test_resumes_at_the_end_of_a_contour_with_the_next_one() -> None:
-    done = prepared(program(BEND, Contour(path=SQUARE, name="b")), Process(from_s=BEND.length))
+    done = prepare(program(BEND, Contour(path=SQUARE, name="b")), Process(from_s=BEND.length))
     assert only(done).name == "b"
     assert only(done).path.length == pytest.approx(0.2, abs=1e-15)
 
 
 def test_resuming_runs_in_along_the_contour_itself_if_that_is_long_enough() -> None:
     lead = Lead(length=0.02)
-    done = only(prepared(program(BEND), Process(lead_in=lead, from_s=0.06)))
+    done = only(prepare(program(BEND), Process(lead_in=lead, from_s=0.06)))
     # Round the corner: the last centimetre before it and the first after it.
     ends = [[0.34, 0.2], [0.35, 0.2], [0.35, 0.21], [0.35, 0.25]]
     np.testing.assert_allclose(done.path.vertices, _without_joints(done.path, ends), atol=1e-12)
     assert done.work == pytest.approx((0.02, 0.06), abs=1e-12)
-    short = only(prepared(program(BEND), Process(lead_in=lead, from_s=0.01)))
+    short = only(prepare(program(BEND), Process(lead_in=lead, from_s=0.01)))
     np.testing.assert_allclose(short.path(0.0), [0.29, 0.2], atol=1e-12)
 
 
@@ -370,7 +370,7 @@ def _without_joints(path: Path, ends: list[list[float]]) -> list[list[float]]:
 @pytest.mark.parametrize("from_s", [0.3, 0.31, 5.0])
 def test_resuming_beyond_the_end_is_refused(from_s: float, refuses: Callable[..., None]) -> None:
     refuses(
-        lambda: prepared(program(BEND, SQUARE), Process(from_s=from_s)),
+        lambda: prepare(program(BEND, SQUARE), Process(from_s=from_s)),
         InvalidInput,
         f"{from_s:g} m",
         "0.3 m long",
@@ -388,7 +388,7 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
     moves = (Contour(path=bend), off, rapid, Event(name="spindle"), Contour(path=square))
     lead = Lead(length=0.01)
     process = Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1)
-    done = prepared(Program(moves=moves), process)
+    done = prepare(Program(moves=moves), process)
     kinds = [type(x).__name__ for x in done.moves]
     # Neither up nor down where the program's own rapid goes.
     assert kinds == ["Rapid", "Contour", "Event", "Rapid", "Event", "Contour", "Rapid"]
@@ -404,7 +404,7 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
 def test_a_rapid_that_comes_from_elsewhere_keeps_its_beginning() -> None:
     rapid = Rapid(path=Path.polyline([[0.2, 0.2], [0.3, 0.1]]))
     moves = (Contour(path=BEND), rapid, Contour(path=SQUARE))
-    done = prepared(Program(moves=moves), Process(lead_out=Lead(length=0.01)))
+    done = prepare(Program(moves=moves), Process(lead_out=Lead(length=0.01)))
     np.testing.assert_allclose(rapids(done)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15)
 
 
@@ -417,7 +417,7 @@ def test_a_rapid_of_which_leads_leave_nothing_is_left_to_the_joints() -> None:
         Contour(path=second),
     )
     lead = Lead(length=0.01)
-    done = prepared(Program(moves=moves), Process(lead_in=lead, lead_out=lead))
+    done = prepare(Program(moves=moves), Process(lead_in=lead, lead_out=lead))
     assert not rapids(done)
     np.testing.assert_allclose(done.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
 
@@ -425,7 +425,7 @@ def test_a_rapid_of_which_leads_leave_nothing_is_left_to_the_joints() -> None:
 def test_goes_down_and_up_along_up_with_the_tool_held_as_at_the_ends() -> None:
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([[0, 0, -1.0], [0, 0.6, -0.8]])
     tilt = np.array([0.0, 0.6, 0.8])
-    done = prepared(program(path), Process(approach=0.03, retract=0.02, up=tilt))
+    done = prepare(program(path), Process(approach=0.03, retract=0.02, up=tilt))
     down, up = rapids(done)
     np.testing.assert_allclose(down.vertices, [[0.4, 0.018, 0.124], [0.4, 0, 0.1]], atol=1e-15)
     np.testing.assert_allclose(up.vertices, [[0.45, 0, 0.1], [0.45, 0.012, 0.116]], atol=1e-15)
@@ -439,7 +439,7 @@ def test_goes_up_and_down_between_contours_that_no_rapid_of_the_program_links() 
     other = Path.polyline([[0.4, 0.1, 0.1], [0.45, 0.1, 0.1]])
     for between in ((), (Rapid(),), (Event(name="x"),)):
         moves = (Contour(path=path), *between, Contour(path=other))
-        done = prepared(Program(moves=moves), Process(approach=0.03, retract=0.02))
+        done = prepare(Program(moves=moves), Process(approach=0.03, retract=0.02))
         ends = [[x.path(0.0), x.path(x.path.length)] for x in done.contours]
         expected = [
             [ends[0][0] + [0, 0, 0.03], ends[0][0]],
@@ -456,7 +456,7 @@ def test_goes_up_and_down_between_contours_that_no_rapid_of_the_program_links() 
 def test_heights_in_the_plane_are_refused(
     heights: dict[str, float], refuses: Callable[..., None]
 ) -> None:
-    refuses(lambda: prepared(program(BEND), Process(**heights)), InvalidInput, "in the plane")
+    refuses(lambda: prepare(program(BEND), Process(**heights)), InvalidInput, "in the plane")
 
 
 # --------------------------------------------------------------------------------- layers, orders
@@ -471,12 +471,12 @@ def test_layers_demand_where_segments_do_not(refuses: Callable[..., None]) -> No
     )
     layers = {"cut": Demand(speed=0.02, tolerance=1e-3)}
     two = program(Contour(path=path, layer="cut"), Contour(path=path, layer="mark"))
-    cut, mark = prepared(two, Process(layers=layers)).contours
+    cut, mark = prepare(two, Process(layers=layers)).contours
     assert cut.path.speeds.tolist() == [0.05, 0.02]
     assert cut.path.tolerances.tolist() == [1e-3, 1e-4]
     assert mark.path.speeds[0] == 0.05 and np.isnan(mark.path.speeds[1])
     refuses(
-        lambda: prepared(two, Process(layers={"engrave": Demand(speed=0.1)})),
+        lambda: prepare(two, Process(layers={"engrave": Demand(speed=0.1)})),
         InvalidInput,
         "'engrave'",
         "'cut', 'mark'",
@@ -490,7 +490,7 @@ def test_the_nearest_order_is_that_of_a_search_by_hand(order: list[int]) -> None
         Contour(path=Path.polyline([starts[i], starts[i] + [0.02, 0.01]]), name=str(i))
         for i in order
     ]
-    done = prepared(program(*contours), Process(order="nearest"))
+    done = prepare(program(*contours), Process(order="nearest"))
     names = [x.name for x in done.contours]
     assert sorted(names) == sorted(x.name for x in contours) and names[0] == str(order[0])
     here, left = starts[order[0]] + [0.02, 0.01], set(order[1:])
@@ -506,7 +506,7 @@ def test_the_nearest_order_is_refused_where_order_has_a_meaning(
 ) -> None:
     moves = (Contour(path=BEND), Event(name="x"), Contour(path=SQUARE))
     refuses(
-        lambda: prepared(Program(moves=moves), Process(order="nearest")), InvalidInput, "nearest"
+        lambda: prepare(Program(moves=moves), Process(order="nearest")), InvalidInput, "nearest"
     )
 
 
@@ -526,7 +526,7 @@ def test_refuses_values_that_make_no_process(refuses: Callable[..., None]) -> No
     for lead in ({"length": 0.0}, {"length": -0.01}, {"shape": "spiral"}, {"side": "top"}):
         refuses(lambda x=lead: Lead(**x), InvalidInput)
     refuses(
-        lambda: prepared(program(SQUARE), Process(begin=(0.3, 0.1, 0.0))),
+        lambda: prepare(program(SQUARE), Process(begin=(0.3, 0.1, 0.0))),
         InvalidInput,
         "begin",
         "3 coordinates",
@@ -557,7 +557,7 @@ def test_a_lead_that_ends_where_a_rapid_does_leaves_it_to_the_joints() -> None:
         Rapid(path=Path.polyline([[0.35, 0.1], [0.36, 0.1]])),
         Contour(path=Path.polyline([[0.36, 0.1], [0.4, 0.1]])),
     )
-    done = prepared(Program(moves=moves), Process(lead_out=Lead(length=0.01)))
+    done = prepare(Program(moves=moves), Process(lead_out=Lead(length=0.01)))
     assert [type(x).__name__ for x in done.moves] == ["Contour", "Rapid", "Contour"]
     assert not rapids(done)
 
@@ -568,18 +568,16 @@ def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn(
     square = Path.polyline(np.pad(SQUARE.vertices, ((0, 0), (0, 1))))
     tilts = np.column_stack([np.linspace(0, 0.2, 5), np.zeros(5), -np.ones(5)])
     tilting, alike = square.pointing(tilts), square.pointing([*tilts[:4], tilts[0]])
-    np.testing.assert_array_equal(
-        only(prepared(program(tilting), Process())).path(0.0), square(0.0)
-    )
-    assert not np.allclose(only(prepared(program(alike), Process())).path(0.0), square(0.0))
+    np.testing.assert_array_equal(only(prepare(program(tilting), Process())).path(0.0), square(0.0))
+    assert not np.allclose(only(prepare(program(alike), Process())).path(0.0), square(0.0))
     for process in (Process(begin=0.03), Process(overlap=0.01)):
-        refuses(lambda x=process: prepared(program(tilting), x), InvalidInput, "another way")
-        prepared(program(alike), process)
+        refuses(lambda x=process: prepare(program(tilting), x), InvalidInput, "another way")
+        prepare(program(alike), process)
 
 
 def test_a_closed_contour_along_which_the_tool_follows_begins_anywhere() -> None:
     square = Path.polyline(np.pad(SQUARE.vertices, ((0, 0), (0, 1)))).following_tangent([0, 0, 1])
-    done = only(prepared(program(square), Process(begin=0.03, overlap=0.01))).path
+    done = only(prepare(program(square), Process(begin=0.03, overlap=0.01))).path
     assert done.orientation is not None
     s = np.linspace(0.0, done.length, 77)
     axes = done.orientation(s)
@@ -588,7 +586,7 @@ def test_a_closed_contour_along_which_the_tool_follows_begins_anywhere() -> None
 
 def test_an_overlap_of_thousands_of_turns_is_soon_there() -> None:
     tiny = Path.polyline([[0, 0], [1e-5, 0], [1e-5, 1e-5], [0, 0]])
-    done = only(prepared(program(tiny), Process(overlap=1000 * tiny.length)))
+    done = only(prepare(program(tiny), Process(overlap=1000 * tiny.length)))
     assert done.path.length == pytest.approx(1001 * tiny.length)
 
 
@@ -596,7 +594,7 @@ def test_a_place_to_begin_is_any_sequence_and_a_switch_is_checked_at_its_birth(
     refuses: Callable[..., None],
 ) -> None:
     for point in ([0.33, 0.1], np.array([0.33, 0.1]), (0.33, 0.1)):
-        done = only(prepared(program(SQUARE), Process(begin=point)))
+        done = only(prepare(program(SQUARE), Process(begin=point)))
         np.testing.assert_allclose(done.path(0.0), [0.33, 0.1], atol=1e-15)
     refuses(lambda: Process(begin=[[0.1, 0.2]]), InvalidInput, "begin")  # type: ignore[list-item]
     refuses(lambda: Switch(name=""), InvalidInput, "name")
@@ -623,10 +621,10 @@ def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn
     events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
     square = program(Contour(path=SQUARE, name="E7", events=events))
     if kept:
-        prepared(square, Process(begin=begin))
+        prepare(square, Process(begin=begin))
     else:
         words = "contour E7", "laser", "0.05 m"
-        refuses(lambda: prepared(square, Process(begin=begin)), InvalidInput, *words)
+        refuses(lambda: prepare(square, Process(begin=begin)), InvalidInput, *words)
 
 
 def test_a_rapid_in_arcs_keeps_them_where_leads_move_its_ends() -> None:
@@ -637,7 +635,7 @@ def test_a_rapid_in_arcs_keeps_them_where_leads_move_its_ends() -> None:
         Contour(path=Path.polyline([[0.45, 0.1], [0.5, 0.1]])),
     )
     lead = Lead(length=0.01)
-    (rapid,) = rapids(prepared(Program(moves=moves), Process(lead_in=lead, lead_out=lead)))
+    (rapid,) = rapids(prepare(Program(moves=moves), Process(lead_in=lead, lead_out=lead)))
     np.testing.assert_allclose(rapid([0.0, rapid.length]), [[0.36, 0.1], [0.44, 0.1]], atol=1e-15)
     assert rapid.length == pytest.approx(arc.length + 0.02)
     np.testing.assert_allclose(rapid(rapid.length / 2), [0.4, 0.15], atol=1e-15)
@@ -651,12 +649,12 @@ def test_resuming_where_something_is_switched_tells_its_last_state_only():
         ac.Event(name="speed", value=0.0, s=0.05),
     )
     program = ac.Program(moves=(ac.Contour(path=path, events=events),))
-    (rest,) = ac.prepared(program, ac.Process(from_s=0.05)).contours
+    (rest,) = ac.prepare(program, ac.Process(from_s=0.05)).contours
     assert [(x.name, x.value, x.s) for x in rest.events] == [
         ("spindle", True, 0.0),
         ("speed", 0.0, 0.0),
     ]
-    (rest,) = ac.prepared(program, ac.Process(from_s=0.03)).contours
+    (rest,) = ac.prepare(program, ac.Process(from_s=0.03)).contours
     assert [(x.value, pytest.approx(x.s)) for x in rest.events] == [
         (True, 0.0),
         (200.0, 0.0),

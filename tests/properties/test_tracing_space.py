@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from armcontour.frames import Frame, log
-from armcontour.tracing import traces
+from armcontour.tracing import trace_all
 
 DOWN = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
 REACH = {"ur5e": 0.35, "panda": 0.3, "ur10e": 0.5}
@@ -89,7 +89,7 @@ def test_random_paths_are_traced_or_refused_with_a_reason(batch):
             path = ac.round_corners(
                 path, tolerance=tolerance, angular_tolerance=10.0 ** rng.uniform(-4, -0.3)
             )
-            found = traces(path, arm)
+            found = trace_all(path, arm)
         except ac.ArmContourError as error:
             message = str(error)
             assert message.endswith(".") and "\n" not in message and "nan" not in message

@@ -17,7 +17,7 @@ from armcontour.jobs import Study, run
 from armcontour.report import render_report, write_report
 from armcontour.report.sections import bindings, overview, paths
 from armcontour.report.sections.motion import accelerations, find_saturation
-from armcontour.report.style import thinned
+from armcontour.report.style import thin
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_thinning_keeps_every_peak() -> None:
     y = np.zeros_like(t)
     y[54_321] = 7.0
     y[12_345] = -3.0
-    t2, y2 = thinned(t, y)
+    t2, y2 = thin(t, y)
     assert len(t2) < 4000
     assert (y2.max(), y2.min()) == (7.0, -3.0)
     assert np.all(np.diff(t2) > 0)

@@ -21,7 +21,7 @@ from armcontour.jobs import Study, run
 from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
-from armcontour.report.outline import MOST_DRAWN, UNSEEN, drawn, simplified
+from armcontour.report.outline import MOST_DRAWN, UNSEEN, outline_points, simplify
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
 from armcontour.report.sections.program import MOST_ROWS
@@ -378,7 +378,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(
 ) -> None:
     found = [np.array(x) for x in curves]
     size = np.ptp(np.concatenate(found), axis=0).max()
-    for points, kept in zip(found, simplified(found, even=1), strict=True):
+    for points, kept in zip(found, simplify(found, even=1), strict=True):
         assert kept[0] == 0 and kept[-1] == len(points) - 1
         assert (np.diff(kept) > 0).all()
         for i, x in enumerate(points):
@@ -392,7 +392,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(
 def test_a_spiral_of_any_length_is_drawn_in_bounded_points_that_fill_it() -> None:
     turns = np.linspace(0, 400 * np.pi, 150_000)
     spiral = Path.polyline(np.stack([turns * np.cos(turns), turns * np.sin(turns)], axis=1))
-    found = drawn(spiral)
+    found = outline_points(spiral)
     assert len(found) <= MOST_DRAWN + 3
     inner, outer = (np.linalg.norm(found[:-1], axis=1) < x for x in (628.0, 1300.0))
     assert outer.all() and 0.2 < inner.mean() < 0.8

@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.timing.constraints import Constraint, Disc, JointVelocity
-from armcontour.timing.grid import given_grid
+from armcontour.timing.grid import grid_through
 from armcontour.timing.optimal import plan_optimal
 
 
@@ -60,7 +60,7 @@ def test_between_two_rests_there_is_room_to_move():
     limits = ac.Limits(joint_acceleration=[1.0, 1.0])
     planned = plan_optimal(path, TwoJoints(), limits, grid=np.array([0.0, path.length]))
     assert planned.duration == pytest.approx(2.0)
-    assert len(given_grid(path, np.array([0.0]))) == 2
+    assert len(grid_through(path, np.array([0.0]))) == 2
 
 
 class Round(Constraint):

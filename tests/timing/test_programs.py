@@ -24,7 +24,7 @@ from armcontour.program import (
     Program,
     Rapid,
     Switch,
-    prepared,
+    prepare,
     round_corners,
 )
 
@@ -108,7 +108,7 @@ def _events_judged(program: Program, arm: ac.Arm, trajectory: Trajectory) -> Non
 
 def plane(process: Process = AROUND, *moves: object) -> Program:
     done = Program(moves=moves or (Contour(path=SQUARE), Contour(path=BEND)))  # type: ignore[arg-type]
-    return round_corners(prepared(done, process), tolerance=5e-4)
+    return round_corners(prepare(done, process), tolerance=5e-4)
 
 
 def test_keeps_all_that_holds_of_programs_in_the_plane() -> None:
@@ -143,7 +143,7 @@ def test_keeps_all_that_holds_of_programs_in_space() -> None:
     moves = (Contour(path=in_space(SQUARE)), Contour(path=in_space(BEND)))
     process = dataclasses.replace(AROUND, approach=0.02, retract=0.03)
     program = round_corners(
-        prepared(Program(moves=moves), process), tolerance=5e-4, angular_tolerance=0.1
+        prepare(Program(moves=moves), process), tolerance=5e-4, angular_tolerance=0.1
     )
     trajectory = ac.plan(program, UR5E, IN_SPACE)
     judged(program, UR5E, IN_SPACE, trajectory)
@@ -438,7 +438,7 @@ def test_whatever_the_program_it_is_kept_or_refused_with_a_sentence(
     moves = [x for before, contour in drawn for x in (*before, contour)]
     try:
         program = round_corners(
-            prepared(Program(moves=tuple(moves)), process),  # type: ignore[arg-type]
+            prepare(Program(moves=tuple(moves)), process),  # type: ignore[arg-type]
             tolerance=5e-4,
         )
         trajectory = ac.plan(program, PMK3S, IN_PLANE)
@@ -491,7 +491,7 @@ def test_an_approach_does_not_choose_another_configuration_than_the_contour() ->
     path = Path.polyline(np.pad(square, ((0, 0), (0, 1)), constant_values=0.3)).pointing([0, 0, -1])
     drawn = Program(moves=(Contour(path=path),))
     alone = ac.plan(drawn, UR5E, IN_SPACE)
-    led = ac.plan(prepared(drawn, Process(begin="drawn", approach=0.03)), UR5E, IN_SPACE)
+    led = ac.plan(prepare(drawn, Process(begin="drawn", approach=0.03)), UR5E, IN_SPACE)
     approach, contour = led.spans
     assert (approach.kind, contour.kind) == ("rapid", "contour")
     assert contour.t[1] - contour.t[0] == pytest.approx(alone.duration, rel=1e-3)
@@ -507,7 +507,7 @@ def test_leads_that_would_change_the_order_of_switching_are_refused(refuses):
     def planned(**leads):
         switch = ac.Switch(name="glue", **leads)
         process = ac.Process(lead_in=ac.Lead(length=2e-3), switch=switch)
-        return ac.plan(ac.prepared(program, process), arm, limits)
+        return ac.plan(ac.prepare(program, process), arm, limits)
 
     kept = planned(off_lead=0.01)
     assert [x.value for x in kept.events] == [True, False, True, False]
@@ -527,7 +527,7 @@ def test_a_dwell_before_every_contour_gives_time_to_what_leads():
     path = ac.Path.polyline([(0.30, 0.1), (0.33, 0.1)])
     program = ac.Program(moves=(ac.Contour(path=path),))
     process = ac.Process(dwell=0.4, switch=ac.Switch(on_lead=0.4))
-    planned = ac.plan(ac.prepared(program, process), arm, arm.limits.replace(speed=0.05))
+    planned = ac.plan(ac.prepare(program, process), arm, arm.limits.replace(speed=0.05))
     assert [x.kind for x in planned.spans] == ["dwell", "contour"]
     first = planned.events[0]
     assert (first.t, first.due) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.4))

@@ -10,7 +10,7 @@ from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
 from armcontour.timing.constraints.friction import chord, tangent
 from armcontour.timing.constraints.sampled import Sampled, rise
-from armcontour.timing.grid import Grid, coarsened, finer_at_rests, place_grid
+from armcontour.timing.grid import Grid, coarsen, finer_at_rests, place_grid
 
 pytest.importorskip("pinocchio")
 
@@ -170,7 +170,7 @@ def test_every_place_is_computed_once():
 
     grid = place_grid(path, 100)
     seen = Sampled(function)
-    seen.at_ends(coarsened(grid, 2)[0])
+    seen.at_ends(coarsen(grid, 2)[0])
     ends = seen.at_ends(grid)
     # The four pieces' ends are seen from both sides.
     assert sum(places) == len(grid) + 4

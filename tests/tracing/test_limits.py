@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.arms import Chain, SerialArm
-from armcontour.tracing import traces
+from armcontour.tracing import trace_all
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 LINE = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)]).oriented(DOWN)
@@ -30,7 +30,7 @@ def ranges(arm, **joints):
 def test_ranges_that_limits_narrow_are_met_by_whole_turns(ur5e):
     limits = ranges(ur5e, joint_4=(3.2, 6.28))
     s = np.linspace(0, LINE.length, 200)
-    found = traces(LINE, ur5e, limits=limits)
+    found = trace_all(LINE, ur5e, limits=limits)
     assert len(found) >= 2
     for traced in [*found, ac.trace(LINE, ur5e, limits=limits)]:
         q = traced(s)
@@ -50,9 +50,9 @@ def test_ranges_that_limits_widen_are_used(ur5e):
     assert ur5e.limits.joint_upper[0] > 6
     with pytest.raises(ac.Unreachable):
         ac.trace(LINE, tight)
-    assert len(traces(LINE, tight, limits=ur5e.limits)) == len(traces(LINE, ur5e))
+    assert len(trace_all(LINE, tight, limits=ur5e.limits)) == len(trace_all(LINE, ur5e))
     # Limits without ranges have none.
-    assert len(traces(LINE, tight, limits=ac.Limits())) == len(traces(LINE, ur5e))
+    assert len(trace_all(LINE, tight, limits=ac.Limits())) == len(trace_all(LINE, ur5e))
     wide = ur5e.limits.replace(joint_acceleration=5.0)
     assert ac.plan(LINE, tight, wide).duration > 0
 
@@ -71,7 +71,7 @@ def test_joints_to_spare_keep_the_ranges_of_limits():
 def test_the_velocities_of_limits_tell_the_shortest_way(ur5e, joint):
     velocity = np.full(6, 3.0)
     velocity[joint] = 0.01
-    found = traces(LINE, ur5e, limits=ac.Limits(joint_velocity=velocity))
+    found = trace_all(LINE, ur5e, limits=ac.Limits(joint_velocity=velocity))
     s = np.linspace(0, LINE.length, 400)
     ways = [(np.abs(np.diff(x(s), axis=0)) / velocity).max(axis=1).sum() for x in found]
     assert (np.diff(ways) > -1e-3 * max(ways)).all()

@@ -10,9 +10,9 @@ import armcontour as ac
 from armcontour.arms import Chain, SerialArm
 from armcontour.arms.inverse import configurations
 from armcontour.frames import Frame, exp, log
-from armcontour.tracing import traces
-from armcontour.tracing.cells import first_knots
-from armcontour.tracing.guide import Guide
+from armcontour.tracing import trace_all
+from armcontour.tracing.knots import first_knots
+from armcontour.tracing.redundancy import Guide
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]
@@ -81,7 +81,7 @@ def places(path, traced):
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
     arm, path = ac.load_arm(name), PATHS[kind]
-    found = traces(path, arm)
+    found = trace_all(path, arm)
     lower, upper = arm.limits.joint_range(arm.dof)
     for traced in found:
         point, turn = off_path(arm, path, traced, places(path, traced))
@@ -156,7 +156,7 @@ def test_joints_to_spare_move_smoothly_between_stops(name, kind):
 
 def test_a_start_says_which_configuration_and_which_turn(ur5e):
     path = PATHS["held"]
-    found = traces(path, ur5e)
+    found = trace_all(path, ur5e)
     assert len(found) == 8
     for traced in found:
         start = traced(0.0) + 0.02
@@ -258,7 +258,7 @@ def test_through_the_base_is_out_of_reach(ur5e):
 def test_a_joint_range_is_named(ur5e, panda):
     circle = ac.Arc.circle(start=(0.4, 0, 0.5), center=(0, 0, 0.5), normal=(0, 0, 1))
     once = ac.Path.from_segments([circle]).oriented(DOWN)
-    assert len(traces(once, ur5e)) == 8  # it has two turns
+    assert len(trace_all(once, ur5e)) == 8  # it has two turns
     thrice = ac.Path.from_segments([circle] * 3).oriented(DOWN)
     for arm, path in ((ur5e, thrice), (panda, once)):
         with pytest.raises(ac.Unreachable, match="joint") as caught:
@@ -279,7 +279,7 @@ def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
     lower[0] = q[:, 0].max() + 0.5  # only a turn later
     arm = ur5e.with_tool(Frame())
     arm.limits = arm.limits.replace(joint_lower=lower, joint_upper=None)
-    found = traces(path, arm)
+    found = trace_all(path, arm)
     assert len(found) == 8
     assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
 
@@ -288,7 +288,7 @@ def test_a_range_that_is_left_between_knots_is_seen(ur5e):
     # The largest value of a joint lies on the way; its range ends just below.
     path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
     s = np.linspace(0, path.length, 5001)
-    free = traces(path, ur5e)
+    free = trace_all(path, ur5e)
     peaks = [(x(s).max(axis=0), x(x.breaks).max(axis=0)) for x in free]
     tried = 0
     for peak, at_knots in peaks:
@@ -297,7 +297,7 @@ def test_a_range_that_is_left_between_knots_is_seen(ur5e):
             upper[j] = (peak[j] + at_knots[j]) / 2
             arm = ur5e.with_tool(Frame())
             arm.limits = arm.limits.replace(joint_upper=upper, joint_lower=None)
-            for x in traces(path, arm):
+            for x in trace_all(path, arm):
                 assert (x(s)[:, j] <= upper[j] + 1e-9).all()
             tried += 1
     assert tried >= 2
@@ -313,7 +313,7 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
     for aside in (1e-2, 1e-3, 1e-4):
         beside = ac.Path.polyline(points + [0, 0, aside])
         path = beside.oriented(exp(aside * np.cross(lost[3:], [0.3, 0.4, 0.5])) @ turns)
-        found = traces(path, ur5e)
+        found = trace_all(path, ur5e)
         assert len(found) == 8
         assert max(off_path(ur5e, path, found[-1], places(path, found[-1]))) < 2e-9
         fastest.append(np.abs(found[-1](places(path, found[-1]), 1)).max())
@@ -321,7 +321,7 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
     assert fastest[1] > 5 * fastest[0] and fastest[2] > 5 * fastest[1] > 1e4
     # Exactly through it, four of the eight configurations get to the end, and this is not one.
     through = ac.Path.polyline(points).oriented(turns)
-    assert len(traces(through, ur5e)) == 4
+    assert len(trace_all(through, ur5e)) == 4
     with pytest.raises(ac.Unreachable, match="singular") as caught:
         ac.trace(through, ur5e, start=start)
     error = caught.value
@@ -353,7 +353,7 @@ def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
         "axis_only",
     )
     pointed = path.pointing(rotations[:, :, 2])
-    found = traces(pointed, arm)
+    found = trace_all(pointed, arm)
     assert len(found) >= 1
     for traced in found:
         assert max(off_path(arm, pointed, traced, places(pointed, traced))) < 2e-9
@@ -404,7 +404,7 @@ def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
         ac.trace(seam.following_tangent(up), arm)
     assert caught.value.s / seam.length == pytest.approx(0.62, abs=0.01)
     free = seam.following_tangent(up, axis_only=True)
-    found = traces(free, arm)
+    found = trace_all(free, arm)
     assert len(found) >= 6
     s = np.linspace(0, seam.length, 500)
     lower, upper = arm.limits.joint_range(6)
@@ -433,7 +433,7 @@ def test_a_circle_just_outside_of_the_hole_round_the_base(ur5e):
     # Chords between its knots pass through the hole, the path does not.
     radius = 0.1334
     arc = ac.Arc(start=(radius, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
-    assert len(traces(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
+    assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
 
 
 def test_ten_thousand_segments(panda):
@@ -470,7 +470,7 @@ def test_halving_knots_leaves_the_knots_as_they_were():
     before = [getattr(knots, name).copy() for name in ("segment", "u0", "u1", "s0")]
     which = np.arange(len(knots)) % 3 == 1
     u = (knots.u0[which] + knots.u1[which]) / 2
-    halved, of, second = knots.halved(which, u)
+    halved, of, second = knots.halve(which, u)
     for name, values in zip(("segment", "u0", "u1", "s0"), before, strict=True):
         np.testing.assert_array_equal(getattr(knots, name), values)
     assert len(halved) == len(knots) + which.sum()

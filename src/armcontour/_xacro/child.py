@@ -47,7 +47,7 @@ def _answer(request: Mapping[str, Any]) -> dict[str, str]:
     from armcontour._xacro.expressions import Refused
 
     try:
-        return {"text": _expanded(request)}
+        return {"text": _expand(request)}
     except Refused as error:
         return {"refused": str(error)}
     except MemoryError:
@@ -57,7 +57,7 @@ def _answer(request: Mapping[str, Any]) -> dict[str, str]:
         return {"failed": _said(error)}
 
 
-def _expanded(request: Mapping[str, Any]) -> str:
+def _expand(request: Mapping[str, Any]) -> str:
     """The text that a description expands to."""
     import xml.dom.expatbuilder  # noqa: F401
 

@@ -63,7 +63,7 @@ def _answer(file: FilePath, seconds: float) -> dict[str, Any]:
         "megabytes": MEGABYTES,
         "most": _files.SMALL,
     }
-    process = _started(file, os.path.dirname(place))
+    process = _start(file, os.path.dirname(place))
     answer: list[bytes] = []
     # Pipes cannot be read with a time limit on all systems, so another thread waits for it.
     reader = threading.Thread(target=_read, args=(process.stdout, answer), daemon=True)
@@ -80,7 +80,7 @@ def _answer(file: FilePath, seconds: float) -> dict[str, Any]:
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
                 pipe.close()
-    return _parsed(answer)
+    return _parse(answer)
 
 
 def _import_path(folder: str) -> list[str]:
@@ -89,7 +89,7 @@ def _import_path(folder: str) -> list[str]:
     return [own, *(x for x in sys.path if x and os.path.realpath(x) != refused)]
 
 
-def _started(file: FilePath, folder: str) -> subprocess.Popen[bytes]:
+def _start(file: FilePath, folder: str) -> subprocess.Popen[bytes]:
     """The process, with no environment but what it needs."""
     child = str(FilePath(__file__).with_name("child.py"))
     try:
@@ -129,7 +129,7 @@ def _write(pipe: IO[bytes] | None, line: bytes) -> None:
         pass
 
 
-def _parsed(answer: list[bytes]) -> dict[str, Any]:
+def _parse(answer: list[bytes]) -> dict[str, Any]:
     try:
         found = json.loads(b"".join(answer))
     except ValueError:

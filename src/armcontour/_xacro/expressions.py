@@ -62,7 +62,7 @@ class Refused(BaseException):
     """What a description must not do; no `except Exception` of xacro catches it."""
 
 
-def compiled(text: str) -> Any:
+def compile_expression(text: str) -> Any:
     """The code of an expression, to be evaluated where the names in `OPERATIONS` are known.
 
     Raises:
@@ -115,7 +115,7 @@ def _times(left: Any, right: Any) -> Any:
     return left * right
 
 
-def _shifted(value: Any, by: Any) -> Any:
+def _shift(value: Any, by: Any) -> Any:
     if isinstance(value, int) and isinstance(by, int):
         _bits(value.bit_length() + max(by, 0))
     return value << by
@@ -159,7 +159,7 @@ def bounded_factorial(n: int) -> int:
 OPERATORS: dict[type[ast.operator], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Pow: ("__power", _power),
     ast.Mult: ("__times", _times),
-    ast.LShift: ("__shifted", _shifted),
+    ast.LShift: ("__shifted", _shift),
     ast.Mod: ("__remainder", _remainder),
 }
 # What the code of `compiled` calls in the place of operators, by name.

@@ -17,7 +17,7 @@ from armcontour._xacro.expressions import (
     Refused,
     bounded_factorial,
     bounded_range,
-    compiled,
+    compile_expression,
 )
 from armcontour.errors import InvalidInput
 
@@ -138,7 +138,7 @@ class _Names:
 def _safe_eval(expr: str, symbols: Any) -> Any:
     """What xacro evaluates `${...}` with."""
     names: Any = _Names(symbols)
-    return eval(compiled(expr), {"__builtins__": {}}, names)
+    return eval(compile_expression(expr), {"__builtins__": {}}, names)
 
 
 def _evaluator(substitution: Any) -> Callable[[str, dict[str, Any]], str]:

@@ -11,7 +11,7 @@ from armcontour._kernels import compiled
 
 
 @compiled()
-def turned(axis: FloatArray, angle: float, out: FloatArray) -> None:
+def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
     """Write the rotation by `angle` about a unit vector into `out`, (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
     v = 2.0 * math.sin(0.5 * angle) ** 2
@@ -69,7 +69,7 @@ def place(
         a = axes[k]
         for i in range(3):
             directions[k, i] = moved[i, 0] * a[0] + moved[i, 1] * a[1] + moved[i, 2] * a[2]
-        turned(a, q[k], turn)
+        write_rotation(a, q[k], turn)
         times(moved, turn, here)
     for i in range(3):
         for j in range(3):

@@ -73,14 +73,14 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 
 @compiled()
-def missing(pose: FloatArray, target: FloatArray, asked: int, out: FloatArray) -> None:
-    """Write what is missing to a target pose into `out`, (asked,): metres, then radians.
+def missing(pose: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
+    """Write what is missing to a target pose into `out`, (task,): metres, then radians.
 
     Of a tool axis, the turn towards its target along the target's x and y.
     """
     for i in range(3):
         out[i] = target[i, 3] - pose[i, 3]
-    if asked == 6:
+    if task == 6:
         # The turn from the pose to the target: the target times the pose transposed.
         v0 = v1 = v2 = c = 0.0
         for k in range(3):
@@ -95,7 +95,7 @@ def missing(pose: FloatArray, target: FloatArray, asked: int, out: FloatArray) -
             # Half a turn: about any axis will do to leave it.
             v0, v1, v2, scale = 1.0, 0.0, 0.0, math.pi
         out[3], out[4], out[5] = scale * v0, scale * v1, scale * v2
-    elif asked == 5:
+    elif task == 5:
         v0 = pose[1, 2] * target[2, 2] - pose[2, 2] * target[1, 2]
         v1 = pose[2, 2] * target[0, 2] - pose[0, 2] * target[2, 2]
         v2 = pose[0, 2] * target[1, 2] - pose[1, 2] * target[0, 2]
@@ -109,16 +109,16 @@ def missing(pose: FloatArray, target: FloatArray, asked: int, out: FloatArray) -
 
 
 @compiled()
-def asked_rows(full: FloatArray, target: FloatArray, asked: int, out: FloatArray) -> None:
-    """Write the rows of the Jacobian that a target asks for into `out`, (asked, dof)."""
+def write_task_rows(full: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
+    """Write the rows of the Jacobian that a target asks for into `out`, (task, dof)."""
     dof = full.shape[1]
     for k in range(dof):
         for i in range(3):
             out[i, k] = full[i, k]
-        if asked == 6:
+        if task == 6:
             for i in range(3, 6):
                 out[i, k] = full[i, k]
-        elif asked == 5:
+        elif task == 5:
             for j in range(2):
                 out[3 + j, k] = (
                     full[3, k] * target[0, j]
@@ -136,7 +136,7 @@ def newton(
     end: FloatArray,
     q: FloatArray,
     targets: FloatArray,
-    asked: int,
+    task: int,
     w: FloatArray,
     g: FloatArray,
 ) -> tuple[BoolArray, FloatArray]:
@@ -150,8 +150,8 @@ def newton(
         end: Tool of the chain, as in `place`.
         q: Guesses, overwritten with what is found, (n, dof).
         targets: Poses, (n, 3, 4).
-        asked: 6, 5 or 3 of them.
-        w: The guide's rows, (n, dof - asked, dof).
+        task: 6, 5 or 3 of them.
+        w: The guide's rows, (n, dof - task, dof).
         g: Joint positions of the guide, (n, dof).
 
     Returns:
@@ -169,15 +169,15 @@ def newton(
         for _ in range(MOST_STEPS):
             place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
             jacobian(origins, directions, pose, full)
-            missing(pose, targets[i], asked, e)
-            asked_rows(full, targets[i], asked, a)
-            b[:asked, 0] = e[:asked]
-            for r in range(dof - asked):
+            missing(pose, targets[i], task, e)
+            write_task_rows(full, targets[i], task, a)
+            b[:task, 0] = e[:task]
+            for r in range(dof - task):
                 value = 0.0
                 for k in range(dof):
-                    a[asked + r, k] = w[i, r, k]
+                    a[task + r, k] = w[i, r, k]
                     value += w[i, r, k] * (g[i, k] - q[i, k])
-                b[asked + r, 0] = value
+                b[task + r, 0] = value
             if solve(a, b, dof) < SINGULAR:
                 break
             size = 0.0
@@ -204,7 +204,7 @@ def path_derivatives(
     q: FloatArray,
     targets: FloatArray,
     rates: FloatArray,
-    asked: int,
+    task: int,
     w: FloatArray,
     g: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -223,8 +223,8 @@ def path_derivatives(
         targets: Poses, (n, 3, 4).
         rates: Of the targets with respect to s: velocity, acceleration, rate of turning and its
             derivative, (n, 4, 3).
-        asked: 6, 5 or 3 of them.
-        w: The guide's rows and their first two derivatives, (n, 3, dof - asked, dof).
+        task: 6, 5 or 3 of them.
+        w: The guide's rows and their first two derivatives, (n, 3, dof - task, dof).
         g: The guide and its first two derivatives, (n, 3, dof).
 
     Returns:
@@ -240,34 +240,34 @@ def path_derivatives(
         place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
         jacobian(origins, directions, pose, full)
         target, rate = targets[i], rates[i]
-        asked_rows(full, target, asked, a)
-        for r in range(dof - asked):
-            a[asked + r] = w[i, 0, r]
+        write_task_rows(full, target, task, a)
+        for r in range(dof - task):
+            a[task + r] = w[i, 0, r]
         copy[:] = a
         b[:3, 0] = rate[0]
-        if asked == 6:
+        if task == 6:
             b[3:6, 0] = rate[2]
-        elif asked == 5:
+        elif task == 5:
             for j in range(2):
                 b[3 + j, 0] = (
                     target[0, j] * rate[2, 0]
                     + target[1, j] * rate[2, 1]
                     + target[2, j] * rate[2, 2]
                 )
-        for r in range(dof - asked):
+        for r in range(dof - task):
             value = 0.0
             for k in range(dof):
                 value += w[i, 0, r, k] * g[i, 1, k] - w[i, 1, r, k] * (q[i, k] - g[i, 0, k])
-            b[asked + r, 0] = value
+            b[task + r, 0] = value
         apart[i] = solve(copy, b, dof)
         first[i] = b[:, 0]
         drift(origins, directions, pose, first[i], carried)
         for k in range(3):
             b[k, 0] = rate[1, k] - carried[k]
-        if asked == 6:
+        if task == 6:
             for k in range(3):
                 b[3 + k, 0] = rate[3, k] - carried[3 + k]
-        elif asked == 5:
+        elif task == 5:
             # The tool turns about its axis at its own rate: the difference is along the axis.
             for k in range(3):
                 value = rate[2, k]
@@ -287,7 +287,7 @@ def path_derivatives(
                     + y * (rate[3, 1] - carried[4])
                     + z * (rate[3, 2] - carried[5])
                 )
-        for r in range(dof - asked):
+        for r in range(dof - task):
             value = 0.0
             for k in range(dof):
                 value += (
@@ -295,7 +295,7 @@ def path_derivatives(
                     - 2.0 * w[i, 1, r, k] * (first[i, k] - g[i, 1, k])
                     - w[i, 2, r, k] * (q[i, k] - g[i, 0, k])
                 )
-            b[asked + r, 0] = value
+            b[task + r, 0] = value
         solve(a, b, dof)
         second[i] = b[:, 0]
     return first, second, apart
@@ -310,7 +310,7 @@ def free_motions(
     end: FloatArray,
     q: FloatArray,
     targets: FloatArray,
-    asked: int,
+    task: int,
 ) -> FloatArray:
     """Joint motions that leave alone what is asked of the tool, orthonormal.
 
@@ -322,22 +322,22 @@ def free_motions(
         end: Tool of the chain, as in `place`.
         q: Joint positions, (n, dof).
         targets: Poses, (n, 3, 4).
-        asked: 6, 5 or 3 of them.
+        task: 6, 5 or 3 of them.
 
     Returns:
-        (n, dof - asked, dof).
+        (n, dof - task, dof).
     """
     n, dof = q.shape
-    found = np.empty((n, dof - asked, dof))
+    found = np.empty((n, dof - task, dof))
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
     rows, rest = np.empty((dof, dof)), np.empty(dof)
     for i in range(n):
         place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
         jacobian(origins, directions, pose, full)
-        asked_rows(full, targets[i], asked, rows)
+        write_task_rows(full, targets[i], task, rows)
         for r in range(dof):
-            if r >= asked:
+            if r >= task:
                 # Next, the joint of which the rows so far hold least.
                 rest[:] = 1.0
                 for j in range(r):
@@ -359,7 +359,7 @@ def free_motions(
                 if size > 0.0:
                     for k in range(dof):
                         rows[r, k] /= math.sqrt(size)
-        found[i] = rows[asked:]
+        found[i] = rows[task:]
     return found
 
 
@@ -368,7 +368,7 @@ def least_step(
     full: FloatArray,
     target: FloatArray,
     e: FloatArray,
-    asked: int,
+    task: int,
     damping: float,
     rows: FloatArray,
     square: FloatArray,
@@ -380,20 +380,20 @@ def least_step(
     `J^T (J J^T + damping² I)^-1 e`; it is long or not finite where the arm is singular.
     """
     dof = full.shape[1]
-    asked_rows(full, target, asked, rows)
-    for i in range(asked):
-        for j in range(asked):
+    write_task_rows(full, target, task, rows)
+    for i in range(task):
+        for j in range(task):
             value = damping * damping if i == j else 0.0
             for k in range(dof):
                 value += rows[i, k] * rows[j, k]
             square[i, j] = value
         right[i, 0] = e[i]
-    if solve(square, right, asked) == 0.0:
+    if solve(square, right, task) == 0.0:
         return math.inf
     most = 0.0
     for k in range(dof):
         value = 0.0
-        for i in range(asked):
+        for i in range(task):
             value += rows[i, k] * right[i, 0]
         out[k] = value
         most = max(most, abs(value))
@@ -408,7 +408,7 @@ def approach(
     base: FloatArray,
     end: FloatArray,
     target: FloatArray,
-    asked: int,
+    task: int,
     q: FloatArray,
     weight: float,
     most: int,
@@ -422,7 +422,7 @@ def approach(
         base: Base of the chain, as in `place`.
         end: Tool of the chain, as in `place`.
         target: The pose, (3, 4).
-        asked: 6, 5 or 3 of it.
+        task: 6, 5 or 3 of it.
         q: Where each starts, overwritten with where it ends, (n, dof).
         weight: Metres that count as much as a radian.
         most: Largest number of steps.
@@ -442,9 +442,9 @@ def approach(
         trial[:] = q[i]
         for _ in range(most):
             place(rotations, positions, axes, base, end, trial, origins, directions, pose, scratch)
-            missing(pose, target, asked, e)
+            missing(pose, target, task, e)
             value = 0.0
-            for k in range(asked):
+            for k in range(task):
                 if k >= 3:
                     e[k] *= weight
                 value += e[k] * e[k]
@@ -465,20 +465,20 @@ def approach(
                 place(
                     rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
                 )
-                missing(pose, target, asked, e)
-                for k in range(3, asked):
+                missing(pose, target, task, e)
+                for k in range(3, task):
                     e[k] *= weight
-            size = least_step(full, target, e, asked, damping, rows, square, right, step)
+            size = least_step(full, target, e, task, damping, rows, square, right, step)
             if not math.isfinite(size):
                 break
             scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
             for k in range(dof):
                 trial[k] = q[i, k] + scale * step[k]
         place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
-        missing(pose, target, asked, e)
+        missing(pose, target, task, e)
         left[i, 0] = math.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
         turn = 0.0
-        for k in range(3, asked):
+        for k in range(3, task):
             turn += e[k] ** 2
         left[i, 1] = math.sqrt(turn)
     return left
@@ -512,7 +512,7 @@ def follow(
     base: FloatArray,
     end: FloatArray,
     targets: FloatArray,
-    asked: int,
+    task: int,
     q: FloatArray,
 ) -> int:
     """Follow a row of poses from the first joint position, by the shortest joint steps.
@@ -524,7 +524,7 @@ def follow(
         base: Base of the chain, as in `place`.
         end: Tool of the chain, as in `place`.
         targets: Poses near to their neighbours, (n, 3, 4).
-        asked: 6, 5 or 3 of them.
+        task: 6, 5 or 3 of them.
         q: Joint positions, of which the first is given and the others are found, (n, dof).
 
     Returns:
@@ -553,8 +553,8 @@ def follow(
                     rotations, positions, axes, base, end, trial, origins, directions, pose, scratch
                 )
                 jacobian(origins, directions, pose, full)
-                missing(pose, target, asked, e)
-                size = least_step(full, target, e, asked, 0.0, rows, square, right, step)
+                missing(pose, target, task, e)
+                size = least_step(full, target, e, task, 0.0, rows, square, right, step)
                 # Corrections shrink by half at least, or the way may lead to another solution.
                 if not size < 0.5 * before or size > FOLLOW_STEP:
                     arrived = size < 1e-9

@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 
-GRAVITY = _checks.locked([0.0, 0.0, -9.81])
+GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,8 +40,8 @@ class Payload:
         if center.shape != (3,) or inertia.shape != (3, 3):
             raise InvalidInput("A payload has a centre of 3 coordinates and an inertia of 3 by 3.")
         refuse_inertia("the payload", inertia)
-        object.__setattr__(self, "center", _checks.locked(center))
-        object.__setattr__(self, "inertia", _checks.locked(inertia))
+        object.__setattr__(self, "center", _checks.lock_floats(center))
+        object.__setattr__(self, "inertia", _checks.lock_floats(inertia))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,7 +115,7 @@ class Chain:
                 if name in ("masses", "centers", "inertias"):
                     continue
                 values = np.zeros(shape)
-            array = _checks.locked(_checks.numbers(f"{name} of a chain", values))
+            array = _checks.lock_floats(_checks.numbers(f"{name} of a chain", values))
             if array.shape != shape:
                 raise InvalidInput(f"{name} of a chain must be of shape {shape}.")
             object.__setattr__(self, name, array)

@@ -19,11 +19,11 @@ MOST_STEPS = 200
 MET = 1e-8
 # Solutions farther apart than this are two [rad]; of joints to spare there are many solutions.
 APART = 1e-3
-APART_TO_SPARE = 0.5
+APART_REDUNDANT = 0.5
 
 
 def configurations(
-    arm: SerialArm, pose: FloatArray, asked: int, near: FloatArray | None = None
+    arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
     """Joint positions that hold the tool in a pose; whole turns do not count as another.
 
@@ -32,7 +32,7 @@ def configurations(
     Args:
         arm: The arm.
         pose: Rotation and position of the tool, (3, 4).
-        asked: 6 for all of it, 5 without turning about the tool axis, 3 for the point alone.
+        task: 6 for all of it, 5 without turning about the tool axis, 3 for the point alone.
         near: Joint positions to start from instead of everywhere, (dof,).
 
     Returns:
@@ -40,11 +40,11 @@ def configurations(
     """
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
     left = _newton.approach(
-        *arm.arrays, np.ascontiguousarray(pose), asked, q, SEARCH_WEIGHT, MOST_STEPS
+        *arm.arrays, np.ascontiguousarray(pose), task, q, SEARCH_WEIGHT, MOST_STEPS
     )
     good = q[(left < MET).all(axis=1)]
     good = np.pi - np.mod(np.pi - good, 2 * np.pi) if near is None else good
-    kept = _newton.distinct(good, APART if asked == arm.dof else APART_TO_SPARE)
+    kept = _newton.distinct(good, APART if task == arm.dof else APART_REDUNDANT)
     return np.asarray(good[kept])
 
 
@@ -60,20 +60,20 @@ def seeds(arm: SerialArm) -> FloatArray:
     return lower + random.uniform(size=(SEEDS, arm.dof)) * (upper - lower)
 
 
-def out_of_reach(arm: SerialArm, poses: FloatArray, asked: int, q: FloatArray) -> FloatArray:
+def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
     """How far the tool stays from each pose with its orientation kept [m], (n,).
 
     Args:
         arm: The arm.
         poses: (n, 3, 4).
-        asked: As in `configurations`.
+        task: As in `configurations`.
         q: Joint positions to start from, (k, dof).
     """
     found = np.empty(len(poses))
     for i, pose in enumerate(poses):
         tried = q.copy()
         left = _newton.approach(
-            *arm.arrays, np.ascontiguousarray(pose), asked, tried, REACH_WEIGHT, MOST_STEPS
+            *arm.arrays, np.ascontiguousarray(pose), task, tried, REACH_WEIGHT, MOST_STEPS
         )
         found[i] = left[:, 0].min()
     return found

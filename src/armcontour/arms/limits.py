@@ -92,7 +92,7 @@ class Limits:
                     f"{array.tolist()} {unit}.",
                     limit=name,
                 )
-            object.__setattr__(self, name, _checks.locked(values))
+            object.__setattr__(self, name, _checks.lock_floats(values))
         for name in JOINT_RANGE:
             self._check_range(name)
         if self.joint_lower is not None and self.joint_upper is not None:
@@ -122,9 +122,9 @@ class Limits:
         if values is None:
             return
         try:
-            array = _checks.locked(values)
+            array = _checks.lock_floats(values)
         except (TypeError, ValueError):
-            array = _checks.locked(np.nan)
+            array = _checks.lock_floats(np.nan)
         if array.ndim > 1 or np.isnan(array).any():
             raise InvalidInput(f"{name} must be one angle per joint in rad.")
         far = np.isfinite(array) & (np.abs(array) > _checks.LARGEST)

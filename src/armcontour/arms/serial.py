@@ -59,8 +59,8 @@ class SerialArm(Arm):
             chain.rotations,
             chain.positions,
             chain.axes,
-            _stacked(chain.base),
-            _stacked(chain.tip @ chain.tool),
+            _stack(chain.base),
+            _stack(chain.tip @ chain.tool),
         )
 
     def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
@@ -239,5 +239,5 @@ def _kernels() -> Any:
     return _chain
 
 
-def _stacked(frame: Frame) -> FloatArray:
-    return _checks.locked(np.column_stack([frame.rotation, frame.position]))
+def _stack(frame: Frame) -> FloatArray:
+    return _checks.lock_floats(np.column_stack([frame.rotation, frame.position]))

@@ -11,7 +11,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
-from armcontour.motion import JointPath, Trajectory, smoothed
+from armcontour.motion import JointPath, Trajectory, smooth
 from armcontour.timing.constraints import (
     Bounds,
     Ceiling,
@@ -41,7 +41,7 @@ class Held:
 
     def __post_init__(self) -> None:
         for name in ("cells", "share", "cap"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Held:
@@ -127,4 +127,4 @@ def held_plan(
     if limits.joint_acceleration is not None:
         constraints.append(HeldAcceleration(*limits.acceleration_bounds(arm.dof), held))
     found = plan_optimal(joint_path, arm, rest, constraints=constraints)
-    return found, smoothed(found, *windows) if windows else found
+    return found, smooth(found, *windows) if windows else found

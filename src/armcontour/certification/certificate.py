@@ -102,7 +102,7 @@ class Uncertified:
     box: float | None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "saturated", _checks.locked(self.saturated))
+        object.__setattr__(self, "saturated", _checks.lock_floats(self.saturated))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

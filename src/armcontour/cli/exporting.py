@@ -189,13 +189,13 @@ def _titled(job: Job, label: str) -> str:
 
 def write_exports(folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports) -> None:
     """Export taught data and reference of one run into the folder of results."""
-    from armcontour.io.exports import tabulated, write_table
+    from armcontour.io.exports import make_table, write_table
 
     for label, data, period in (
         (TAUGHT, result.taught, None),
         (REFERENCE, result.trajectory, result.run.period),
     ):
-        table = tabulated(data, name=_titled(job, label), arm=job.arm, period=period)
+        table = make_table(data, name=_titled(job, label), arm=job.arm, period=period)
         for target in _targets(x.formats, x.templates):
             write = partial(write_table, table, **target.options(x))
             folder.place(f"{name}/export/{label}{target.ending}", write)

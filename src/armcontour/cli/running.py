@@ -48,7 +48,7 @@ def run_job(
         ArmContourError: As the steps raise it; nothing is written then.
     """
     # Only then the heavy part, so that the folder and the job are refused at once.
-    from armcontour.io import ResultFolder, summary, taught_summary
+    from armcontour.io import ResultFolder, summarise_taught, summary
 
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(progress.share)
@@ -78,7 +78,7 @@ def run_job(
                 _write_motions(folder, job, plans)
             _write_exports(folder, job, plans, exports)
             files = [*folder.files, "summary.json"]
-            folder.write("summary.json", taught_summary(job, plans, files))
+            folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
         _print_plans(plans, out)
         return
@@ -128,7 +128,7 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
 
 
 def _print_results(study: Study, report: FilePath) -> None:
-    from armcontour.jobs.quantities import assumed
+    from armcontour.jobs.quantities import assumed_numbers
 
     tried = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
@@ -153,7 +153,7 @@ def _print_results(study: Study, report: FilePath) -> None:
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
         lines += [f"Warning: {x}" for x in result.warnings]
-    if tried and (rests_on := assumed(study.job.arm)):
+    if tried and (rests_on := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {rests_on}")
     for text in (*lines, f"Report: {report.as_uri()}"):
         console.say(text)

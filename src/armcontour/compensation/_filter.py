@@ -15,7 +15,7 @@ TERMS = 22
 
 
 @compiled()
-def filtered(
+def run_filter(
     width: FloatArray,
     coefficients: FloatArray,
     damping: FloatArray,

@@ -13,13 +13,13 @@ from armcontour.compensation.command_limits import refuse_commands
 from armcontour.compensation.set_points import (
     SETTLING,
     SetPointTimes,
+    advance_set_points,
     inverse_servo,
     leads,
-    led,
     set_point_times,
 )
 from armcontour.errors import InvalidInput
-from armcontour.motion import TaughtData, Trajectory, checked_interval
+from armcontour.motion import TaughtData, Trajectory, check_interval
 from armcontour.servo import ServoModel
 
 # What a set-point of one joint takes while it is computed [bytes], measured: most of it are the
@@ -63,7 +63,7 @@ def compensate(
             beyond the limits.
     """
     _checks.choice("method", method, METHODS)
-    interval = checked_interval(period)
+    interval = check_interval(period)
     known = ("poles",) if method == "pole_placement" else ()
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -117,11 +117,11 @@ def set_point_count(
     if method != "none":
         total += float(servo.dead_time.max()) + period
     if method == "pole_placement" and servo.kv is not None:
-        from armcontour.compensation.pole_placement import checked_poles
+        from armcontour.compensation.pole_placement import check_poles
 
         slowest = float(servo.kv.min())
         if poles is not None:
-            slowest = float(np.abs(checked_poles(poles, len(servo.kv)).real).min())
+            slowest = float(np.abs(check_poles(poles, len(servo.kv)).real).min())
         total += SETTLING / slowest
     return total / period + 1
 
@@ -139,4 +139,4 @@ def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[
         found = inverse_servo(servo, trajectory(t), trajectory(t, 1), trajectory(t, 2))
         return np.concatenate([found, final])[:, joints]
 
-    return led(trajectory, leads(servo, period), period, command)
+    return advance_set_points(trajectory, leads(servo, period), period, command)

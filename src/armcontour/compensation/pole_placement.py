@@ -14,8 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
-from armcontour.compensation._filter import filtered
-from armcontour.compensation.set_points import SETTLING, SetPointTimes, inverse_servo, leads, led
+from armcontour.compensation._filter import run_filter
+from armcontour.compensation.set_points import (
+    SETTLING,
+    SetPointTimes,
+    advance_set_points,
+    inverse_servo,
+    leads,
+)
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import Trajectory, quintic
 from armcontour.servo import ServoModel
@@ -68,9 +74,9 @@ def pole_placement(
             "Pole placement, (26), is for a servo of order second: a servo of order first has no "
             "velocity loop whose gain it could be placed for; take the method inverse."
         )
-    placed = default_poles(servo) if poles is None else checked_poles(poles, trajectory.dof)
+    placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     _refuse_too_fast(placed, period)
-    return led(
+    return advance_set_points(
         trajectory,
         leads(servo, period),
         period,
@@ -102,7 +108,7 @@ def _set_points(
 
     x, (c0, c1, c2) = transfer(servo.kv, placed)
     rate = np.cbrt(c0)
-    states = filtered(
+    states = run_filter(
         np.concatenate([width, after]),
         np.concatenate([motion, rest]),
         np.stack([c1 / rate**2, c2 / rate], axis=1),
@@ -133,7 +139,7 @@ def transfer(
     return x, (c0, c1, c2)
 
 
-def checked_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
+def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
     """Poles per joint, (dof, 3).
 
     Raises:

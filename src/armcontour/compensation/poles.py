@@ -10,10 +10,10 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
-from armcontour.compensation._filter import filtered
-from armcontour.compensation.pole_placement import checked_poles, pole_placement, transfer
+from armcontour.compensation._filter import run_filter
+from armcontour.compensation.pole_placement import check_poles, pole_placement, transfer
 from armcontour.errors import CompensationError, InvalidInput
-from armcontour.motion import Trajectory, checked_interval
+from armcontour.motion import Trajectory, check_interval
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
 
@@ -44,7 +44,7 @@ class PoleBehaviour:
 
     def __post_init__(self) -> None:
         for name in ("lag", "peaking", "demand"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
 def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
@@ -59,7 +59,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
         InvalidInput: Poles of a wrong shape, or not conjugate.
     """
     kv = np.atleast_1d(_second_order(servo))
-    placed = checked_poles(poles, len(kv))
+    placed = check_poles(poles, len(kv))
     x, c = transfer(kv, placed)
     # F G = (x s + c0) / (s³ + c2 s² + c1 s + c0).
     at = 1j * np.geomspace(1e-3, 1e3, TIMES)[:, None] * np.abs(placed).max(axis=1)
@@ -69,7 +69,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     times = np.append(0.0, np.geomspace(1e-4 / fastest, FOLLOWED / slowest, TIMES))
     ones = np.zeros((TIMES, 6, len(placed)))
     ones[:, 0] = 1.0
-    moved = filtered(
+    moved = run_filter(
         np.diff(times),
         ones,
         np.stack([c[1] / rate**2, c[2] / rate], axis=1),
@@ -110,7 +110,7 @@ def fastest_poles(
             saturate; or a servo of first order.
         InvalidInput: No limit of joint acceleration.
     """
-    interval = checked_interval(period)
+    interval = check_interval(period)
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The fastest poles are those that do not saturate: give joint_acceleration.",

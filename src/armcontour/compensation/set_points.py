@@ -58,7 +58,7 @@ def leads(servo: ServoModel, period: float) -> FloatArray:
     return servo.dead_time + (period / 2 if servo.interpolation == "step" else 0.0)
 
 
-def led(
+def advance_set_points(
     trajectory: Trajectory,
     lead: FloatArray,
     period: float,

@@ -1,7 +1,7 @@
 """Evaluation of executions; checks of trajectories. Shares only geometry and arms with others."""
 
 from armcontour.evaluation.checking import Check, PathDeviation, check
-from armcontour.evaluation.corners import CornerDeviation
+from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.evaluation import Evaluation, evaluate
 from armcontour.evaluation.tally import LimitUse

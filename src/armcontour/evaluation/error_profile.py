@@ -40,9 +40,9 @@ class ErrorProfile:
 
     def __post_init__(self) -> None:
         for name in ("t", "values", "s"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         if self.signed is not None:
-            object.__setattr__(self, "signed", _checks.locked(self.signed))
+            object.__setattr__(self, "signed", _checks.lock_floats(self.signed))
 
     @classmethod
     def over_time(
@@ -89,7 +89,7 @@ class ErrorProfile:
         )
 
     @classmethod
-    def joined(cls, profiles: Sequence[ErrorProfile]) -> ErrorProfile:
+    def join(cls, profiles: Sequence[ErrorProfile]) -> ErrorProfile:
         """One profile of several that follow each other in time, with gaps between them."""
         if len(profiles) == 1:
             return profiles[0]

@@ -16,7 +16,7 @@ from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
-from armcontour.evaluation.corners import CornerDeviation
+from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
@@ -85,7 +85,7 @@ class Evaluation:
 
     def __post_init__(self) -> None:
         for name in ("demand", "demand_ratio", "saturated"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
 def evaluate(
@@ -143,8 +143,8 @@ def evaluate(
         duration=trajectory.duration,
         settled=settled,
         until=end,
-        contour_error=ErrorProfile.joined(contour_errors),
-        tracking_error=ErrorProfile.joined([x.tracking_error for x in pieces]),
+        contour_error=ErrorProfile.join(contour_errors),
+        tracking_error=ErrorProfile.join([x.tracking_error for x in pieces]),
         objective_error=_of_all([x.objective_error for x in pieces]),
         orientation_error=_of_all([x.orientation_error for x in pieces]),
         corners=_corners(pieces, isinstance(path, Program)),
@@ -163,7 +163,7 @@ def evaluate(
 
 def _of_all(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     found = [x for x in profiles if x is not None]
-    return ErrorProfile.joined(found) if found else None
+    return ErrorProfile.join(found) if found else None
 
 
 def _corners(pieces: Sequence[Piece], numbered: bool) -> tuple[CornerDeviation, ...]:

@@ -10,9 +10,9 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.corners import CornerDeviation, corner_deviations
+from armcontour.evaluation.angular_deviation import angle_off
+from armcontour.evaluation.cornering_deviations import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile
-from armcontour.evaluation.turning import angle_off
 from armcontour.geometry import Path, Projection
 from armcontour.motion import Execution, Span
 from armcontour.program import Program

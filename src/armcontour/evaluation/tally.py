@@ -11,7 +11,7 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.turning import least_off
+from armcontour.evaluation.angular_deviation import least_off
 from armcontour.geometry import Path
 
 # Below this tool speed [m/s] the direction of motion, and so the centripetal part, is not defined.

@@ -111,15 +111,15 @@ class RigidBodyPlant(Plant):
                 "second, with the gain kv."
             )
         self.kv = self.servo.kv
-        self.step = checked_step(step)
+        self.step = check_step(step)
         self.gravity_feedforward = gravity_feedforward
         self.friction = friction
-        self.noise = checked_noise(noise)
+        self.noise = check_noise(noise)
         self.seed = _checks.whole("seed", seed, 0, 2**63 - 1)
-        self.reference = _checks.locked(_middle(arm.limits, arm.dof))
-        self.nominal_inertia = _checks.locked(_nominal(self.chain, self.reference))
+        self.reference = _checks.lock_floats(_middle(arm.limits, arm.dof))
+        self.nominal_inertia = _checks.lock_floats(_nominal(self.chain, self.reference))
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
-        self.torque_limit = _checks.locked(_torques(own, arm.limits, self.chain))
+        self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.chain))
         # An acceleration limit is what a joint has left for moving; a torque limit holds for all.
         self._on_top = own.joint_torque is None
 
@@ -436,7 +436,7 @@ def rest_window(servo: ServoModel) -> float:
     return min(max(REST_TIME, 1 / float(servo.kp.min())), PATIENCE)
 
 
-def checked_step(step: float) -> float:
+def check_step(step: float) -> float:
     """A cycle of the drives [s].
 
     Raises:
@@ -445,7 +445,7 @@ def checked_step(step: float) -> float:
     return _checks.between("step of the experiment's drives", step, *STEPS, "s")
 
 
-def checked_noise(noise: float) -> float:
+def check_noise(noise: float) -> float:
     """A standard deviation of measured positions [rad].
 
     Raises:

@@ -19,7 +19,7 @@ from armcontour.execution.plant import (
     refuse_other_joints,
     results,
 )
-from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, joined
+from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, join_parts
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
@@ -127,7 +127,7 @@ class ServoPlant(Plant):
             now += more * taught.period
         still = np.zeros((1, len(first)))
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
-        whole = joined([begin, *parts])
+        whole = join_parts([begin, *parts])
         return Execution(
             arm=self.arm,
             taught=taught,

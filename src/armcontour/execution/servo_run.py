@@ -29,7 +29,7 @@ class Part(NamedTuple):
     demand_range: FloatArray
 
 
-def joined(parts: list[Part]) -> Part:
+def join_parts(parts: list[Part]) -> Part:
     """What happened in parts that follow each other."""
     ends = np.concatenate([x.demand_range for x in parts])
     q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
@@ -123,7 +123,7 @@ class ServoRun:
         for k in range(begin, begin + count):
             parts.append(self._run(k, 1, q, dq, self.torque.at(k, q, dq)))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
-        return joined(parts)
+        return join_parts(parts)
 
     def _run(
         self,

@@ -100,10 +100,10 @@ def _fit(
 ) -> tuple[Segments, IntArray]:
     """The segments, and the vertices between which neighbours may be one: at breaks or the ends."""
     with np.errstate(all="ignore"):
-        intervals = _without_points(_cut(curve, _whole(curve, at), tolerance, lines=not through))
+        intervals = _without_points(_split(curve, _whole(curve, at), tolerance, lines=not through))
         arcs, row = _arcs(intervals)
         kept = row[np.searchsorted(intervals.begin, at[:-1] if through else at[:1])]
-        merged, rows = _merged(arcs, kept)
+        merged, rows = _merge(arcs, kept)
     return merged, np.append(np.searchsorted(rows, kept), len(merged))
 
 
@@ -187,7 +187,7 @@ def _at_zero(values: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("k,nkd->nd", np.array(weights), values))
 
 
-def _cut(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
+def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
     """Intervals so short that each can be two arcs, or one line.
 
     A line takes the direction of its chord, which on a short one need not be tangent to the last
@@ -200,7 +200,7 @@ def _cut(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _I
         points = np.asarray(curve(places.ravel(), 0)).reshape(*places.shape, -1)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
-        missed = _missed(todo, points)
+        missed = _distances_from_arcs(todo, points)
         along = np.concatenate([todo.p0[:, None], points, todo.p1[:, None]], axis=1)
         extent = length(along - todo.p0[:, None]).max(axis=1)
         steps = length(np.diff(along, axis=1))
@@ -224,7 +224,7 @@ def _cut(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _I
     return whole.of(np.argsort(whole.begin, kind="stable"))
 
 
-def _missed(intervals: _Intervals, points: FloatArray) -> FloatArray:
+def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArray:
     """Largest distance of the curve from its arcs; infinite where they are none worth having."""
     x = intervals
     first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
@@ -307,7 +307,7 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
     return Segments.join([first, second])[in_order], np.append(0, used.sum(axis=1).cumsum()[:-1])
 
 
-def _merged(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
+def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
     """Lines and arcs with neighbours on one line or circle in one, and of which rows they are.
 
     Args:

@@ -22,7 +22,7 @@ SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
 # Of an arc length, in parts of it.
 ROUNDING = 1e-15
-LINEAR = _checks.locked([0.0, 1.0, 0.0, 0.0])
+LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +70,7 @@ class Orientation:
             ("f", (n, 4)),
             ("g", (n, 4)),
         ):
-            array = _checks.locked(getattr(self, name))
+            array = _checks.lock_floats(getattr(self, name))
             if array.shape != shape or not np.isfinite(array).all():
                 raise InvalidInput(f"{name} of an orientation must be finite, of shape {shape}.")
             object.__setattr__(self, name, array)
@@ -242,7 +242,7 @@ class Orientation:
             # A piece starts with its own rotation; what g has turned so far carries the axis of f.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
-                c[0] = _shifted(c[0], before)
+                c[0] = _shift_cubic(c[0], before)
             turned = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
             rows["first"][0] = turned @ rows["first"][0]
             rows["f"][0, 0] = rows["g"][0, 0] = 0.0
@@ -253,7 +253,7 @@ class Orientation:
         """From its end to its start; each piece starts with the rotation that it ends with."""
         lengths = np.diff(self.breaks)
         at_end = [
-            np.array([_shifted(c, u) for c, u in zip(x, lengths, strict=True)])
+            np.array([_shift_cubic(c, u) for c, u in zip(x, lengths, strict=True)])
             for x in (self.f, self.g)
         ]
         back = exp(at_end[1][:, :1] * self.second)
@@ -287,7 +287,7 @@ class Orientation:
         )
 
 
-def _shifted(c: FloatArray, by: float) -> FloatArray:
+def _shift_cubic(c: FloatArray, by: float) -> FloatArray:
     """Coefficients of the cubic polynomial with `u + by` in the place of u."""
     a0, a1, a2, a3 = c
     return np.array(

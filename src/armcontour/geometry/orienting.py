@@ -19,7 +19,7 @@ HALF_TURN = np.pi - 1e-6
 # Rotations closer than this differ by rounding [rad].
 NO_TURN = 1e-14
 # The tool's x axis along the path and its z axis, the tool axis, against `up`.
-POINTING_DOWN = _checks.locked(np.diag([1.0, -1.0, -1.0]))
+POINTING_DOWN = _checks.lock_floats(np.diag([1.0, -1.0, -1.0]))
 
 
 def orient(

@@ -21,7 +21,7 @@ from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulat
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
-EVERY_VERTEX = _checks.locked_copy(np.empty(0, dtype=np.intp))
+EVERY_VERTEX = _checks.lock_copy(np.empty(0, dtype=np.intp))
 # Breaks of an orientation this near to a vertex of its path are at that vertex, in metres and in
 # path lengths: what rounding of corners leaves out, and what adding lengths up rounds.
 SAME_BREAK = 1e-12
@@ -61,8 +61,8 @@ class Path:
         at = np.arange(n + 1) if self.waypoints is EVERY_VERTEX else np.asarray(self.waypoints)
         if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or (np.diff(at) <= 0).any():
             raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
-        object.__setattr__(self, "waypoints", _checks.locked_copy(at))
-        object.__setattr__(self, "breaks", _checks.locked(self.segments.breaks))
+        object.__setattr__(self, "waypoints", _checks.lock_copy(at))
+        object.__setattr__(self, "breaks", _checks.lock_floats(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 

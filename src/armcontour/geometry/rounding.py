@@ -65,7 +65,7 @@ class Corners:
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            object.__setattr__(self, name, _checks.locked_copy(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_copy(getattr(self, name)))
 
     def __len__(self) -> int:
         """Number of corners."""
@@ -153,7 +153,7 @@ def round_corners(
     kinked = np.setdiff1d(find_kinks(path), corner)
     angle = _angular_tolerance(path, angular_tolerance, kinked)
     half = turn[corner] / 2
-    radius, pull = _asked_radius(path, corner, half, (tolerance, speed, acceleration))
+    radius, pull = _required_radius(path, corner, half, (tolerance, speed, acceleration))
     straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
     reach = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
     wanted = np.where(straight_sides, reach, 0.0)
@@ -177,7 +177,7 @@ def round_corners(
     return _with_orientation(rounded, of, which, halves, tangents, angle)
 
 
-def _asked_radius(
+def _required_radius(
     path: Path,
     corner: IntArray,
     half: FloatArray,

@@ -23,8 +23,8 @@ EVERY = slice(None)
 VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
 COLUMNS = (*VECTORS, *NUMBERS, "tags")
-NOT_GIVEN = _checks.locked([])
-NO_TAGS = _checks.locked_copy(np.empty(0, dtype=object))
+NOT_GIVEN = _checks.lock_floats([])
+NO_TAGS = _checks.lock_copy(np.empty(0, dtype=object))
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
@@ -67,7 +67,7 @@ class Segments:
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
             # What another table has locked is shared with it.
             if array.flags.writeable or not array.flags.owndata:
-                object.__setattr__(self, name, _checks.locked_copy(array))
+                object.__setattr__(self, name, _checks.lock_copy(array))
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:

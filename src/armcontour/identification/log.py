@@ -84,9 +84,9 @@ class Log:
             )
         if self.interpolation is not None:
             _checks.choice("interpolation", self.interpolation, INTERPOLATIONS)
-        object.__setattr__(self, "t", _checks.locked(t))
+        object.__setattr__(self, "t", _checks.lock_floats(t))
         for name, values in arrays.items():
-            object.__setattr__(self, name, _checks.locked(values))
+            object.__setattr__(self, name, _checks.lock_floats(values))
         object.__setattr__(self, "joint_names", names)
         self._check_times()
         for name in arrays:

@@ -86,7 +86,7 @@ class JointIdentification:
 
     def __post_init__(self) -> None:
         for name in ("t", "simulated", "residuals"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:

@@ -5,7 +5,7 @@ from armcontour.io.job_file import json_schema, parse_job, read_job
 from armcontour.io.limits_file import read_limits
 from armcontour.io.motion_csv import planned_csv, taught_csv, torque_csv
 from armcontour.io.results import ResultFolder
-from armcontour.io.summary import summary, taught_summary
+from armcontour.io.summary import summarise_taught, summary
 from armcontour.io.trajectory_file import TrajectoryFile, parse_trajectory, read_trajectory
 
 __all__ = [
@@ -23,6 +23,6 @@ __all__ = [
     "summary",
     "sweep_json",
     "taught_csv",
-    "taught_summary",
+    "summarise_taught",
     "torque_csv",
 ]

@@ -17,7 +17,7 @@ from armcontour.program import (
     Process,
     Program,
     Switch,
-    prepared,
+    prepare,
 )
 
 
@@ -40,7 +40,7 @@ def with_process(
     if process.automatic:
         return path, process
     # Leads need the arm only where their length is automatic: what can go wrong does so now.
-    done = prepared(path, process)
+    done = prepare(path, process)
     if len(done.moves) == 1 and not done.notes:
         (only,) = done.contours
         begin, end = only.work or (0.0, only.path.length)

@@ -192,7 +192,7 @@ def _convert_each(
     texts: list[list[str]],
     values: FloatArray,
 ) -> None:
-    for i, row in enumerate(_transposed(texts)):
+    for i, row in enumerate(_transpose(texts)):
         for k, text in enumerate(row):
             try:
                 values[i, k] = parse_number(text)
@@ -204,5 +204,5 @@ def _convert_each(
                 ) from None
 
 
-def _transposed(texts: list[list[str]]) -> Iterator[tuple[str, ...]]:
+def _transpose(texts: list[list[str]]) -> Iterator[tuple[str, ...]]:
     return zip(*texts, strict=True)

@@ -91,28 +91,28 @@ def _says(problem: Any) -> tuple[bool, bool, int]:
 def _words(problem: Any, alike: Sequence[Any]) -> str:
     """What is wrong with a value; `alike` are all problems that were found in its place."""
     kind, given, facts = problem["type"], problem["input"], problem.get("ctx", {})
-    wanted = [x for x in map(_wanted, alike) if x is not None]
+    wanted = [x for x in map(_expected, alike) if x is not None]
     if kind == "too_short":
-        return f"needs at least {_counted(facts['min_length'])}, but has {facts['actual_length']}"
+        return f"needs at least {_ordinal(facts['min_length'])}, but has {facts['actual_length']}"
     if kind == "too_long":
-        return f"takes at most {_counted(facts['max_length'])}, but has {facts['actual_length']}"
+        return f"takes at most {_ordinal(facts['max_length'])}, but has {facts['actual_length']}"
     if kind == "string_pattern_mismatch":
         return f"a name {NAME}, not {show(given)}"
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {given:g}"
-    if _wanted(problem) is not None:
+    if _expected(problem) is not None:
         return f"must be {' or '.join(dict.fromkeys(wanted))}, not {show(given)}"
     return _lower(problem["msg"].removeprefix("Value error, ")).rstrip(".")
 
 
-def _wanted(problem: Any) -> str | None:
+def _expected(problem: Any) -> str | None:
     """What a value should have been, if its problem is that it is something else."""
     if problem["type"] == "literal_error":
         return str(problem["ctx"]["expected"]).replace("'", "")
     return WANTED.get(problem["type"])
 
 
-def _counted(number: int) -> str:
+def _ordinal(number: int) -> str:
     return "one entry" if number == 1 else f"{number} entries"
 
 

@@ -17,7 +17,7 @@ from armcontour.jobs.quantities import (
     Torques,
     angular_speed,
     applied_torques,
-    assumed,
+    assumed_numbers,
     planned_torques,
 )
 from armcontour.motion import Execution
@@ -83,7 +83,7 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
     return _json(data)
 
 
-def taught_summary(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:
+def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:
     """What is planned and taught, without what a simulation would say of it; as `summary`."""
     runs = {name: plan_summary(job, plan) for name, plan in plans.items()}
     return _json({**_of_job(job, runs, files), "simulated": False})
@@ -99,7 +99,7 @@ def _of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str
             "source": job.arm.source,
             "joints": job.arm.joint_names,
             "masses_known": job.arm.has_bodies,
-            "assumed": assumed(job.arm) or None,
+            "assumed": assumed_numbers(job.arm) or None,
         },
         "units": UNITS,
         "runs": runs,
@@ -173,7 +173,7 @@ def _count_left_out(found: dict[str, Any], **lengths: int) -> None:
 def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
     """Every metric of one run."""
     found = plan_summary(job, result)
-    found |= _judged(result.evaluation) | _turned(result.execution, result.evaluation)
+    found |= _errors(result.evaluation) | _turned(result.execution, result.evaluation)
     for move, error in zip(_contours(found), result.evaluation.contours, strict=True):
         move["contour_error"] = _error(error)
     torques = planned_torques(result)
@@ -185,7 +185,7 @@ def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
         found["experiment"] = {"failed": str(result.failure)}
     _count_left_out(found, cornering=len(result.evaluation.corners))
     if result.explanation is not None:
-        found["explanation"] = _explained(result.explanation)
+        found["explanation"] = _explanation(result.explanation)
     return found
 
 
@@ -193,7 +193,7 @@ def _contours(found: dict[str, Any]) -> list[dict[str, Any]]:
     return [x for x in found.get("moves", ()) if x["kind"] == "contour"]
 
 
-def _explained(why: Explanation) -> dict[str, Any]:
+def _explanation(why: Explanation) -> dict[str, Any]:
     found: dict[str, Any] = {
         "assigned_length": why.assigned_length,
         "assigned_time": why.assigned_time,
@@ -253,7 +253,7 @@ def _places_to_resume(job: Job, objective: Program) -> list[tuple[float, float]]
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
-def _judged(e: Evaluation) -> dict[str, Any]:
+def _errors(e: Evaluation) -> dict[str, Any]:
     return {
         "duration": e.duration,
         "settled": e.settled,
@@ -301,7 +301,7 @@ def _torques(torques: Torques, result: RunResult) -> dict[str, Any]:
         "torque": {
             "peak": torques.peak,
             "limit": limit,
-            "assumed": assumed(result.execution.arm) or None,
+            "assumed": assumed_numbers(result.execution.arm) or None,
         },
         "torque_ratio": None if limit is None else torques.peak / limit,
     }
@@ -317,7 +317,7 @@ def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, An
         "noise": plant.noise,
         "seed": plant.seed,
         "nominal_inertia": plant.nominal_inertia,
-        **_judged(experiment.evaluation),
+        **_errors(experiment.evaluation),
         **_turned(done, experiment.evaluation),
     }
     applied = applied_torques(experiment)

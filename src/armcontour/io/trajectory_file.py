@@ -60,7 +60,7 @@ class TrajectoryFile:
     def __post_init__(self) -> None:
         for name in ("t", "q", "dq", "ddq"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
 @dataclass(frozen=True, slots=True)

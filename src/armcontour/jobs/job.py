@@ -9,11 +9,11 @@ from typing import Any
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.errors import InvalidInput, named
-from armcontour.execution.rigid_body_plant import checked_noise, checked_step
+from armcontour.errors import InvalidInput, locate_errors
+from armcontour.execution.rigid_body_plant import check_noise, check_step
 from armcontour.geometry import Path
 from armcontour.jobs.goal import Goal
-from armcontour.motion import checked_interval
+from armcontour.motion import check_interval
 from armcontour.program import Process, Program
 from armcontour.servo import ServoModel
 from armcontour.timing import refuse_endless
@@ -54,8 +54,8 @@ class Experiment:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        checked_step(self.step)
-        checked_noise(self.noise)
+        check_step(self.step)
+        check_noise(self.noise)
         _checks.whole("seed", self.seed, 0, 2**63 - 1)
 
 
@@ -95,7 +95,7 @@ class Run:
     experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
-        checked_interval(self.period)
+        check_interval(self.period)
         if self.until is not None:
             _checks.positive("until", self.until, "s")
 
@@ -173,10 +173,10 @@ class Job:
     def __post_init__(self) -> None:
         _checks.check_name("name of the job", self.name)
         _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
-        _memory.checked_bound(self.memory)
+        _memory.check_bound(self.memory)
         for x in self.runs:
             _checks.check_name("name of a run", x.name)
-            with named(f"run {x.name}"):
+            with locate_errors(f"run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)
                 refuse_endless(self.path, x.limits)
@@ -190,7 +190,7 @@ class Job:
             )
         if self.start is not None:
             start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
-            object.__setattr__(self, "start", _checks.locked(start))
+            object.__setattr__(self, "start", _checks.lock_floats(start))
 
     @property
     def single_path(self) -> Path:

@@ -37,7 +37,7 @@ def refuse_too_large(
     Raises:
         InvalidInput: It takes more; the sentence says how much, and what would mend it.
     """
-    kept = sum(STAYS * needed_by(job, x, time, simulated) for x, time in earlier)
+    kept = sum(STAYS * needed_bytes(job, x, time, simulated) for x, time in earlier)
     count = _count(job, this, duration)
     words = (
         f"{duration:.4g} s of motion at a command interval of {this.period:g} s, "
@@ -46,11 +46,11 @@ def refuse_too_large(
     mend = "take a longer command interval or a higher speed"
     if simulated:
         mend += ", leave the simulation out (--no-simulation)"
-    needed = kept + needed_by(job, this, duration, simulated)
+    needed = kept + needed_bytes(job, this, duration, simulated)
     _memory.refuse_above(job.memory, needed, words, mend)
 
 
-def needed_by(job: Job, this: Run, duration: float, simulated: bool) -> float:
+def needed_bytes(job: Job, this: Run, duration: float, simulated: bool) -> float:
     """Bytes that a run takes, about.
 
     Args:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, named
+from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import Trajectory
 from armcontour.program import (
@@ -17,7 +17,7 @@ from armcontour.program import (
     Process,
     Program,
     contour_called,
-    prepared,
+    prepare,
     round_corners,
 )
 from armcontour.timing import plan
@@ -53,7 +53,7 @@ def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program,
                 f"{this.timing}: give their lengths."
             )
         lengths = automatic_leads(job, this, rounding)
-    objective = prepared(job.path, job.process, lengths)
+    objective = prepare(job.path, job.process, lengths)
     return objective, rounded(objective, rounding)
 
 
@@ -72,14 +72,14 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
     process = job.process
     plain = dataclasses.replace(process, lead_in=None, lead_out=None, approach=0.0, retract=0.0)
     found = []
-    for x in prepared(job.path, plain).contours:
+    for x in prepare(job.path, plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
         def reached(before: float, after: float, contour: Contour = contour) -> tuple[float, float]:
             return _reached(job, this, rounding, contour, Leads(before=before, after=after))
 
         lengths = []
-        with named("leads"):
+        with locate_errors("leads"):
             for lead, s, side, speed in (
                 (process.lead_in, 0.0, "right", lambda length: reached(length, 0.0)[0]),
                 (process.lead_out, x.path.length, "left", lambda length: reached(0.0, length)[1]),
@@ -106,7 +106,7 @@ def _reached(
         lead_out=job.process.lead_out if leads.after else None,
         up=job.process.up,
     )
-    alone = rounded(prepared(Program(moves=(contour,)), ends, [leads]), rounding)
+    alone = rounded(prepare(Program(moves=(contour,)), ends, [leads]), rounding)
     (only,) = alone.contours
     assert only.work is not None
     on, off = planned(job, this, alone).speed_at(only.work)

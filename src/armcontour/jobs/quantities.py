@@ -30,7 +30,7 @@ class Torques:
 
     def __post_init__(self) -> None:
         for name in ("t", "values"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def peak(self) -> FloatArray:
@@ -38,7 +38,7 @@ class Torques:
         return np.asarray(np.abs(self.values).max(axis=0))
 
 
-def assumed(arm: Arm) -> str:
+def assumed_numbers(arm: Arm) -> str:
     """Which numbers of an arm's bodies are assumed, and by what rule; empty if none."""
     return "" if arm.chain is None else arm.chain.assumed
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.arms import Limits
 from armcontour.compensation import compensate
-from armcontour.errors import ExecutionError, named
+from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
@@ -176,7 +176,7 @@ def _every(
     """What every run of a job comes to, by its name; each is told of those before it."""
     found: dict[str, Result] = {}
     for x in job.runs:
-        with named(f"Run {x.name}"):
+        with locate_errors(f"Run {x.name}"):
             found[x.name] = do(job, x, progress or (lambda run, step: None), done, found.values())
     return MappingProxyType(found)
 
@@ -234,7 +234,7 @@ def _run(
     if this.experiment is not None:
         progress(this.name, EXPERIMENT)
         try:
-            with named("experiment"):
+            with locate_errors("experiment"):
                 experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
         except ExecutionError as error:
             failure = error

@@ -11,8 +11,8 @@ from armcontour.motion.laws import (
     Rates,
     interval_times,
 )
-from armcontour.motion.smoothing import SmoothedLaw, smoothed
-from armcontour.motion.taught import TaughtData, checked_interval
+from armcontour.motion.smoothing import SmoothedLaw, smooth
+from armcontour.motion.taught import TaughtData, check_interval
 from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEvent, Trajectory
 
 __all__ = [
@@ -32,8 +32,8 @@ __all__ = [
     "TaughtData",
     "TimedEvent",
     "Trajectory",
-    "checked_interval",
+    "check_interval",
     "interval_times",
     "quintic",
-    "smoothed",
+    "smooth",
 ]

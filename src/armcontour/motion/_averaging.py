@@ -16,7 +16,7 @@ STEPS = 110
 
 
 @compiled()
-def moved(rates: Rates, i: int, u: float) -> tuple[float, float, float, float, float]:
+def advance(rates: Rates, i: int, u: float) -> tuple[float, float, float, float, float]:
     """A law of path acceleration linear in s, `u` seconds after its interval `i` began.
 
     Returns:
@@ -57,7 +57,7 @@ def whole(breaks: FloatArray, rates: Rates) -> FloatArray:
     n = len(breaks) - 1
     found = np.empty((n, 2))
     for i in range(n):
-        found[i, 0], found[i, 1] = moved(rates, i, breaks[i + 1] - breaks[i])[3:]
+        found[i, 0], found[i, 1] = advance(rates, i, breaks[i + 1] - breaks[i])[3:]
     return found
 
 
@@ -82,11 +82,11 @@ def _from(
     if i >= n:
         origin = s[n]
     elif i >= 0:
-        origin = s[i] + moved(rates, i, begin - breaks[i])[2]
+        origin = s[i] + advance(rates, i, begin - breaks[i])[2]
     one, two = 0.0, 0.0
     for k in range(len(ends)):
         while i < n and ends[k] >= breaks[i + 1]:
-            one, two = _advanced(breaks, s, rates, integrals, i, now, origin, one, two)
+            one, two = _advance_integrals(breaks, s, rates, integrals, i, now, origin, one, two)
             i += 1
             now = breaks[i]
         u, here = ends[k] - now, s[0] - origin
@@ -97,9 +97,9 @@ def _from(
             found[k, 3], found[k, 4] = one + here * u, two + one * u + here * u * u / 2
             continue
         # From the begin of the interval, less what lies before `now`.
-        own = moved(rates, i, ends[k] - breaks[i])
+        own = advance(rates, i, ends[k] - breaks[i])
         lag = now - breaks[i]
-        first = moved(rates, i, lag)
+        first = advance(rates, i, lag)
         here = s[i] - origin
         found[k, 0], found[k, 1], found[k, 2] = own[0], own[1], here + own[2]
         found[k, 3] = one + (own[3] - first[3]) + here * u
@@ -108,7 +108,7 @@ def _from(
 
 
 @compiled()
-def _advanced(
+def _advance_integrals(
     breaks: FloatArray,
     s: FloatArray,
     rates: Rates,
@@ -127,14 +127,14 @@ def _advanced(
     if now == breaks[i]:
         add, more = integrals[i, 0], integrals[i, 1]
     else:
-        first = moved(rates, i, now - breaks[i])
+        first = advance(rates, i, now - breaks[i])
         add = integrals[i, 0] - first[3]
         more = integrals[i, 1] - first[4] - first[3] * u
     return one + add + here * u, two + one * u + more + here * u * u / 2
 
 
 @compiled()
-def averaged(
+def average(
     t: FloatArray,
     breaks: FloatArray,
     s: FloatArray,
@@ -168,7 +168,7 @@ def averaged(
             origin = s[last]
         elif begin > breaks[0]:
             i = min(int(np.searchsorted(breaks, begin, side="right")) - 1, last - 1)
-            origin = s[i] + moved(rates, i, begin - breaks[i])[2]
+            origin = s[i] + advance(rates, i, begin - breaks[i])[2]
         ends = np.array([begin, begin + second, begin + first, t[k]])
         x = _from(breaks, s, rates, integrals, begin, ends)
         if second == 0.0:
@@ -205,7 +205,7 @@ def crossings(
         a, b = low[k], high[k]
         at[0] = 0.5 * (a + b)
         for step in range(STEPS):
-            x = averaged(at, breaks, s, rates, integrals, first, second)
+            x = average(at, breaks, s, rates, integrals, first, second)
             off = x[0, 0] - target[k]
             if off < 0.0:
                 a = at[0]

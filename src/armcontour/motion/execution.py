@@ -49,10 +49,10 @@ class Execution:
         if (self.torque is None) != (self.torque_demand is None):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
         for name in ("t", "q", "dq", "ddq", "demand", "demand_range", "saturated_time"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         for name in ("torque", "torque_demand"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def peak_demand(self) -> FloatArray:

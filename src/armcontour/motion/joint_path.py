@@ -20,7 +20,7 @@ PLAY = 4 * float(np.finfo(np.float64).eps)
 LARGEST_JUMP = 1e-6
 # The direction may turn by this at a break without a stop, relatively: the play of a traced path.
 LARGEST_KINK = 1e-6
-NO_STOPS = _checks.locked([])
+NO_STOPS = _checks.lock_floats([])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,14 +47,14 @@ class JointPath:
 
     def __post_init__(self) -> None:
         for name in ("breaks", "coefficients", "stops"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         n = len(self.breaks) - 1
         if n < 1 or self.coefficients.ndim != 3 or self.coefficients.shape[:2] != (n, 6):
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
         if not np.isfinite(self.coefficients).all() or not (np.diff(self.breaks) > 0).all():
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
         self._refuse_jumps()
-        object.__setattr__(self, "stops", _checks.locked(self._all_stops()))
+        object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops()))
 
     def _refuse_jumps(self) -> None:
         ends = self.coefficients[:-1].sum(axis=1)

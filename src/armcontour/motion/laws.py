@@ -86,7 +86,7 @@ class LapLaw(Law):
 
     def __post_init__(self) -> None:
         for name in ("breaks", "q", "dq", "ddq"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         _refuse_disorder(self.breaks)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
@@ -123,11 +123,11 @@ class LineLaw(LapLaw, LawAlongPath):
         # `super` without arguments does not work in a dataclass with slots.
         LapLaw.__post_init__(self)
         for name in ("point", "direction"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         # A traced path has its knots on the line but for rounding.
         s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
         s[0], s[-1] = self.ends
-        object.__setattr__(self, "s", _checks.locked(s))
+        object.__setattr__(self, "s", _checks.lock_floats(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """s, ds or dds: the tool's position, velocity or acceleration along the line."""
@@ -191,12 +191,12 @@ class PathLaw(LawAlongPath):
 
     def __post_init__(self) -> None:
         for name in ("breaks", "s"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         _refuse_disorder(self.breaks)
         n = len(self.breaks) - 1
         if not isinstance(self.rates, Rates) or any(np.shape(x) != (n,) for x in self.rates):
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
-        object.__setattr__(self, "rates", Rates(*(_checks.locked(x) for x in self.rates)))
+        object.__setattr__(self, "rates", Rates(*(_checks.lock_floats(x) for x in self.rates)))
 
     @property
     def speeds(self) -> FloatArray:

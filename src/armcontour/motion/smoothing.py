@@ -10,7 +10,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.motion._averaging import averaged, crossings, whole
+from armcontour.motion._averaging import average, crossings, whole
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw, Rates, path_states
 from armcontour.motion.trajectory import Trajectory
@@ -55,8 +55,8 @@ class SmoothedLaw(LawAlongPath):
         way = np.clip(way, self.law.s[0], self.law.s[-1])
         way[0], way[-1] = self.law.s[0], self.law.s[-1]
         times, way = self._with_joints(times, way)
-        object.__setattr__(self, "breaks", _checks.locked(times))
-        object.__setattr__(self, "s", _checks.locked(way))
+        object.__setattr__(self, "breaks", _checks.lock_floats(times))
+        object.__setattr__(self, "s", _checks.lock_floats(way))
 
     @property
     def joint_path(self) -> JointPath:
@@ -92,7 +92,7 @@ class SmoothedLaw(LawAlongPath):
     def _path(self, t: FloatArray) -> FloatArray:
         """s, ds and dds, (n, 3)."""
         at = np.ascontiguousarray(t, dtype=np.float64)
-        return averaged(
+        return average(
             at, self.law.breaks, self.law.s, self.law.rates, self.integrals, *self.windows
         )
 
@@ -113,7 +113,7 @@ class SmoothedLaw(LawAlongPath):
         return times[order], np.maximum.accumulate(way[order])
 
 
-def smoothed(trajectory: Trajectory, *windows: float) -> Trajectory:
+def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
     """The same path, run with a way s(t) that is averaged over time.
 
     One window makes accelerations continuous, as far as the joint path's bend is; a second one

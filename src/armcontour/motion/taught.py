@@ -18,7 +18,7 @@ WHOLE = 1e-9
 INTERVALS = (1e-6, 10.0)
 
 
-def checked_interval(period: float) -> float:
+def check_interval(period: float) -> float:
     """A command interval [s].
 
     Raises:
@@ -52,11 +52,11 @@ class TaughtData:
     start_time: float = 0.0
 
     def __post_init__(self) -> None:
-        checked_interval(self.period)
+        check_interval(self.period)
         values = _checks.numbers("set-points", self.q, "rad")
         if values.ndim != 2 or len(values) == 0:
             raise InvalidInput("Taught data needs at least one row of set-points, one per joint.")
-        object.__setattr__(self, "q", _checks.locked(values))
+        object.__setattr__(self, "q", _checks.lock_floats(values))
         start = _checks.number("start_time", self.start_time, "s")
         if start > 0:
             raise InvalidInput(

@@ -52,7 +52,7 @@ class Stretch:
     speed: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "demand", _checks.locked(self.demand))
+        object.__setattr__(self, "demand", _checks.lock_floats(self.demand))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,7 +110,7 @@ class Samples:
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "dq", "ddq"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -143,10 +143,10 @@ class Trajectory:
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
         ends = np.cumsum([law.breaks[-1] for law in self.laws])
-        object.__setattr__(self, "starts", _checks.locked(np.concatenate([[0.0], ends])))
+        object.__setattr__(self, "starts", _checks.lock_floats(np.concatenate([[0.0], ends])))
         parts = _parts(self.laws, self.spans)
         object.__setattr__(self, "_parts", parts)
-        object.__setattr__(self, "_ends", _checks.locked([x.s for x in parts]))
+        object.__setattr__(self, "_ends", _checks.lock_floats([x.s for x in parts]))
 
     def __repr__(self) -> str:
         """What it is, and not all of its numbers."""
@@ -192,7 +192,7 @@ class Trajectory:
         Raises:
             InvalidInput: A time outside the trajectory, or another order.
         """
-        at = self._checked_times(t, order)
+        at = self._check_times(t, order)
         result: FloatArray | None = None
         for k, of, i, local in self._by_law(at.ravel(), side):
             values = self.laws[k].on_interval(i, local, order)
@@ -218,7 +218,7 @@ class Trajectory:
             InvalidInput: A time outside the trajectory, another order, or laws that do not run
                 along one path.
         """
-        at = self._checked_times(t, order)
+        at = self._check_times(t, order)
         self._refuse_no_arc_length()
         found = np.empty(at.size)
         for k, of, i, local in self._by_law(at.ravel(), side):
@@ -239,7 +239,7 @@ class Trajectory:
         Raises:
             InvalidInput: An arc length outside the path, or laws that do not run along one path.
         """
-        at = self._checked_lengths(s)
+        at = self._check_lengths(s)
         found = np.empty(at.size)
         for k, of, _, local in self._by_length(at.ravel(), side):
             found[of] = np.minimum(self.starts[k] + local, self.starts[k + 1])
@@ -255,7 +255,7 @@ class Trajectory:
         Raises:
             InvalidInput: An arc length outside the path, or laws that do not run along one path.
         """
-        at = self._checked_lengths(s)
+        at = self._check_lengths(s)
         found = np.zeros(at.size)
         for k, of, i, local in self._by_length(at.ravel(), side):
             law = self._parts[k].law
@@ -273,7 +273,7 @@ class Trajectory:
         t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
 
-    def _checked_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
+    def _check_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         at = np.asarray(t)
         if at.dtype != np.float64:
             at = _checks.numbers("t", t, "s")
@@ -291,7 +291,7 @@ class Trajectory:
             )
         return np.asarray(np.clip(at, 0, self.duration))
 
-    def _checked_lengths(self, s: npt.ArrayLike) -> FloatArray:
+    def _check_lengths(self, s: npt.ArrayLike) -> FloatArray:
         self._refuse_no_arc_length()
         at = _checks.numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
@@ -312,7 +312,7 @@ class Trajectory:
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
         """Times law by law: its index, which times, their intervals, and the law's own times."""
         found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
-        for k, of in _grouped(np.clip(found, 0, len(self.laws) - 1)):
+        for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
             breaks = self.laws[k].breaks
             local = np.clip(t[of] - self.starts[k], 0, breaks[-1])
             i = np.searchsorted(breaks, local, side=_checks.side(side)) - 1
@@ -327,7 +327,7 @@ class Trajectory:
             which = np.searchsorted(ends[:, 1], s, side="left")
         else:
             which = np.searchsorted(ends[:, 0], s, side="right") - 1
-        for k, of in _grouped(np.clip(which, 0, len(ends) - 1)):
+        for k, of in _group_by_law(np.clip(which, 0, len(ends) - 1)):
             part = self._parts[k]
             if part.law is None:
                 still = 0.0 if side == "left" else self.laws[k].breaks[-1]
@@ -396,7 +396,7 @@ def _along(law: Law, offset: float) -> _Part:
     return _Part(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
 
 
-def _grouped(which: IntArray) -> Iterator[tuple[int, IntArray]]:
+def _group_by_law(which: IntArray) -> Iterator[tuple[int, IntArray]]:
     """The laws that are meant, and where each is; few places at once keep memory low."""
     order = np.argsort(which, kind="stable")
     edges = np.flatnonzero(np.diff(which[order])) + 1

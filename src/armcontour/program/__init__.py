@@ -1,7 +1,7 @@
 """Programs: several contours in order, and what comes between them."""
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
-from armcontour.program.preparing import prepared
+from armcontour.program.preparing import prepare
 from armcontour.program.process import Lead, Leads, Process, Switch
 from armcontour.program.rounding import round_corners
 
@@ -17,6 +17,6 @@ __all__ = [
     "Rapid",
     "Switch",
     "contour_called",
-    "prepared",
+    "prepare",
     "round_corners",
 ]

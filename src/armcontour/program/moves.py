@@ -75,7 +75,7 @@ class Contour:
         events: What is switched along it, by their places.
         work: Between which places the process is at work [m]; before and after are leads. By
             default all of it.
-        begun: Where it begins is meant, as in G-code, and no matter of how it was drawn.
+        keep_start: Whether the drawn start is kept, as in G-code.
         ring: Whether it is closed, where its path with leads and overlap does not tell.
 
     Raises:
@@ -88,7 +88,7 @@ class Contour:
     layer: str = ""
     events: tuple[Event, ...] = ()
     work: tuple[float, float] | None = None
-    begun: bool = False
+    keep_start: bool = False
     ring: bool | None = None
 
     def __post_init__(self) -> None:
@@ -126,7 +126,7 @@ class Contour:
         ends = self.path([0.0, self.path.length])
         return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
 
-    def flattened(self) -> tuple[Contour | Event, ...]:
+    def without_z(self) -> tuple[Contour | Event, ...]:
         """The contour without z; of one of which nothing is left, what is switched there."""
         path, work = self.path, self.work
         if not has_length_without_z(path):
@@ -316,7 +316,7 @@ class Program:
         """
         return self.mapped(lambda path: place_path(path, frame, scale=scale))
 
-    def flattened(self) -> Program:
+    def without_z(self) -> Program:
         """The program without z; what only goes up and down is left out, but for its events.
 
         Raises:
@@ -328,7 +328,7 @@ class Program:
             if isinstance(x, Contour):
                 called, number = contour_called(x, number), number + 1
                 try:
-                    moves += x.flattened()
+                    moves += x.without_z()
                 except InvalidInput as error:
                     said = f"{self.source}: {called}" if self.source else called
                     raise InvalidInput(f"{said}: {error}") from None

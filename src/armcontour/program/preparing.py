@@ -12,17 +12,17 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.program.between import switched_off_between
-from armcontour.program.closing import closed_as_asked
-from armcontour.program.leading import WASTE, lead_path
-from armcontour.program.linking import is_meant, last_end, leading_away, next_rapid, rerouted
+from armcontour.program.closed_contours import close_contour
+from armcontour.program.leads import WASTE, lead_path
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
+from armcontour.program.off_between import switch_off_between
 from armcontour.program.process import Lead, Leads, Process
-from armcontour.program.resuming import resumed
-from armcontour.program.waste import waste_sides
+from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
+from armcontour.program.resuming import resume
+from armcontour.program.scrap_side import waste_sides
 
 
-def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
+def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
     """The program with what the process asks for around its contours.
 
     Args:
@@ -37,15 +37,15 @@ def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None
     _refuse_unknown_layers(program, process.layers)
     if process.approach or process.retract:
         _refuse_plane(program)
-    program = _ordered(program, process.order)
+    program = _reorder(program, process.order)
     begun: list[Move] = [
-        _begun(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
+        _start_contour(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
         for i, x in enumerate(program.moves)
     ]
     away = leading_away(program.moves)
     sides = _sides(program.contours, process)
-    begun = switched_off_between(begun, process.off_between)
-    program, run_in = resumed(
+    begun = switch_off_between(begun, process.off_between)
+    program, run_in = resume(
         dataclasses.replace(program, moves=tuple(begun)),
         process.from_s,
         run_in=process.lead_in is not None,
@@ -64,7 +64,7 @@ def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None
     for i, move in enumerate(program.moves):
         places.append(len(result))
         if isinstance(move, Rapid) and move in away:
-            move = rerouted(move, start=last_end(result))
+            move = reroute(move, start=last_end(result))
         if not isinstance(move, Contour):
             result.append(move)
             continue
@@ -73,7 +73,7 @@ def prepared(program: Program, process: Process, lengths: Sequence[Leads] | None
         before = next_rapid(program.moves, range(i - 1, -1, -1))
         if before is not None:
             at = places[before]
-            result[at] = rerouted(result[at], end=contour.path(0.0))
+            result[at] = reroute(result[at], end=contour.path(0.0))
         followed = next_rapid(program.moves, range(i + 1, len(program.moves))) is not None
         around = _between(contour, process, linked=before is not None, followed=followed)
         if process.dwell:
@@ -130,7 +130,7 @@ def _demanding(contour: Contour, demand: Demand | None) -> Contour:
     return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
 
 
-def _ordered(program: Program, order: str) -> Program:
+def _reorder(program: Program, order: str) -> Program:
     """The contours in the order that is asked for; what stands between them goes with the next."""
     if order == "drawn":
         return program
@@ -153,7 +153,7 @@ def _ordered(program: Program, order: str) -> Program:
     return dataclasses.replace(program, moves=tuple(taken))
 
 
-def _begun(contour: Contour, process: Process, led: bool) -> Contour:
+def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
     """A contour with what its layer demands and the events that all get, begun where it is to be.
 
     Args:
@@ -166,7 +166,7 @@ def _begun(contour: Contour, process: Process, led: bool) -> Contour:
     """
     contour = _demanding(contour, process.layers.get(contour.layer))
     if contour.closed:
-        contour = closed_as_asked(contour, process, led=led)
+        contour = close_contour(contour, process, led=led)
     path = contour.path
     for x in process.events:
         if x.s > path.length + REPEATED_POINT:

@@ -12,10 +12,10 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
-from armcontour.program.leading import SHAPES, SIDES, WASTE
+from armcontour.program.leads import SHAPES, SIDES, WASTE
 from armcontour.program.moves import Event
 
-UP = _checks.locked([0.0, 0.0, 1.0])
+UP = _checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
 # Where a closed contour begins: "auto" goes off a corner, "drawn" stays.
 AUTO, DRAWN = "auto", "drawn"
@@ -129,7 +129,7 @@ class Process:
         up = _checks.numbers("up", self.up)
         if up.shape != (3,) or not np.linalg.norm(up) > 0:
             raise InvalidInput("up must be a direction in space.")
-        object.__setattr__(self, "up", _checks.locked(up / np.linalg.norm(up)))
+        object.__setattr__(self, "up", _checks.lock_floats(up / np.linalg.norm(up)))
 
     @property
     def automatic(self) -> bool:

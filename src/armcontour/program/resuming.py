@@ -12,7 +12,7 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program.moves import Contour, Event, Program
 
 
-def resumed(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, Contour | None]:
+def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, Contour | None]:
     """What is left of a program from a place on, and the contour that place is on, whole.
 
     What was switched before it is switched again: at the place itself where it was on the same

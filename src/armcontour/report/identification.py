@@ -17,7 +17,7 @@ from armcontour.report.style import (
     PLANNED_COLOUR,
     finish,
     line,
-    thinned,
+    thin,
 )
 
 SYMBOLS = {
@@ -108,7 +108,7 @@ def _motion(
         ((t, measured), "measured", EXECUTED_COLOUR),
         ((joint.t, joint.simulated), "simulated", PLANNED_COLOUR),
     ):
-        x, y = thinned(*curve)
+        x, y = thin(*curve)
         figure.add_trace(line(x, y, name, colour, width=1.5))
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="position [rad]")
@@ -118,7 +118,7 @@ def _motion(
 def _residuals(joint: JointIdentification) -> Any:
     import plotly.graph_objects as go
 
-    x, y = thinned(joint.t, joint.residuals * 1e3)
+    x, y = thin(joint.t, joint.residuals * 1e3)
     figure = go.Figure([line(x, y, "measured less simulated", EXECUTED_COLOUR, width=1)])
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="residual [mrad]")

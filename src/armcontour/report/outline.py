@@ -24,7 +24,7 @@ DRAWN_PLACES = 800
 CHORDS = 96
 
 
-def drawn(path: Path | Program) -> FloatArray:
+def outline_points(path: Path | Program) -> FloatArray:
     """Points that draw a path, or the contours of a program with gaps (NaN) between them."""
     if isinstance(path, Path):
         places = np.linspace(0, path.length, DRAWN_PLACES)
@@ -49,12 +49,12 @@ def finely(path: Path, begin: float = 0.0, end: float | None = None) -> FloatArr
 
 def outlines(curves: Sequence[FloatArray]) -> FloatArray:
     """Several curves as one with gaps (NaN) between them, in as many points as are seen."""
-    kept = simplified(curves)
+    kept = simplify(curves)
     gap = np.full((1, curves[0].shape[1]), np.nan)
     return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
 
 
-def simplified(
+def simplify(
     curves: Sequence[FloatArray], most: int = MOST_DRAWN, *, even: int = EVEN
 ) -> list[IntArray]:
     """Which points of curves to draw, so that nothing that is seen is off.

@@ -21,7 +21,7 @@ SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 def torques_of(result: RunResult) -> Torques | None:
     """Torques that a plan takes, of a long one at a share of its breaks; None without bodies."""
     arm, plan = result.execution.arm, result.trajectory
-    every = skipped(result)
+    every = torque_stride(result)
     if not arm.has_bodies or every == 1:
         return planned_torques(result)
     t = np.union1d(plan.breaks[::every], [plan.duration])
@@ -30,17 +30,17 @@ def torques_of(result: RunResult) -> Torques | None:
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 
-def looked_at(results: Iterable[RunResult]) -> list[str]:
+def torque_notes(results: Iterable[RunResult]) -> list[str]:
     """Sentences on plans whose torques are not looked at at every break."""
     return [
-        f"Run {x.run.name}: torques are computed at every {ordinal(skipped(x))} of the plan's "
-        f"{len(x.trajectory.breaks)} breaks; summary.json has the largest of all breaks."
+        f"Run {x.run.name}: torques are computed at every {ordinal(torque_stride(x))} of the "
+        f"plan's {len(x.trajectory.breaks)} breaks; summary.json has the largest of all breaks."
         for x in results
-        if skipped(x) > 1
+        if torque_stride(x) > 1
     ]
 
 
-def skipped(result: RunResult) -> int:
+def torque_stride(result: RunResult) -> int:
     """Torques are looked at at every so many-th break of the plan."""
     return -(-len(result.trajectory.breaks) // MOST_BREAKS)
 

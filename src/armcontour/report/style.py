@@ -38,7 +38,7 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
-def thinned(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
+def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
     """Times and curves with at most about `most` points, every peak and every gap (NaN) kept.
 
     Args:
@@ -123,7 +123,7 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
     figure.layout.annotations += tuple(labels)
 
 
-def shaded(
+def shade(
     figure: Any,
     spans: Iterable[tuple[float, float]],
     row: int,

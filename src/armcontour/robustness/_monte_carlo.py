@@ -139,7 +139,7 @@ class Errors(NamedTuple):
 
 
 @compiled(fastmath=FUSED)
-def _loaded(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo:
+def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo:
     """The servo under a payload: more inertia and the same torques leave less gain and limit."""
     share = 1 / (1 + load * inertia[min(k, len(inertia) - 1)])
     return Servo(servo.kp, servo.kv * share, servo.lower * share, servo.upper * share)
@@ -184,7 +184,7 @@ def _run_evenly(
         return _keep(m, servo, states, j)
     steps = parts.width.shape[1] - 1
     for k in range(begin, end):
-        loaded = _loaded(servo, load, inertia, k)
+        loaded = _load_servo(servo, load, inertia, k)
         if not prepare(loaded, drive.straight, parts, j):
             return False
         rows = out[(k - begin) * steps : (k - begin + 1) * steps]
@@ -195,7 +195,7 @@ def _run_evenly(
 
 
 @compiled(fastmath=FUSED)
-def _played(command: FloatArray, i: int, rate: float, t: float) -> Cubic:
+def _play(command: FloatArray, i: int, rate: float, t: float) -> Cubic:
     """The cubic of interval i, played at a rate, from its time t on."""
     b, c, d = command[i, 1] * rate, command[i, 2] * rate**2, command[i, 3] * rate**3
     return shift(Cubic(command[i, 0], b, c, d), t)
@@ -231,7 +231,7 @@ def _run_unevenly(
         until = begin * period + (row + 1) * (period / steps)
         if load != 0.0:
             _keep(m, loaded, states, j)
-            loaded = _loaded(servo, load, inertia, begin + row // steps)
+            loaded = _load_servo(servo, load, inertia, begin + row // steps)
             m = _motion(states, j, loaded)
         while until - now > SNAP * period:
             come = at * period + dead + late[at] if at < last else math.inf
@@ -241,7 +241,7 @@ def _run_unevenly(
             stop = min(until, come)
             if 0 < at < last:
                 came = (at - 1) * period + dead + late[at - 1]
-                u = _played(command, at, period / (come - came), now - came)
+                u = _play(command, at, period / (come - came), now - came)
             else:
                 u = Cubic(command[at, 0], 0.0, 0.0, 0.0)
             step = transition(loaded.kp, loaded.kv, stop - now, drive.straight)

@@ -86,13 +86,13 @@ class Box:
     jitter: float = 0.0
 
     def __post_init__(self) -> None:
-        gains = _checks.locked(_checks.numbers("gains of a box", self.gains))
+        gains = _checks.lock_floats(_checks.numbers("gains of a box", self.gains))
         if gains.ndim > 2 or gains.size == 0 or (gains < 0).any() or (gains >= 1).any():
             raise InvalidInput(
                 "gains of a box must be relative errors from 0 to below 1, as 0.1 for 10 %, but "
                 f"are {gains.tolist()}."
             )
-        late = _checks.locked(_checks.numbers("dead_time of a box", self.dead_time, "s"))
+        late = _checks.lock_floats(_checks.numbers("dead_time of a box", self.dead_time, "s"))
         if late.ndim > 1 or late.size == 0 or (late < 0).any():
             raise InvalidInput(
                 "dead_time of a box must not be negative, one for all joints or one per joint, but "
@@ -142,11 +142,11 @@ class Spread:
 
     def __post_init__(self) -> None:
         for name in ("max", "rms", "until", "saturated", "demand_ratio", "kp", "dead_time"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         for name in ("payload", "deviations"):
-            object.__setattr__(self, name, _checks.locked(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         if self.kv is not None:
-            object.__setattr__(self, "kv", _checks.locked(self.kv))
+            object.__setattr__(self, "kv", _checks.lock_floats(self.kv))
 
     def __len__(self) -> int:
         """Number of executions."""
@@ -279,12 +279,12 @@ def worst_corner(
     k = int(model.varies.sum())
     if 2**k <= MOST_CORNERS:
         signs = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, -1.0, 1.0)
-        return model.executed(model.spanned(signs), None, use)
+        return model.executed(model.span(signs), None, use)
 
     def errors(signs: FloatArray) -> FloatArray:
-        return model.executed(model.spanned(signs), None, use).max
+        return model.executed(model.span(signs), None, use).max
 
-    return model.executed(model.spanned(_searched(errors, k)), None, use)
+    return model.executed(model.span(_search_corners(errors, k)), None, use)
 
 
 def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
@@ -341,7 +341,7 @@ class _Model:
         commands = polynomials(taught.q, taught.period, servo.interpolation)
         self.drive = Drive(commands, _inertia(arm, taught, box), straight, lower, upper)
 
-    def spanned(self, signs: FloatArray) -> FloatArray:
+    def span(self, signs: FloatArray) -> FloatArray:
         """Corners by the signs of the parameters that vary, as rows in units of the box."""
         unit = np.zeros((len(signs), len(self.spans)))
         unit[:, self.varies] = signs
@@ -487,7 +487,7 @@ def _refuse_unsettled(found: Found, kp: FloatArray, kv: FloatArray) -> None:
     )
 
 
-def _searched(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
+def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
     """Corners to look at where there are too many, as signs, (MOST_CORNERS, k)."""
     single = np.concatenate([np.eye(k), -np.eye(k)])
     found = errors(single)

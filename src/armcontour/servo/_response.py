@@ -192,7 +192,7 @@ def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
 
 
 @compiled(fastmath=FUSED)
-def moved(step: Step, u: Cubic, q: float, w: float) -> tuple[float, float]:
+def advance_freely(step: Step, u: Cubic, q: float, w: float) -> tuple[float, float]:
     """Position and velocity after a free motion under the command u."""
     s, e = step, q - u.value
     x = u.value + s.qq * e + s.qw * w + s.q1 * u.rate + s.q2 * u.second + s.q3 * u.third
@@ -409,7 +409,7 @@ def _move_freely(
     c0 = 2 * u.second - c1 / kp
     dz = kv * (kp * (u.rate - w) - z)
     f = Signal(c0, c1, 0.0, 0.0, z - c0, dz - c1)
-    x, v = moved(step, u, q, w)
+    x, v = advance_freely(step, u, q, w)
     end = shift(u, t)
     last = demand(servo, end, x, v)
     dlast = kv * (kp * (end.rate - v) - last)
@@ -425,7 +425,7 @@ def _move_freely(
             h = stop - low
             guess = low + h * _guess_crossing(before, h * slope, value, h * after, bound)
             at = _root(servo, _over(f, side, bound), low, stop, guess)
-            p, r = moved(transition(kp, kv, at, straight), u, q, w)
+            p, r = advance_freely(transition(kp, kv, at, straight), u, q, w)
             ahead = _excess(servo, shift(u, at), p, r, side)
             if _stay(servo, ahead, span) > SHORTEST_STAY * span:
                 return Phase(at, 0.0, side, p, r, min(lowest, bound), max(highest, bound))
@@ -552,7 +552,7 @@ def _value_at_turn(
 def _lag(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Run a joint of first order through a step; its demand is its acceleration."""
     kp, t = servo.kp, step.time
-    q, _ = moved(step, u, m.q, 0.0)
+    q, _ = advance_freely(step, u, m.q, 0.0)
     end = shift(u, t)
     w = kp * (end.value - q)
     z, last = kp * (u.rate - kp * (u.value - m.q)), kp * (end.rate - w)
@@ -584,7 +584,7 @@ def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     z = demand(servo, u, m.q, m.w)
     if not servo.lower <= z <= servo.upper:
         return _advance(servo, step, u, m)
-    q, w = moved(step, u, m.q, m.w)
+    q, w = advance_freely(step, u, m.q, m.w)
     end = shift(u, t)
     last = demand(servo, end, q, w)
     dz, dlast = kv * (kp * (u.rate - m.w) - z), kv * (kp * (end.rate - w) - last)

@@ -93,7 +93,7 @@ class ServoModel:
                 f"dead_time must be at most {LONGEST_DEAD_TIME:g} s, for which the robot waits "
                 f"before it moves, but is {float(delay.max()):g} s."
             )
-        object.__setattr__(self, "dead_time", _checks.locked(delay))
+        object.__setattr__(self, "dead_time", _checks.lock_floats(delay))
         object.__setattr__(self, "order", order)
 
     def for_joints(self, dof: int) -> ServoModel:
@@ -177,4 +177,4 @@ def _gain(name: str, values: npt.ArrayLike) -> FloatArray:
             f"servo gain {name} must be from {low:g} to {high:g} 1/s, but is "
             f"{float(array[outside].flat[0]):g} 1/s."
         )
-    return _checks.locked(array)
+    return _checks.lock_floats(array)

@@ -1,7 +1,7 @@
 """Timing: one file per method, one entry point."""
 
-from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
+from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.planner import (
     METHODS,
     assigned_time,

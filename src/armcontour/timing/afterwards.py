@@ -12,7 +12,7 @@ from armcontour.arms.limits import JOINT_LIMITS, TOOL_LIMITS
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.motion import LawAlongPath
 from armcontour.timing.common import law_places, law_states
-from armcontour.timing.constraints.angular import oriented
+from armcontour.timing.constraints.angular import require_orientation
 
 # A law may exceed a limit by rounding only.
 ROUNDING = 1e-6
@@ -82,7 +82,7 @@ def amounts(name: str, arm: Arm, q: FloatArray, dq: FloatArray, ddq: FloatArray)
         return np.abs(ddq)
     if name == "joint_torque":
         return np.abs(arm.torque(q, dq, ddq))
-    turning = oriented(arm)
+    turning = require_orientation(arm)
     if name == "angular_speed":
         found = turning.tool_twist(q, dq)
     elif name == "angular_acceleration":

@@ -88,7 +88,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     return Grid(joint_path, np.append(s, breaks[-1]), piece)
 
 
-def given_grid(joint_path: JointPath, points: FloatArray) -> Grid:
+def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
     """A grid of given points, and the breaks of the joint path.
 
     Raises:
@@ -112,7 +112,7 @@ def given_grid(joint_path: JointPath, points: FloatArray) -> Grid:
     return split(grid, np.where(count[piece] == 1, 2.0, 1.0)) if (count == 1).any() else grid
 
 
-def coarsened(grid: Grid, by: int) -> tuple[Grid, IntArray]:
+def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
     """About every so manieth point of a grid, and of which new interval each old one is a part.
 
     Pieces of the joint path keep their ends.

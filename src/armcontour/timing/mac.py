@@ -16,7 +16,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, checked_interval
+from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, check_interval
 from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import (
     law_peaks,
@@ -87,7 +87,7 @@ def plan_mac(
         raise InvalidInput(
             "The method mac needs joint acceleration limits: give joint_acceleration [rad/s²]."
         )
-    interval = checked_interval(period)
+    interval = check_interval(period)
     if limits.tool_acceleration is not None:
         raise InvalidInput(
             "The method mac does not look at the tool's acceleration: leave tool_acceleration out, "

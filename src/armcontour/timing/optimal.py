@@ -42,9 +42,9 @@ from armcontour.timing.constraints._rows import margin_lost
 from armcontour.timing.grid import (
     AT_AN_INTERVAL,
     Grid,
-    coarsened,
+    coarsen,
     finer_at_rests,
-    given_grid,
+    grid_through,
     place_grid,
     split,
 )
@@ -117,7 +117,7 @@ def plan_optimal(
     if grid is None:
         placed = place_grid(joint_path, intervals)
     else:
-        placed = given_grid(joint_path, _checks.numbers("grid", grid, "m"))
+        placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
     law = _solve(placed, _Task(tuple(active), start_speed, end_speed, arm), most)
@@ -510,7 +510,7 @@ def _first_pass(grid: Grid, task: _Task) -> _Bracket:
 
 def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
     """The first pass on about every so manieth point of a grid."""
-    coarse, of = coarsened(grid, by)
+    coarse, of = coarsen(grid, by)
     path = JointDerivatives.on(coarse)
     plain = Problem(coarse, path, task.active)
     x = plain.solve(task.start_speed, task.end_speed)

@@ -13,8 +13,8 @@ from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.choosing import trace_fastest
 from armcontour.timing.conventional import plan_conventional
+from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal

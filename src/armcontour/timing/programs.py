@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.arms.limits import TOOL_LIMITS
-from armcontour.errors import ArmContourError, InvalidInput, Unreachable, named
+from armcontour.errors import ArmContourError, InvalidInput, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
@@ -20,7 +20,7 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, LapLaw, Law, Method, Span, TimedEvent, Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
-from armcontour.timing.choosing import trace_fastest
+from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace
 
@@ -104,7 +104,7 @@ class _Chain:
 
     def contour(self, i: int, move: Contour, number: int) -> None:
         called = contour_called(move, number)
-        with named(called):
+        with locate_errors(called):
             joint_path = self._traced(move.path)
             self._bridge(joint_path(0.0))
             planned = self.ways.contour(joint_path)
@@ -133,7 +133,7 @@ class _Chain:
         if move.path is None:
             return
         path = self._held(i, move.path)
-        with named(self._rapid_called(i)):
+        with locate_errors(self._rapid_called(i)):
             first = self.q is None and self.ways.start is None
             joint_path = self._led(i, path) if first else self._traced(path)
             self._bridge(joint_path(0.0))

@@ -8,7 +8,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import PlanarTwoLink
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
-from armcontour.tracing.cells import Knots
+from armcontour.tracing.knots import Knots
 from armcontour.tracing.solver import Ends, Solver
 
 
@@ -64,7 +64,7 @@ class ClosedForm(Solver[PlanarTwoLink]):
         unwrapped = np.unwrap(q, axis=0).reshape(len(begin[0]), 2, -1)
         return (unwrapped[:, 0], *begin[1:]), (unwrapped[:, 1], *end[1:])
 
-    def missed(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """How far the tool is from its place, in tolerances."""
         off = self.arm.forward(q) - self.path.on_segment(knots.segment, u)
         return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)

@@ -8,8 +8,8 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.tracing.cells import Knots
-from armcontour.tracing.guide import Guide, free_motions
+from armcontour.tracing.configurations import Solution
+from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import (
     poses_at,
     rates_at,
@@ -17,8 +17,8 @@ from armcontour.tracing.poses import (
     turning_too_fast,
     what_helps,
 )
+from armcontour.tracing.redundancy import Guide, null_space
 from armcontour.tracing.solver import Ends, Solver
-from armcontour.tracing.ways import Way
 
 # The tool may be turned from its orientation by this much between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
@@ -32,7 +32,7 @@ class Numeric(Solver[SerialArm]):
     Args:
         path: The path.
         arm: The arm.
-        asked: How much of each pose counts: 6, 5 or 3.
+        task: How much of each pose counts: 6, 5 or 3.
         knots: The first knots.
         way: Joint positions at them.
         tolerance: Largest distance of the tool from the path between knots [m].
@@ -42,17 +42,17 @@ class Numeric(Solver[SerialArm]):
         self,
         path: Path,
         arm: SerialArm,
-        asked: int,
+        task: int,
         knots: Knots,
-        way: Way,
+        way: Solution,
         tolerance: float,
     ) -> None:
         super().__init__(path, arm)
-        self.asked, self.tolerance = asked, tolerance
+        self.task, self.tolerance = task, tolerance
         self._way = way
         self._guide: Guide | None = None
-        if asked < arm.dof:
-            w = free_motions(arm, row_of_poses(path, knots), asked, way.q)
+        if task < arm.dof:
+            w = null_space(arm, row_of_poses(path, knots), task, way.q)
             s = np.append(knots.s0, path.length)
             self._guide = Guide.through(s, way.q, w, path.stops)
 
@@ -73,26 +73,26 @@ class Numeric(Solver[SerialArm]):
             *self.arm.arrays,
             q,
             poses,
-            self.asked,
+            self.task,
             np.ascontiguousarray(w[:, 0]),
             np.ascontiguousarray(g[:, 0]),
         )
         first, second, apart = _newton.path_derivatives(
-            *self.arm.arrays, q, poses, rates_at(self.path, knots, u), self.asked, w, g
+            *self.arm.arrays, q, poses, rates_at(self.path, knots, u), self.task, w, g
         )
         bad = ~(found & (apart > SINGULAR) & np.isfinite(second).all(axis=1))
         if bad.any():
             self._refuse(knots, u, int(np.argmax(bad)))
         return q, first, second
 
-    def missed(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """How far the tool is from its pose, in tolerances."""
         target = poses_at(self.path, knots, u)
         points, turned = self.arm.pose(q)
         off = np.linalg.norm(points - target[:, :, 3], axis=1) / self.tolerance
-        if self.asked == 3:
+        if self.task == 3:
             return np.asarray(off)
-        if self.asked == 5:
+        if self.task == 5:
             angle = np.linalg.norm(turned[:, :, 2] - target[:, :, 2], axis=1)
         else:
             angle = np.linalg.norm(turned - target[:, :, :3], axis=(1, 2)) / np.sqrt(2)

@@ -8,7 +8,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.tracing.cells import Knots
+from armcontour.tracing.knots import Knots
 
 # A jump of the orientation below this is rounding [rad].
 NO_JUMP = 1e-8
@@ -16,7 +16,7 @@ NO_JUMP = 1e-8
 TOO_FAST = 1e5
 
 
-def asked_of(path: Path, arm: SerialArm) -> int:
+def task_dimension(path: Path, arm: SerialArm) -> int:
     """How many of a pose's 6 parts the path asks for: 6, 5 (tool axis) or 3 (tool point).
 
     Raises:
@@ -42,11 +42,11 @@ def asked_of(path: Path, arm: SerialArm) -> int:
                 "an arm that moves in a plane by an arm file of two links."
             )
         return 3
-    asked = 5 if orientation.axis_only else 6
-    if asked > arm.dof:
+    task = 5 if orientation.axis_only else 6
+    if task > arm.dof:
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
-            f"{'axis' if asked == 5 else 'orientation'} in space needs {asked}"
+            f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
             f"{'; leave turning about the tool axis free with axis_only' if arm.dof == 5 else ''}."
         )
     jumps = orientation.jumps
@@ -72,7 +72,7 @@ def asked_of(path: Path, arm: SerialArm) -> int:
             s=s,
             point=point,
         )
-    return asked
+    return task
 
 
 def what_helps(path: Path | None) -> str:

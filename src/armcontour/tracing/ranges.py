@@ -55,10 +55,10 @@ def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
         piece, joint, x, q = found
         s = float(joint_path.breaks[piece] + x * np.diff(joint_path.breaks)[piece])
         edge = float(upper[joint] if q > upper[joint] else lower[joint])
-        raise left_range(joint_path.tool_path, s, int(joint), q, edge)
+        raise out_of_range(joint_path.tool_path, s, int(joint), q, edge)
 
 
-def left_range(
+def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
     """What to say of a joint that leaves its range.
@@ -85,7 +85,7 @@ def left_range(
     )
 
 
-def turned_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
+def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
     """The same joint path with joints outside their ranges inside, where whole turns bring them."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return joint_path

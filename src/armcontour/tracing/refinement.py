@@ -9,18 +9,18 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import Unreachable
 from armcontour.motion import JointPath, quintic
-from armcontour.tracing.cells import Knots
+from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import turning_too_fast, what_helps
 from armcontour.tracing.solver import Ends, Solver
 
 # An interval this small that still misses the path means a singularity, not a coarse grid.
 SMALLEST_INTERVAL = 1e-9
 # Where on an interval the tool is looked at.
-PLACES = _checks.locked([0.25, 0.5, 0.75])
+PLACES = _checks.lock_floats([0.25, 0.5, 0.75])
 MIDDLE = 1
 
 
-def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
+def refine(solver: Solver[Arm], knots: Knots) -> JointPath:
     """The joint path through exact knots, as many as the solver's tolerance asks for.
 
     Args:
@@ -47,11 +47,11 @@ def refined(solver: Solver[Arm], knots: Knots) -> JointPath:
         guess = middle[left]
         # Near a singularity a quintic between ends far apart swings out: halfway is nearer then.
         halfway = (begin[0][missed] + end[0][missed]) / 2
-        nearer = solver.missed(coarse, u, halfway) < solver.missed(coarse, u, guess)
+        nearer = solver.tool_errors(coarse, u, halfway) < solver.tool_errors(coarse, u, guess)
         guess = np.where(nearer[:, None], halfway, guess)
         between = solver.ends(coarse, u, guess)
         # An interval that misses gives its place to its two halves.
-        knots, twice, second = knots.halved(missed, u)
+        knots, twice, second = knots.halve(missed, u)
         begin, end = _part(begin, twice), _part(end, twice)
         for k in range(3):
             begin[k][second], end[k][second - 1] = between[k], between[k]
@@ -75,7 +75,7 @@ def _misses(
     q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
     u = knots.u0 + PLACES[:, None] * width
     thrice = knots.part(np.tile(np.arange(n), len(PLACES)))
-    missed = solver.missed(thrice, u.ravel(), q.reshape(-1, q.shape[2]))
+    missed = solver.tool_errors(thrice, u.ravel(), q.reshape(-1, q.shape[2]))
     return np.asarray(~(missed.reshape(-1, n).max(axis=0) <= 1)), q[MIDDLE]
 
 

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.geometry import Path
-from armcontour.tracing.cells import Knots
+from armcontour.tracing.knots import Knots
 
 # q, dq_ds and d2q_ds2 at one end of intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
@@ -46,7 +46,7 @@ class Solver(ABC, Generic[A]):
         """
 
     @abstractmethod
-    def missed(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """How far the tool is from where it should be, in tolerances, (n,)."""
 
     def continuous(self, begin: Ends, end: Ends) -> tuple[Ends, Ends]:

@@ -11,13 +11,13 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.tracing.cells import first_knots
 from armcontour.tracing.closed_form import ClosedForm
+from armcontour.tracing.configurations import find_solutions
+from armcontour.tracing.knots import first_knots
 from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import asked_of
-from armcontour.tracing.ranges import refuse_out_of_range, turned_into_range
-from armcontour.tracing.refinement import refined
-from armcontour.tracing.ways import ways
+from armcontour.tracing.poses import task_dimension
+from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
+from armcontour.tracing.refinement import refine
 
 # Joints to spare are guided from knot to knot: these lie closer by this factor then.
 FINER = 3
@@ -52,13 +52,13 @@ def trace(
         Unreachable: A place out of reach, out of a joint's range or singular, with its arc length.
         InvalidInput: A path that does not fit the arm.
     """
-    found = traces(
+    found = trace_all(
         path, arm, limits=limits, branch=branch, start=start, tolerance=tolerance, most=1
     )
     return found[0]
 
 
-def traces(
+def trace_all(
     path: Path,
     arm: Arm,
     *,
@@ -97,8 +97,8 @@ def traces(
     if isinstance(arm, PlanarTwoLink):
         if start is not None:
             raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
-        only = refined(ClosedForm(path, arm, branch, tolerance), first_knots(path))
-        only = turned_into_range(only, arm.limits)
+        only = refine(ClosedForm(path, arm, branch, tolerance), first_knots(path))
+        only = turn_into_range(only, arm.limits)
         refuse_out_of_range(only, arm.limits)
         return [only]
     if not isinstance(arm, SerialArm):
@@ -109,15 +109,15 @@ def traces(
             "to start in."
         )
     near = None if start is None else _start(arm, start)
-    asked = asked_of(path, arm)
-    knots = first_knots(path, FINER if asked < arm.dof else 1)
+    task = task_dimension(path, arm)
+    knots = first_knots(path, FINER if task < arm.dof else 1)
     found: list[JointPath] = []
     refusals: list[Unreachable] = []
-    for way in ways(path, arm, knots, asked, near):
+    for way in find_solutions(path, arm, knots, task, near):
         if most is not None and len(found) == most:
             break
         try:
-            joint_path = refined(Numeric(path, arm, asked, knots, way, tolerance), knots)
+            joint_path = refine(Numeric(path, arm, task, knots, way, tolerance), knots)
             refuse_out_of_range(joint_path, arm.limits)
             found.append(joint_path)
         except Unreachable as error:

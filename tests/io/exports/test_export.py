@@ -14,7 +14,7 @@ import pytest
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io.exports import Table, export, exporting, formats, write_table
-from armcontour.io.exports.placing import put
+from armcontour.io.exports.destination import put
 
 PLAIN = [(x, end) for x, end in formats().items() if x != "template"]
 

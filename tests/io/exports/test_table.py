@@ -14,7 +14,7 @@ from scipy.interpolate import BPoly
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.io.exports import Table, tabulated
+from armcontour.io.exports import Table, make_table
 from armcontour.motion import TimedEvent
 
 PERIOD = 0.004
@@ -34,7 +34,7 @@ def test_time_counts_from_the_first_set_point_and_that_of_events_too(
     taught: Callable[..., ac.TaughtData],
 ) -> None:
     data = taught(np.zeros((30, 2)), start_time=-3 * PERIOD)
-    found = tabulated(data, name="x")
+    found = make_table(data, name="x")
     assert found.t[0] == 0 and found.start_time == -3 * PERIOD
     np.testing.assert_allclose(found.t + found.start_time, data.t, rtol=0, atol=1e-15)
     for before, after in zip(data.trajectory.events, found.events, strict=True):
@@ -46,7 +46,7 @@ def test_time_counts_from_the_first_set_point_and_that_of_events_too(
 def test_a_trajectory_is_sampled_with_its_own_derivatives(
     conventional: ac.Trajectory, arm: ac.Arm
 ) -> None:
-    found = tabulated(conventional, name="x", arm=arm, period=0.05)
+    found = make_table(conventional, name="x", arm=arm, period=0.05)
     np.testing.assert_array_equal(found.q, conventional(found.t))
     np.testing.assert_array_equal(found.dq, conventional(found.t, 1))
     np.testing.assert_array_equal(found.ddq, conventional(found.t, 2))
@@ -60,7 +60,7 @@ def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points
 ) -> None:
     q = np.random.default_rng(seed).normal(size=(count, 2))
     data = ac.TaughtData(period=PERIOD, q=q, trajectory=conventional, method="none")
-    found = tabulated(data, name="x")
+    found = make_table(data, name="x")
     t = np.linspace(0, found.t[-1], 501)
     np.testing.assert_allclose(joined(found, 2)(t), joined(found, 3)(t), atol=1e-11)
     np.testing.assert_allclose(joined(found, 3)(found.t), q, atol=1e-12)
@@ -75,14 +75,14 @@ def test_the_curve_through_set_points_is_of_fourth_order(
         t = np.linspace(0, np.pi / 3, count)
         data = dataclasses.replace(taught(rest_to_rest(t)), period=t[1])
         dense = np.linspace(0, t[-1], 5000)
-        curve = joined(tabulated(data, name="x"), 3)
+        curve = joined(make_table(data, name="x"), 3)
         errors.append(np.abs(curve(dense) - rest_to_rest(dense)).max())
     assert errors[0] < 1e-6
     assert 12 < errors[0] / errors[1] < 20
 
 
 def test_one_set_point_is_at_rest(taught: Callable[..., ac.TaughtData]) -> None:
-    found = tabulated(taught(np.ones((1, 2))), name="x")
+    found = make_table(taught(np.ones((1, 2))), name="x")
     assert not found.dq.any() and not found.ddq.any() and found.duration == 0
 
 
@@ -90,7 +90,7 @@ def test_one_set_point_is_at_rest(taught: Callable[..., ac.TaughtData]) -> None:
 def test_derivatives_are_left_out_from_the_highest_on(
     taught: Callable[..., ac.TaughtData], derivatives: int
 ) -> None:
-    found = tabulated(taught(np.ones((5, 2))), name="x", derivatives=derivatives)
+    found = make_table(taught(np.ones((5, 2))), name="x", derivatives=derivatives)
     assert [found.dq is not None, found.ddq is not None] == [derivatives > 0, derivatives > 1]
 
 
@@ -104,9 +104,9 @@ def test_joint_names_come_from_the_caller_the_arm_or_are_numbered(
     taught: Callable[..., ac.TaughtData], arm: ac.Arm
 ) -> None:
     data = taught(np.zeros((3, 2)))
-    assert tabulated(data, name="x").joint_names == ("joint 1", "joint 2")
-    assert tabulated(data, name="x", arm=arm).joint_names == arm.joint_names
-    assert tabulated(data, name="x", arm=arm, joint_names=["a", "b"]).joint_names == ("a", "b")
+    assert make_table(data, name="x").joint_names == ("joint 1", "joint 2")
+    assert make_table(data, name="x", arm=arm).joint_names == arm.joint_names
+    assert make_table(data, name="x", arm=arm, joint_names=["a", "b"]).joint_names == ("a", "b")
 
 
 def early(t: float) -> tuple[TimedEvent, ...]:
@@ -135,14 +135,14 @@ def test_refuses_what_cannot_be_a_table(
         (taught(np.zeros((3, 2)), events=early(-0.05)), {}, "0.05 s before the first set-point"),
     ]
     for what, options, words in cases:
-        refuses(lambda w=what, o=options: tabulated(w, name="x", **o), InvalidInput, words)
+        refuses(lambda w=what, o=options: make_table(w, name="x", **o), InvalidInput, words)
 
 
 def test_an_event_before_the_plan_is_kept_where_the_command_leads(
     taught: Callable[..., ac.TaughtData],
 ) -> None:
     data = taught(np.zeros((9, 2)), start_time=-0.008, events=early(-0.005))
-    assert tabulated(data, name="x").events[0].t == pytest.approx(0.003, abs=1e-15)
+    assert make_table(data, name="x").events[0].t == pytest.approx(0.003, abs=1e-15)
 
 
 def test_refuses_arrays_that_do_not_fit(table: Callable[..., Table]) -> None:

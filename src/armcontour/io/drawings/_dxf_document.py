@@ -14,7 +14,7 @@ BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
 
 
-def opened(data: bytes, source: str) -> tuple[Any, list[str]]:
+def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
     """The document in a DXF file, and sentences on what had to be mended.
 
     Raises:
@@ -38,7 +38,7 @@ def opened(data: bytes, source: str) -> tuple[Any, list[str]]:
     except Exception as error:
         first = error
     try:
-        return _mended(data, first)
+        return _mend(data, first)
     except Exception:
         raise InvalidInput(f"{source} is no DXF file that can be read: {said(first)}.") from None
 
@@ -56,7 +56,7 @@ def _read(data: bytes) -> Any:
     return Drawing.read(io.StringIO(text, newline=None))
 
 
-def _mended(data: bytes, first: Exception) -> tuple[Any, list[str]]:
+def _mend(data: bytes, first: Exception) -> tuple[Any, list[str]]:
     from ezdxf import recover
 
     document, auditor = recover.read(io.BytesIO(data))

@@ -75,7 +75,9 @@ def lwpolyline(entity: Any) -> Shape | None:
     rows = _numbers("vertices", [tuple(x) for x in entity.get_points("xyb")]).reshape(-1, 3)
     elevation = float(_numbers("elevation", entity.dxf.elevation))
     points = np.column_stack([rows[:, :2], np.full(len(rows), elevation)])
-    return _closed_or_not(points, rows[:, 2], bool(entity.closed), plane_axes(entity.dxf.extrusion))
+    return _polyline_shape(
+        points, rows[:, 2], bool(entity.closed), plane_axes(entity.dxf.extrusion)
+    )
 
 
 def polyline(entity: Any) -> Shape | None:
@@ -83,14 +85,14 @@ def polyline(entity: Any) -> Shape | None:
     vertices = [x for x in entity.vertices if not x.dxf.flags & FRAME_POINT]
     points = _numbers("vertices", [tuple(x.dxf.location) for x in vertices]).reshape(-1, 3)
     if entity.is_3d_polyline:
-        return _closed_or_not(points, np.zeros(len(points)), bool(entity.is_closed), np.eye(3))
+        return _polyline_shape(points, np.zeros(len(points)), bool(entity.is_closed), np.eye(3))
     points[:, 2] = float(_numbers("elevation", entity.dxf.elevation[2]))
     bulges = _numbers("bulges", [x.dxf.bulge for x in vertices])
     axes = plane_axes(entity.dxf.extrusion)
-    return _closed_or_not(points, bulges, bool(entity.is_closed), axes)
+    return _polyline_shape(points, bulges, bool(entity.is_closed), axes)
 
 
-def _closed_or_not(
+def _polyline_shape(
     points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
 ) -> Shape | None:
     """A polyline in its plane; the bulge of a vertex is that of the segment after it."""
@@ -103,10 +105,10 @@ def _closed_or_not(
 def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape | None:
     if len(points) < 2:
         return None
-    return _bulged(points, bulges, axes) if bulges.any() else Chain.straight(points)
+    return _bulge_polyline(points, bulges, axes) if bulges.any() else Chain.straight(points)
 
 
-def _bulged(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
+def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
     """A polyline; a bulge is the tangent of a quarter of the angle that its arc sweeps.
 
     Args:
@@ -133,7 +135,7 @@ def _bulged(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
 def spline(entity: Any) -> Shape | None:
     """SPLINE: its control points, or else the cubic spline through its fit points."""
     if entity.control_point_count() == 0:
-        return _fitted(entity)
+        return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
     n, degree = len(points), int(entity.dxf.degree)
     if not 1 <= degree <= HIGHEST_DEGREE:
@@ -162,7 +164,7 @@ def spline(entity: Any) -> Shape | None:
     )
 
 
-def _fitted(entity: Any) -> Shape | None:
+def _fit_spline(entity: Any) -> Shape | None:
     """The cubic spline over chord length through points, as drawing programs make it."""
     from scipy.interpolate import make_interp_spline
 
@@ -186,12 +188,12 @@ def _fitted(entity: Any) -> Shape | None:
         if (size == 0).any():
             raise Unreadable("has an end tangent of zero")
         ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
-    found = make_interp_spline(at / at[-1], points, k=3, bc_type=_scaled(ends, at[-1]))
+    found = make_interp_spline(at / at[-1], points, k=3, bc_type=_scale_ends(ends, at[-1]))
     n = len(found.c)
     return Spline(points=found.c, weights=np.ones(n), knots=found.t, degree=3)
 
 
-def _scaled(ends: Any, by: float) -> Any:
+def _scale_ends(ends: Any, by: float) -> Any:
     """End derivatives by a parameter from 0 to 1."""
     return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 

@@ -112,7 +112,7 @@ class Walk:
                 elif _attribute(entity, "invisible", 0):
                     self.invisible += 1
                 elif kind == "INSERT":
-                    yield from self._inserted(entity, block, name, layer)
+                    yield from self._insert(entity, block, name, layer)
                 elif kind in SHAPES and not _is_mesh(entity):
                     refuse_missing(entity)
                     shape = SHAPES[kind](entity)
@@ -144,7 +144,7 @@ class Walk:
         own = block.layer if own == "0" and block.inside else own
         return self._layers.get(_key(own), (own, ""))
 
-    def _inserted(self, entity: Any, block: _Block, name: str, layer: str) -> Iterator[Found]:
+    def _insert(self, entity: Any, block: _Block, name: str, layer: str) -> Iterator[Found]:
         """What a block draws, for each of its copies."""
         for attribute in getattr(entity, "attribs", ()):
             self._unknown(attribute.dxftype(), name, layer)
@@ -197,9 +197,9 @@ class Walk:
         """Sentences on what was left out."""
         found = []
         if self.unknown:
-            found.append(f"Left out, because it is no contour: {_counted(self.unknown)}.")
+            found.append(f"Left out, because it is no contour: {_count(self.unknown)}.")
         if self.hidden:
-            found.append(f"Left out, on layers that are off or frozen: {_counted(self.hidden)}.")
+            found.append(f"Left out, on layers that are off or frozen: {_count(self.hidden)}.")
         if self.invisible:
             found.append(f"Left out, because they are invisible: {self.invisible}.")
         if self.empty:
@@ -213,7 +213,7 @@ def _attribute(entity: Any, name: str, default: Any) -> Any:
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 
-def _counted(counter: Counter[str]) -> str:
+def _count(counter: Counter[str]) -> str:
     return ", ".join(f"{n} {name}" for name, n in sorted(counter.items()))
 
 

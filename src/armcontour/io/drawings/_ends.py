@@ -118,7 +118,7 @@ def _smallest_turns(place: IntArray, inwards: FloatArray) -> tuple[IntArray, Int
     tree = cKDTree(np.column_stack([4.0 * place, inwards]))
     count = min(MOST_CANDIDATES + 1, len(place))
     found = tree.query(np.column_stack([4.0 * place, -inwards]), k=count, distance_upper_bound=3.0)
-    return _found(np.asarray(found[1]), len(place))
+    return _drop_missing(np.asarray(found[1]), len(place))
 
 
 def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
@@ -128,10 +128,10 @@ def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
     count = min(MOST_CANDIDATES + 1, len(free))
     found = cKDTree(points).query(points, k=count, distance_upper_bound=near)
-    return _pairs(free, *_found(np.asarray(found[1]), len(free)))
+    return _pairs(free, *_drop_missing(np.asarray(found[1]), len(free)))
 
 
-def _found(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
+def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Pairs of neighbours of a tree's query, without those it did not find."""
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()

@@ -110,7 +110,7 @@ class ParquetTable:
         told = sum(max(0, x[META_DATA][TOTAL_UNCOMPRESSED_SIZE]) for x in chunks)
         size = max(told, 8 * values, 8 * rows * len(titles))
         if size <= MOST_UNPACKED:
-            size = max(size, sum(_unpacked(self.data, x) for x in chunks))
+            size = max(size, sum(_unpacked_size(self.data, x) for x in chunks))
         if size > MOST_UNPACKED:
             raise InvalidInput(
                 f"{self.source} unpacks to {size / MEGABYTE:.0f} MB, more than the "
@@ -205,7 +205,7 @@ def _footer(data: bytes) -> dict[int, Any]:
     return Reader(data, begin).struct()
 
 
-def _unpacked(data: bytes, chunk: dict[int, Any]) -> int:
+def _unpacked_size(data: bytes, chunk: dict[int, Any]) -> int:
     """Size of all pages of a column in a group of rows, unpacked [bytes].
 
     Raises:

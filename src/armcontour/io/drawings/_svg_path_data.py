@@ -16,8 +16,8 @@ from armcontour.io.drawings._svg_units import (
     MOST_NUMBERS,
     NUMBER,
     NUMBERS,
-    checked,
-    limited,
+    check_numbers,
+    limit_matches,
 )
 from armcontour.io.drawings.chain import WELL_KNOWN, Chain
 from armcontour.io.drawings.shapes import Outline, Shape, Spline
@@ -96,8 +96,8 @@ def _numbers(element: Element, chunk: str, at: int) -> list[float]:
     end = good.end() if good else 0
     if end < len(chunk):
         _refuse(element, chunk, at, end)
-    values = [float(x[0]) for x in limited(EACH_NUMBER.finditer(chunk))]
-    return checked(element, f"path data after character {at}", values)
+    values = [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(chunk))]
+    return check_numbers(element, f"path data after character {at}", values)
 
 
 def _arcs(element: Element, chunk: str, at: int) -> list[float]:
@@ -108,7 +108,7 @@ def _arcs(element: Element, chunk: str, at: int) -> list[float]:
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):
         _refuse(element, chunk, at, end)
-    return checked(element, f"path data after character {at}", values)
+    return check_numbers(element, f"path data after character {at}", values)
 
 
 def _refuse(element: Element, chunk: str, at: int, end: int) -> None:

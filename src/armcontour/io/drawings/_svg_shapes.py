@@ -38,12 +38,12 @@ def _line(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _polyline(element: Element, spend: Spend) -> list[Outline]:
-    points = _listed(element, spend)
+    points = _read_points(element, spend)
     closed = element.tag == "polygon"
     return [Outline([Chain.straight(points)], closed)] if len(points) > 1 else []
 
 
-def _listed(element: Element, spend: Spend) -> FloatArray:
+def _read_points(element: Element, spend: Spend) -> FloatArray:
     values = numbers_of(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
@@ -66,10 +66,12 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
     if not (rx and ry):
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
         return [Outline([Chain.straight(corners)], closed=True)]
-    return [Outline([_rounded(x, y, x + width, y + height, rx, ry)], closed=True)]
+    return [Outline([_rounded_rectangle(x, y, x + width, y + height, rx, ry)], closed=True)]
 
 
-def _rounded(left: float, top: float, right: float, bottom: float, rx: float, ry: float) -> Chain:
+def _rounded_rectangle(
+    left: float, top: float, right: float, bottom: float, rx: float, ry: float
+) -> Chain:
     """A rectangle with round corners, as SVG goes around it."""
     sides = [
         ((left + rx, top), (right - rx, top)),

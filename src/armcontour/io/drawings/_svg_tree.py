@@ -51,9 +51,9 @@ class Element:
 
     def style(self, key: str) -> str:
         """A property of its style, which goes before the attribute of that name; "" if none."""
-        return self.styled(key) or self.get(key)
+        return self.style_property(key) or self.get(key)
 
-    def styled(self, key: str) -> str:
+    def style_property(self, key: str) -> str:
         """A property of its attribute style; "" if none."""
         said = self.attributes.get("style", "")
         if key in said:

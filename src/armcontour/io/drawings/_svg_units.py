@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import locked
+from armcontour._checks import lock_floats
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings.affine import Affine
 
@@ -49,7 +49,7 @@ COUNTS = {
 SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 
-STAY = Affine(locked(np.eye(2)), locked(np.zeros(2)))
+STAY = Affine(lock_floats(np.eye(2)), lock_floats(np.zeros(2)))
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
@@ -76,15 +76,17 @@ def numbers_of(element: Element, key: str, text: str) -> list[float]:
         bad = NUMBERS.match(text)
         at = bad.end() if bad else 0
         element.refuse(f"{key} has {text[at : at + 20]!r} where a number should be")
-    return checked(element, key, [float(x[0]) for x in limited(EACH_NUMBER.finditer(text))])
+    return check_numbers(
+        element, key, [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(text))]
+    )
 
 
-def limited(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
+def limit_matches(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
     """No more matches than one above `MOST_NUMBERS`."""
     return itertools.islice(found, MOST_NUMBERS + 1)
 
 
-def checked(element: Element, key: str, values: list[float]) -> list[float]:
+def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
     """The numbers of a list.
 
     Raises:
@@ -210,7 +212,7 @@ def view_box(element: Element) -> Box | None:
     return Box(*values)
 
 
-def fitted(element: Element, inner: Box, outer: Box) -> Affine:
+def viewbox_transform(element: Element, inner: Box, outer: Box) -> Affine:
     """What brings the viewBox of an element into its viewport, as preserveAspectRatio says.
 
     Raises:

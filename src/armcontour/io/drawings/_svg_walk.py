@@ -12,12 +12,12 @@ from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
     Box,
     affine,
-    fitted,
     is_flat,
     length_of,
     number_of,
     transform_of,
     view_box,
+    viewbox_transform,
 )
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.reading import SKIP, Labels
@@ -117,7 +117,7 @@ class Walk:
                 element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
             if element.tag in SHAPES:
                 counts[element.tag] += 1
-            inner = self._entered(element, around)
+            inner = self._enter(element, around)
             if inner is None:
                 continue
             if element.tag in SHAPES:
@@ -133,7 +133,7 @@ class Walk:
         """Remember that an element was left out."""
         self.left_out.setdefault(reason, []).append(element.name)
 
-    def _entered(self, element: Element, around: _Place) -> _Place | None:
+    def _enter(self, element: Element, around: _Place) -> _Place | None:
         """What holds within an element; None if nothing of it is drawn.
 
         Raises:
@@ -176,7 +176,7 @@ class Walk:
             value = element.style(key)
             if value not in ("", "none", "inherit", "initial", "unset"):
                 self._unknown(element, f"its {key} is not followed")
-        if element.styled("transform") or element.style("transform-origin"):
+        if element.style_property("transform") or element.style("transform-origin"):
             self._unknown(element, "transforms by style, or about an origin, are not followed")
 
     def _unknown(self, element: Element, what: str) -> None:
@@ -187,14 +187,14 @@ class Walk:
     def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
         """What is drawn of what is in an element, or of what it refers to."""
         if element.tag == "use":
-            return [self._used(element, place)]
+            return [self._resolve_use(element, place)]
         inside = element.children
         if element.tag == "switch":
             conditions = {"requiredExtensions", "systemLanguage"}
             inside = [x for x in inside if not conditions & set(x.attributes)][:1]
         return [(x, place) for x in inside]
 
-    def _used(self, element: Element, place: _Place) -> tuple[Element, _Place]:
+    def _resolve_use(self, element: Element, place: _Place) -> tuple[Element, _Place]:
         """What a use refers to.
 
         Raises:
@@ -237,7 +237,7 @@ class Walk:
             return None
         if box is None:
             box = Box(0.0, 0.0, width, height)
-        inner = place.to @ fitted(element, box, Box(x, y, width, height))
+        inner = place.to @ viewbox_transform(element, box, Box(x, y, width, height))
         if not inner.finite or is_flat(inner):
             element.refuse("its viewBox does not fit its width and height")
         return dataclasses.replace(place, to=inner, view=box)

@@ -74,7 +74,7 @@ def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contou
     layers = np.array(
         [numbers.setdefault((x.layer, x.apart), len(numbers)) for x in pieces], dtype=np.intp
     )
-    again = _repeated(pieces, table, layers)
+    again = _find_repeated(pieces, table, layers)
     lengths = table.lengths
     ends = Ends.of(table, layers, again)
     partner = find_partners(ends, tolerance)
@@ -125,7 +125,7 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
     return chains
 
 
-def _repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> BoolArray:
+def _find_repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> BoolArray:
     """Pieces that lie exactly on an earlier one of their layer."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
@@ -155,14 +155,15 @@ def _notes(
     notes = []
     if again.any():
         names = [pieces[i].name for i in np.flatnonzero(again).tolist()]
-        notes.append(f"Left out because they lie exactly on others: {_listed(names)}.")
+        notes.append(f"Left out because they lie exactly on others: {_list_names(names)}.")
     if short:
         notes.append(
-            f"Left out because their ends are one point within {tolerance:g} m: {_listed(short)}."
+            f"Left out because their ends are one point within {tolerance:g} m: "
+            f"{_list_names(short)}."
         )
     return notes
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_names(names: Sequence[str]) -> str:
     more = f" and {len(names) - 6} more" if len(names) > 6 else ""
     return ", ".join(names[:6]) + more

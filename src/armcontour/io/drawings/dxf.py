@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings._dxf_document import opened, quietly
+from armcontour.io.drawings._dxf_document import open_document, quietly
 from armcontour.io.drawings._dxf_walk import Found, Walk
 from armcontour.io.drawings.affine import WITHOUT_Z
 from armcontour.io.drawings.chaining import Piece, chain_pieces
@@ -58,7 +58,7 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
             nothing to follow.
     """
     with quietly(), np.errstate(all="ignore"):
-        document, notes = opened(data, source)
+        document, notes = open_document(data, source)
         walk = Walk(
             document=document, source=source, skip=reading.unknown == "skip", wanted=reading.layers
         )

@@ -98,7 +98,7 @@ def read_path(
         layers = [x for x in layers if x in there] or list(layers)
     program = program.selected(layers=layers, names=names)
     if flat:
-        program = program.flattened()
+        program = program.without_z()
     if frame is None and factor == 1.0:
         return program
     program = program.placed(Frame() if frame is None else frame, scale=factor)

@@ -14,9 +14,9 @@ from armcontour.io.drawings._svg_units import (
     PIXEL,
     Box,
     affine,
-    fitted,
     length_of,
     view_box,
+    viewbox_transform,
 )
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.affine import Affine
@@ -114,7 +114,7 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
             width, height = box.width, box.height
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
-        inner = fitted(root, box, Box(0.0, 0.0, wide, high))
+        inner = viewbox_transform(root, box, Box(0.0, 0.0, wide, high))
         return _up(high, unit) @ inner, box, []
     if height is None:
         note = (

@@ -63,7 +63,7 @@ def table_of(data: bytes, *, source: str, kind: str, reading: Reading) -> Table:
     """
     if kind == "csv":
         titled, places = _csv(data, source)
-        table = _known(titled, Table(source, "line", places, {}, ()), reading)
+        table = _keep_known(titled, Table(source, "line", places, {}, ()), reading)
     else:
         table = _parquet(data, source, reading)
     if not len(table.places):
@@ -114,7 +114,9 @@ def _parquet(data: bytes, source: str, reading: Reading) -> Table:
     """The table in a Parquet file, of which only columns that are known are unpacked."""
     file = ParquetTable(data, source)
     nowhere = np.zeros(0, dtype=np.intp)
-    table = _known(dict.fromkeys(file.titles, ()), Table(source, "row", nowhere, {}, ()), reading)
+    table = _keep_known(
+        dict.fromkeys(file.titles, ()), Table(source, "row", nowhere, {}, ()), reading
+    )
     cells = file.cells([x.title for x in table.columns.values()])
     columns = {
         key: dataclasses.replace(x, cells=cells[x.title]) for key, x in table.columns.items()
@@ -123,7 +125,7 @@ def _parquet(data: bytes, source: str, reading: Reading) -> Table:
     return dataclasses.replace(table, places=places, columns=columns)
 
 
-def _known(
+def _keep_known(
     titled: Mapping[str, Sequence[str] | FloatArray], empty: Table, reading: Reading
 ) -> Table:
     """The columns that are known, by what they hold; others are refused, or noted.

@@ -64,20 +64,20 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
     table = table_of(data, source=source, kind=kind, reading=reading)
     values = _quantities(table, reading)
     orientation = _orientation(table, values)
-    texts = {key: _filled(table, key) for key in ("contour", "layer")}
+    texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
     events = _texts(table, "event")
     bounds = [0, *_changes(texts), len(table.places)]
     contours, notes = [], list(table.notes)
     for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         rows = slice(first, last)
         path = _path(table, values, rows)
-        path = _held(table, path, orientation, rows)
+        path = _orient(table, path, orientation, rows)
         for key in texts.keys() & table.columns.keys():
             _checks.check_name(f"name in {table.where(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
-        notes += _unused(table, values, first)
+        notes += _note_unused(table, values, first)
     return Program(moves=tuple(contours), source=source, notes=tuple(notes))
 
 
@@ -198,7 +198,7 @@ def _texts(table: Table, key: str) -> Sequence[str]:
     return cells
 
 
-def _filled(table: Table, key: str) -> list[str]:
+def _fill_down(table: Table, key: str) -> list[str]:
     """A column of text whose empty cells repeat the one above."""
     texts, last = [], ""
     for text in _texts(table, key):
@@ -236,7 +236,7 @@ def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
     return dataclasses.replace(path, segments=demanding)
 
 
-def _held(
+def _orient(
     table: Table,
     path: Path,
     orientation: tuple[tuple[str, ...], FloatArray] | None,
@@ -304,7 +304,7 @@ def _value(text: str) -> bool | float | str:
     return number if math.isfinite(number) else text
 
 
-def _unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:
+def _note_unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:
     """Notes on what the first row of a contour says of a line that does not end there."""
     return [
         f"{table.where(first, key)}: no line ends at the first waypoint of a contour, so its "

@@ -7,7 +7,7 @@ from armcontour.io.exports.exporting import (
     refuse_unknown_outputs,
     write_table,
 )
-from armcontour.io.exports.table import Table, tabulated
+from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.template import templates
 from armcontour.io.exports.text import csv_text
 
@@ -18,7 +18,7 @@ __all__ = [
     "export",
     "formats",
     "refuse_unknown_outputs",
-    "tabulated",
+    "make_table",
     "templates",
     "write_table",
 ]

@@ -8,9 +8,9 @@ from typing import Any
 
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.io.exports.placing import put
+from armcontour.io.exports.destination import put
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
-from armcontour.io.exports.table import Table, tabulated
+from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.tables import write_csv, write_npz, write_parquet
 from armcontour.io.exports.template import write_template
 from armcontour.io.exports.urscript import write_urscript
@@ -77,7 +77,7 @@ def export(
     """
     place = FilePath(file)
     kind = chosen_format(place, format, template)
-    table = tabulated(
+    table = make_table(
         data,
         name=place.stem if name is None else name,
         arm=arm,

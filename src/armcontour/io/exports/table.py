@@ -58,7 +58,7 @@ class Table:
         for name in ("t", "q", "dq", "ddq", "tool"):
             if getattr(self, name) is not None:
                 values = _checks.numbers(f"{name} of {self.name!r}", getattr(self, name))
-                object.__setattr__(self, name, _checks.locked(values))
+                object.__setattr__(self, name, _checks.lock_floats(values))
         _checks.positive("period", self.period, "s")
         self._check_shapes()
         self._check_names()
@@ -136,7 +136,7 @@ class Table:
         return [int(i) for i in found]
 
 
-def tabulated(
+def make_table(
     data: TaughtData | Trajectory,
     *,
     name: str,
@@ -199,7 +199,7 @@ def tabulated(
         q=samples.q,
         dq=samples.dq if derivatives > 0 else None,
         ddq=samples.ddq if derivatives > 1 else None,
-        events=tuple(_shifted(x, -start) for x in events),
+        events=tuple(_shift_event(x, -start) for x in events),
         tool=None if arm is None else arm.forward(samples.q),
         start_time=start,
     )
@@ -228,7 +228,7 @@ def _set_points(taught: TaughtData, period: float | None) -> Samples:
     return Samples(t=t, q=q, dq=dq, ddq=spline(t, 2))
 
 
-def _shifted(event: TimedEvent, by: float) -> TimedEvent:
+def _shift_event(event: TimedEvent, by: float) -> TimedEvent:
     return dataclasses.replace(event, t=event.t + by, due=event.due + by) if by else event
 
 

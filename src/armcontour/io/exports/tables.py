@@ -29,7 +29,7 @@ def csv_of(table: Table) -> str:
     lines = text.rstrip("\n").split("\n")
     cells = _event_cells(table)
     rows = [
-        f"{line},{_quoted(cell) if cell else ''}"
+        f"{line},{_quote(cell) if cell else ''}"
         for line, cell in zip(lines[1:], cells, strict=True)
     ]
     return "\n".join([f"{lines[0]},events", *rows]) + "\n"
@@ -124,6 +124,6 @@ def _event_cells(table: Table) -> list[str]:
     return cells
 
 
-def _quoted(cell: str) -> str:
+def _quote(cell: str) -> str:
     needed = any(x in cell for x in ',"')
     return '"' + cell.replace('"', '""') + '"' if needed else cell

@@ -84,7 +84,7 @@ def _merged(table: Table, outputs: Mapping[str, int], point: str, last: str) -> 
         yield from filled(point, table.q[done : min(before, count)])
         if before > max(done, count):
             yield _held(last, (before - max(done, count)) * table.period)
-        yield _switched(event, outputs)
+        yield _set_output(event, outputs)
         done = max(done, before)
     yield from filled(point, table.q[done:])
     yield _held(last, HOLD)
@@ -94,7 +94,7 @@ def _held(last: str, duration: float) -> str:
     return f"  servoj([{last}], 0, 0, {duration:.12g}, lookahead, gain)\n"
 
 
-def _switched(event: TimedEvent, outputs: Mapping[str, int]) -> str:
+def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     words, at = event_words(event), f"  # {event_words(event)} at {FIXED % event.t} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"

@@ -17,7 +17,7 @@ GAP = np.array([np.nan])
 def planned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
     """Arc length of all contours and planned tool speed there, with gaps (NaN) between contours."""
     s, speed = [], []
-    for _, motion, _, offset in _followed(result):
+    for _, motion, _, offset in _list_followed(result):
         t = motion.breaks
         s += [offset + motion.s(t), GAP]
         speed += [motion.s(t, 1), GAP]
@@ -28,7 +28,7 @@ def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArr
     """Times, arc lengths and assigned velocity as steps; None where none is assigned."""
     most = np.inf if result.run.limits.speed is None else result.run.limits.speed
     found = []
-    for path, motion, begin, offset in _followed(result):
+    for path, motion, begin, offset in _list_followed(result):
         times, places = begin + motion.breaks, motion.s(motion.breaks)
         middle = (places[:-1] + places[1:]) / 2
         value = np.fmin(path.speeds[path.locate(middle)], most)
@@ -44,7 +44,7 @@ def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArr
     return t, s, np.concatenate([y for x in found for y in (np.repeat(x[2], 2), GAP)])
 
 
-def _followed(result: RunResult) -> list[Followed]:
+def _list_followed(result: RunResult) -> list[Followed]:
     """Everything that is followed, in order."""
     plan = result.trajectory
     if isinstance(result.path, Path):

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.jobs import RunResult, Study, same_plan
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
-from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thinned
+from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
 
 # A run's places below the assigned velocity are listed up to this number.
@@ -100,7 +100,7 @@ def _strip(title: str, result: RunResult, why: Explanation) -> Any:
 def _speeds(result: RunResult) -> list[Any]:
     """Planned and assigned tool speed along the path, or along all contours."""
     planned = planned_speeds(result)
-    s, speed = thinned(planned[0], planned[1] * 1e3)
+    s, speed = thin(planned[0], planned[1] * 1e3)
     found = [line(s, speed, "planned tool speed", "#000000")]
     assigned = assigned_speeds(result)
     if assigned is None:
@@ -109,7 +109,7 @@ def _speeds(result: RunResult) -> list[Any]:
     name = "assigned velocity"
     if np.ptp(values) <= SAME_SPEED * values.max():
         name += f" {values[0]:.6g} mm/s"
-    s, value = thinned(assigned[1], assigned[2] * 1e3)
+    s, value = thin(assigned[1], assigned[2] * 1e3)
     return [*found, line(s, value, name, PATH_COLOUR, dash="dash", width=1)]
 
 

@@ -16,7 +16,7 @@ from armcontour.report.style import (
     RUN_COLOURS,
     finish,
     line,
-    thinned,
+    thin,
 )
 
 
@@ -158,7 +158,7 @@ def _held(found: Certificate) -> Any:
     held, figure = found.held, go.Figure()
     middle = (held.cells[:-1] + held.cells[1:]) / 2
     for j, name in enumerate(found.job.arm.joint_names):
-        s, left = thinned(middle, held.share[:, j])
+        s, left = thin(middle, held.share[:, j])
         figure.add_trace(line(s, left * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
     figure.update_xaxes(title="arc length [m]")
     figure.update_yaxes(title="acceleration limit left [%]")
@@ -169,7 +169,7 @@ def _error(found: Certificate) -> Any:
     import plotly.graph_objects as go
 
     error = found.evaluation.contour_error
-    t, values = thinned(error.t, error.values)
+    t, values = thin(error.t, error.values)
     figure = go.Figure(line(t, values * 1e3, "nominal robot", EXECUTED_COLOUR, width=1.2))
     allowed = found.budget.servo_allowed * 1e3
     ends = [0.0, float(t[-1])]

@@ -13,10 +13,10 @@ from armcontour.jobs import RunResult, Study
 from armcontour.jobs.quantities import (
     Torques,
     applied_torques,
-    assumed,
+    assumed_numbers,
 )
 from armcontour.motion import Execution
-from armcontour.report.planned import looked_at, torques_of
+from armcontour.report.planned import torque_notes, torques_of
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -25,7 +25,7 @@ from armcontour.report.style import (
     PLANNED_COLOUR,
     finish,
     line,
-    thinned,
+    thin,
 )
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
@@ -64,7 +64,7 @@ def torques(study: Study) -> Section | None:
     known = [(name, x, plan) for name, x, plan in found if plan is not None]
     if not known:
         return None
-    rests_on = assumed(study.job.arm)
+    rests_on = assumed_numbers(study.job.arm)
     return Section(
         key="torques",
         title="Drive torques",
@@ -74,7 +74,7 @@ def torques(study: Study) -> Section | None:
         ),
         figures=tuple(_torques(name, x, plan) for name, x, plan in known),
         notes=(
-            *looked_at([x for _, x, _ in known]),
+            *torque_notes([x for _, x, _ in known]),
             *((f"About the masses: {rests_on}",) if rests_on else ()),
         ),
     )
@@ -100,7 +100,7 @@ def _figure(name: str, result: RunResult) -> Any:
         for j in range(n):
             place = {"row": j + 1, "col": order + 1}
             for label, (t, values, look) in curves.items():
-                few, y = thinned(t, values[:, j], most=MOST_POINTS)
+                few, y = thin(t, values[:, j], most=MOST_POINTS)
                 first = order == 0 and j == 0
                 figure.add_trace(
                     line(
@@ -213,7 +213,7 @@ def _table(name: str, result: RunResult) -> Table:
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
     amounts = [
         (np.abs(done.dq).max(axis=0), limits.joint_velocity),
-        _accelerated(done.ddq, limits),
+        _worst_accelerations(done.ddq, limits),
     ]
     if plan is not None:
         header.append("planned torque [N m]")
@@ -226,7 +226,7 @@ def _table(name: str, result: RunResult) -> Table:
     return Table(header=tuple(header), rows=tuple(rows), caption=f"Run {name}: largest amounts")
 
 
-def _accelerated(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray | None]:
+def _worst_accelerations(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray | None]:
     """Largest amounts, in the direction that uses more of its limit, and that limit."""
     if limits.joint_acceleration is None:
         return np.abs(ddq).max(axis=0), None
@@ -273,7 +273,7 @@ def _torques(name: str, result: RunResult, plan: Torques) -> Any:
     for j in range(len(names)):
         place = {"row": j // 2 + 1, "col": j % 2 + 1}
         for label, (found, look) in curves.items():
-            t, y = thinned(found.t, found.values[:, j], most=2 * MOST_POINTS)
+            t, y = thin(found.t, found.values[:, j], most=2 * MOST_POINTS)
             figure.add_trace(
                 line(
                     t,

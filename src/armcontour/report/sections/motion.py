@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.jobs import RunResult, Study
-from armcontour.jobs.quantities import assumed
+from armcontour.jobs.quantities import assumed_numbers
 from armcontour.program import Program
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.sections.along import assigned_speeds
@@ -21,9 +21,9 @@ from armcontour.report.style import (
     line,
     run_colours,
     run_widths,
-    shaded,
+    shade,
     switching_labels,
-    thinned,
+    thin,
 )
 
 # What is smaller than this on the logarithmic axis of errors is drawn there [mm].
@@ -43,7 +43,7 @@ def tool_speed(study: Study) -> Section:
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         x = result.execution
-        t, speed = thinned(x.t, x.tool_speed * 1e3)
+        t, speed = thin(x.t, x.tool_speed * 1e3)
         figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
     for trace in _assigned(study):
         figure.add_trace(trace)
@@ -68,7 +68,7 @@ def tool_speed(study: Study) -> Section:
             f" Assigned velocities hold along contours; {where} rapids run at the limits of the "
             "joints."
         )
-        shaded(figure, rapids, 1, RAPID_SHADE)
+        shade(figure, rapids, 1, RAPID_SHADE)
     if marked is not None:
         switching_labels(figure, marked.trajectory.switching_points)
         text += f" Dotted lines are the switching points of the run {marked.run.name}."
@@ -89,7 +89,7 @@ def _assigned(study: Study) -> list[Any]:
         assigned = assigned_speeds(result) if isinstance(result.path, Program) else None
         if assigned is not None:
             label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
-            t, value = thinned(assigned[0], assigned[2] * 1e3)
+            t, value = thin(assigned[0], assigned[2] * 1e3)
             found.append(line(t, value, label, LIMIT_COLOUR, dash="dash", width=1))
     return found
 
@@ -127,12 +127,12 @@ def contour_error(study: Study) -> Section:
     colours = run_colours(study.runs)
     for name, result in study.runs.items():
         e = result.evaluation.contour_error
-        t, values = thinned(e.t, e.values * 1e3)
+        t, values = thin(e.t, e.values * 1e3)
         label = f"{name}: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
         figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
         if result.experiment is not None:
             e = result.experiment.evaluation.contour_error
-            t, values = thinned(e.t, e.values * 1e3)
+            t, values = thin(e.t, e.values * 1e3)
             label = f"{name}, experiment: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
             look = {"dash": EXPERIMENT_DASH, "width": 1.5}
             values = np.maximum(values, SMALLEST_ERROR)
@@ -146,7 +146,7 @@ def contour_error(study: Study) -> Section:
             " Dotted: the experiment, the same set-points on the arm's rigid bodies, whose drives "
             "nobody tuned to the job."
         )
-        rests_on = assumed(study.job.arm)
+        rests_on = assumed_numbers(study.job.arm)
         notes = (f"About the masses of the experiment: {rests_on}",) if rests_on else ()
     return Section(
         key="contour-error",
@@ -190,8 +190,8 @@ def _accelerations(name: str, result: RunResult) -> Any:
     planned = result.trajectory(every, 2)
     for j, joint in enumerate(names):
         row = {"row": j + 1, "col": 1}
-        t, ddq = thinned(x.t, x.ddq[:, j])
-        t_plan, asked = thinned(every, planned[:, j])
+        t, ddq = thin(x.t, x.ddq[:, j])
+        t_plan, asked = thin(every, planned[:, j])
         first = j == 0
         figure.add_trace(
             line(t, ddq, "executed", EXECUTED_COLOUR, showlegend=first, legendgroup="executed"),
@@ -210,7 +210,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
             ),
             **row,
         )
-        shaded(figure, find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
+        shade(figure, find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
         for bound in bounds[np.isfinite(bounds[:, j]), j].tolist():
             figure.add_hline(y=bound, line={"color": LIMIT_COLOUR, "width": 1}, **row)
         figure.update_yaxes(title=f"{joint} [rad/s²]", **row)

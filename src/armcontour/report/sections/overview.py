@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import permutations
 
 from armcontour.jobs import RunResult, Study, same_plan
-from armcontour.jobs.quantities import assumed
+from armcontour.jobs.quantities import assumed_numbers
 from armcontour.program import Program
 from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
@@ -29,7 +29,7 @@ def overview(study: Study) -> Section:
             "on the simulated servo with its acceleration limit."
         ),
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
-        tables=(_compared(study),) if many else (),
+        tables=(_compare(study),) if many else (),
         notes=(
             *(x for y in study.runs.values() for x in few(y.warnings, f"warnings of {y.run.name}")),
             *(
@@ -38,12 +38,12 @@ def overview(study: Study) -> Section:
                 if result.failure is not None
             ),
             *_worse_on_bodies(study),
-            *((MASSES,) if many and assumed(study.job.arm) else ()),
+            *((MASSES,) if many and assumed_numbers(study.job.arm) else ()),
         ),
     )
 
 
-def _compared(study: Study) -> Table:
+def _compare(study: Study) -> Table:
     """A row for every run, and a column for every figure that any of them has."""
     found = {name: {x.label: x.value for x in _tiles(y)} for name, y in study.runs.items()}
     labels = list(dict.fromkeys(label for values in found.values() for label in values))
@@ -87,7 +87,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="contour error, RMS",
             value=f"{e.contour_error.rms * 1e3:.4f} mm",
-            note=f"over {_judged(result):.2f} s" + (" on contours" if e.contours else ""),
+            note=f"over {_judged_time(result):.2f} s" + (" on contours" if e.contours else ""),
         ),
         Tile(
             label="contour error, largest",
@@ -124,7 +124,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
     return (*tiles, *_torque(result), *_experiment(result))
 
 
-def _judged(result: RunResult) -> float:
+def _judged_time(result: RunResult) -> float:
     """Time that errors cover [s]: of a program, that of its contours."""
     e = result.evaluation
     return sum(float(x.t[-1] - x.t[0]) for x in e.contours) if e.contours else e.until
@@ -171,7 +171,7 @@ def _experiment(result: RunResult) -> list[Tile]:
 
 
 def _rests(result: RunResult) -> str:
-    return "; masses: see Drive torques" if assumed(result.execution.arm) else ""
+    return "; masses: see Drive torques" if assumed_numbers(result.execution.arm) else ""
 
 
 def _ratio(value: float) -> str:

@@ -10,7 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.program import Program
-from armcontour.report.outline import DRAWN_PLACES, drawn, outlines, simplified
+from armcontour.report.outline import DRAWN_PLACES, outline_points, outlines, simplify
 from armcontour.report.section import Section, marked_run
 from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
@@ -33,7 +33,7 @@ def paths(study: Study) -> Section | None:
     if study.job.path.dimension != 2:
         return None
     enlarged = corners(study)
-    objective = drawn(objective_of(study))
+    objective = outline_points(objective_of(study))
     beside = bool(enlarged) and _tall(objective)
     return Section(
         key="paths",
@@ -87,7 +87,7 @@ def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
         return q[:: max(1, len(q) // 2000)], plan(np.linspace(0, plan.duration, DRAWN_TIMES))
     times = np.linspace(0, plan.duration, min(MOST_TIMES, max(DRAWN_TIMES, len(q))))
     planned = plan(times)
-    of_q, of_plan = simplified([q, planned])
+    of_q, of_plan = simplify([q, planned])
     return q[of_q], planned[of_plan]
 
 
@@ -96,7 +96,7 @@ def objective_of(study: Study) -> Path | Program:
     return next(iter(study.runs.values())).objective
 
 
-def _executed(result: RunResult) -> FloatArray:
+def _executed_tool(result: RunResult) -> FloatArray:
     """Where the tool was; of a program, along its contours."""
     done, path = result.execution, result.path
     if isinstance(path, Path):
@@ -124,7 +124,7 @@ def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
     )
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
-        tool = _executed(result) * 1e3
+        tool = _executed_tool(result) * 1e3
         figure.add_trace(line(tool[:, 0], tool[:, 1], name, colours[name], width=widths[name]))
     marked = marked_run(study)
     if marked is not None:

@@ -170,13 +170,13 @@ def _cells(
         "from [s]": f"{span.work[0]:.3f}",
         "time [s]": f"{time:.3f}",
         "mean [mm/s]": f"{length / time * 1e3:.2f}",
-        "as assigned": _assigned(contour, span, most),
+        "as assigned": _assigned_share(contour, span, most),
         "RMS error [mm]": f"{error.rms * 1e3:.4f}",
         "largest [mm]": f"{error.max * 1e3:.4f}",
     }
 
 
-def _assigned(contour: Contour, span: Span, most: float) -> str:
+def _assigned_share(contour: Contour, span: Span, most: float) -> str:
     """Share of a contour's length at work that is run at the assigned velocity."""
     assert span.trajectory is not None
     times = span.trajectory.breaks

@@ -234,14 +234,13 @@ def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], st
         groups.setdefault((x.name, kind), []).append(x)
     names = list(dict.fromkeys(name for name, _ in groups))
     traces = [
-        _marked(name, kind, found, names.index(name), flat)
-        for (name, kind), found in groups.items()
+        _mark(name, kind, found, names.index(name), flat) for (name, kind), found in groups.items()
     ]
     told = f"In the picture only every {ordinal(every)} event is marked." if every > 1 else ""
     return traces, told
 
 
-def _marked(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) -> Any:
+def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) -> Any:
     import plotly.graph_objects as go
 
     points = np.array([x.point for x in events]) * 1e3

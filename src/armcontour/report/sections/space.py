@@ -14,7 +14,7 @@ from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
 from armcontour.program import Program
-from armcontour.report.outline import DRAWN_PLACES, drawn, simplified
+from armcontour.report.outline import DRAWN_PLACES, outline_points, simplify
 from armcontour.report.section import Section
 from armcontour.report.sections.corners import DASHES, corners, rounded_paths
 from armcontour.report.sections.paths import objective_of
@@ -71,10 +71,12 @@ def _path(study: Study) -> Any:
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    objective = drawn(objective_of(study)) * 1e3
+    objective = outline_points(objective_of(study)) * 1e3
     figure.add_trace(line_in_space(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
     for (name, path), dash in zip(_rounded(study).items(), cycle(DASHES), strict=False):
-        figure.add_trace(line_in_space(drawn(path) * 1e3, name, "#000000", width=3, dash=dash))
+        figure.add_trace(
+            line_in_space(outline_points(path) * 1e3, name, "#000000", width=3, dash=dash)
+        )
     for points, name, colour in _sticks(study):
         figure.add_trace(line_in_space(points, name, colour, width=3))
     static = len(figure.data)
@@ -146,7 +148,7 @@ def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArra
     """Which results of a contour show its shape."""
     tool = execution.arm.forward(execution.q[begin:end])
     each = max(4, MOST_OF_PROGRAM // contours)
-    return begin + simplified([tool], each, even=max(1, each // 4))[0]
+    return begin + simplify([tool], each, even=max(1, each // 4))[0]
 
 
 def _followed(execution: Execution, path: Path | Program) -> list[tuple[Path, int, int]]:
@@ -179,7 +181,7 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     if not hasattr(arm, "pose"):
         return []
     points, axes = arm.pose(_along(result))
-    outline = drawn(result.path)
+    outline = outline_points(result.path)
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
     # The tool is behind its point: its axis goes from the arm to the work.
     found = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
@@ -213,7 +215,7 @@ def _arm(study: Study) -> Any:
     last = min(last, max(x.evaluation.until for x in study.runs.values()))
     times = np.linspace(0, last, FRAMES)
     arms = {name: _links(x.execution, times) for name, x in study.runs.items()}
-    path = drawn(objective_of(study)) * 1e3
+    path = outline_points(objective_of(study)) * 1e3
     figure = go.Figure(data=[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
     for i, (name, links) in enumerate(arms.items()):
         trace = line_in_space(links[0], name, colours[name], width=9)

@@ -15,7 +15,7 @@ from armcontour.report.style import (
     line,
     run_colours,
     run_widths,
-    thinned,
+    thin,
 )
 
 # The axis of angular speeds goes as far as this at least [deg/s].
@@ -33,7 +33,7 @@ def angular_speeds(study: Study) -> list[Any]:
         speed = angular_speed(result.execution)
         if speed is None:
             return []
-        t, values = thinned(result.execution.t, np.degrees(speed))
+        t, values = thin(result.execution.t, np.degrees(speed))
         figure.add_trace(line(t, values, name, colours[name], width=widths[name]))
         if result.run.limits.angular_speed is not None:
             longest = limits.get(result.run.limits.angular_speed, 0.0)
@@ -63,7 +63,7 @@ def orientation_errors(study: Study) -> list[Any]:
             e = evaluation.orientation_error
             if e is None:
                 continue
-            t, values = thinned(e.t, np.degrees(e.values))
+            t, values = thin(e.t, np.degrees(e.values))
             label += f": largest {np.degrees(e.max):.4f} deg"
             figure.add_trace(line(t, values, label, colours[name], dash=dash))
     if not figure.data:

@@ -23,7 +23,7 @@ DIRECTIONS = 32
 PARALLEL = 1e-9
 
 
-def oriented(arm: Arm) -> SerialArm:
+def require_orientation(arm: Arm) -> SerialArm:
     """The arm, if its tool has an orientation.
 
     Raises:
@@ -43,7 +43,7 @@ def turning_of(arm: Arm) -> Sampled:
     Raises:
         InvalidInput: The arm's tool has no orientation.
     """
-    tool = oriented(arm)
+    tool = require_orientation(arm)
 
     def turning(q: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
         rate, bend = tool.tool_twist(q, first), tool.tool_twist_rate(q, first, second)

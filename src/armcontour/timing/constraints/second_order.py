@@ -43,8 +43,8 @@ class SecondOrder(Constraint):
     ) -> None:
         self.name = name
         self.coefficients = coefficients
-        self.low = _checks.locked(low)
-        self.high = _checks.locked(high)
+        self.low = _checks.lock_floats(low)
+        self.high = _checks.lock_floats(high)
         if self.low.shape != self.high.shape or not (self.low <= self.high).all():
             raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
         self.joints = joints

@@ -135,7 +135,7 @@ def pieces_of(circle: Circle, turns: int) -> list[Piece]:
     """
     x = circle
     if x.start == x.end:
-        last = [_centred(x, 2 * math.pi)]
+        last = [_arc_around(x, 2 * math.pi)]
     elif x.sweep > NEARLY_FULL and _foot_is_off(x) > REPEATED_POINT:
         last = _two(x)
     else:
@@ -165,7 +165,7 @@ def _bow(start: Point, end: Point, center: Point, turn: int) -> Piece:
     return piece
 
 
-def _centred(circle: Circle, sweep: float) -> Piece:
+def _arc_around(circle: Circle, sweep: float) -> Piece:
     """The arc around the given centre, through part of the sweep."""
     x = circle
     normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
@@ -185,7 +185,7 @@ def _centred(circle: Circle, sweep: float) -> Piece:
 def _two(circle: Circle) -> list[Piece]:
     """Half the sweep around the given centre, then an arc with the same tangent to the end."""
     x = circle
-    first = _centred(x, x.sweep / 2)
+    first = _arc_around(x, x.sweep / 2)
     ex = (first.end[0] - x.center[0]) / x.radius
     ey = (first.end[1] - x.center[1]) / x.radius
     along = (x.end[0] - x.center[0]) * ex + (x.end[1] - x.center[1]) * ey

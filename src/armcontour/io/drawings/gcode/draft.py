@@ -195,7 +195,7 @@ def _contour(chain: Chain, dimension: int, source: str) -> Contour:
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
-    return Contour(path=path, name=f"line {chain.line}", events=events, begun=True)
+    return Contour(path=path, name=f"line {chain.line}", events=events, keep_start=True)
 
 
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:

@@ -103,7 +103,7 @@ def _run(
             if found is not None:
                 machine.feed_to(*found.groups())
                 continue
-            if frame.ended_by(line, machine):
+            if frame.run_line(line, machine):
                 break
             plain = machine.plain
     except Fault as fault:
@@ -127,7 +127,7 @@ class _Frame:
         self.deleted = 0
         self.first_deleted = 0
 
-    def ended_by(self, line: str, machine: Machine) -> bool:
+    def run_line(self, line: str, machine: Machine) -> bool:
         """Carries out a line; whether the program ends with it.
 
         Raises:

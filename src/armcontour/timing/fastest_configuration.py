@@ -9,7 +9,7 @@ from armcontour.errors import ArmContourError
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.timing.optimal import plan_optimal
-from armcontour.tracing import traces
+from armcontour.tracing import trace_all
 
 # Configurations are compared by plans on a grid of about so many intervals.
 ROUGHLY = 400
@@ -37,7 +37,7 @@ def trace_fastest(
         InvalidInput: A path that does not fit the arm.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    found = traces(path, arm, limits=bounds, branch=branch, start=start)
+    found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
     if len(found) == 1:
         return found[0]
     best, least = found[0], float("inf")

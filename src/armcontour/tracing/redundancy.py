@@ -56,7 +56,7 @@ class Guide:
             w: Free motions, (n, free, dof).
             stops: Those of s at which the tool stops.
         """
-        aligned = _aligned(w)
+        aligned = _align_bases(w)
         values = np.concatenate([q, aligned.reshape(len(s), -1)], axis=1)
         bounds = np.concatenate([s[:1], stops, s[-1:]])
         cuts = np.searchsorted(s, bounds)
@@ -117,16 +117,16 @@ def _curve(s: FloatArray, values: FloatArray) -> Any:
     return PPoly(c, s)
 
 
-def free_motions(arm: SerialArm, poses: FloatArray, asked: int, q: FloatArray) -> FloatArray:
-    """Joint motions that leave alone what is asked of the tool, (n, dof - asked, dof)."""
-    return np.asarray(_newton.free_motions(*arm.arrays, q, poses, asked))
+def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
+    """Joint motions that leave alone what is asked of the tool, (n, dof - task, dof)."""
+    return np.asarray(_newton.free_motions(*arm.arrays, q, poses, task))
 
 
-def smoothed(
+def smooth(
     arm: SerialArm,
     s: FloatArray,
     poses: FloatArray,
-    asked: int,
+    task: int,
     q: FloatArray,
     *,
     start_stays: bool = False,
@@ -141,7 +141,7 @@ def smoothed(
         arm: The arm.
         s: Arc lengths, (n,).
         poses: (n, 3, 4).
-        asked: What of them, as in `configurations`.
+        task: What of them, as in `configurations`.
         q: Joint positions at the poses, (n, dof).
         start_stays: Whether the first joint position is not to be moved.
         rounds: So many at most.
@@ -160,12 +160,12 @@ def smoothed(
     steps = 1 / np.sqrt(share)
     cost = _cost(arm, q, pace, steps, s)
     for _ in range(rounds):
-        w = free_motions(arm, poses, asked, q)
+        w = null_space(arm, poses, task, q)
         change = _change(arm, q, w, pace, steps, s, start_stays)
         size = float(np.abs(change).max())
         trial = q + min(1.0, LARGEST_CHANGE / max(size, 1e-12)) * change
         goal = trial.copy()
-        found, _ = _newton.newton(*arm.arrays, trial, poses, asked, w, goal)
+        found, _ = _newton.newton(*arm.arrays, trial, poses, task, w, goal)
         if not found.all():
             break
         fresh = _cost(arm, trial, pace, steps, s)
@@ -238,7 +238,7 @@ def _cost(
     return float(way + np.sum(_outside(arm, q, s)[0] ** 2))
 
 
-def _aligned(w: FloatArray) -> FloatArray:
+def _align_bases(w: FloatArray) -> FloatArray:
     """The same spaces with bases that turn as little as they can from knot to knot."""
     if w.shape[1] == 1:
         against = np.sum(w[:-1] * w[1:], axis=2) < 0

@@ -40,7 +40,7 @@ class Knots:
         """Some of the intervals."""
         return Knots(**{name: getattr(self, name)[which] for name in Knots.__slots__})
 
-    def halved(self, which: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
+    def halve(self, which: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
         """The intervals with two in the place of some.
 
         Args:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from armcontour.program.moves import Contour, Event, Move
 
 
-def switched_off_between(moves: Sequence[Move], names: Sequence[str]) -> list[Move]:
+def switch_off_between(moves: Sequence[Move], names: Sequence[str]) -> list[Move]:
     """The moves with some things off between contours, which come on again as they were.
 
     Args:
@@ -25,13 +25,15 @@ def switched_off_between(moves: Sequence[Move], names: Sequence[str]) -> list[Mo
                 state = x
                 continue
             if isinstance(x, Contour):
-                x, state = _kept_to(x, name, state)
+                x, state = _confine_switching(x, name, state)
             found.append(x)
         result = found
     return result
 
 
-def _kept_to(contour: Contour, name: str, state: Event | None) -> tuple[Contour, Event | None]:
+def _confine_switching(
+    contour: Contour, name: str, state: Event | None
+) -> tuple[Contour, Event | None]:
     """A contour with its own switching to what was on before it, and off at its end."""
     events = list(contour.events)
     own = [x for x in events if x.name == name]

@@ -21,7 +21,7 @@ SAME_HOLD = 1e-6
 MOST_SEGMENTS = 1_000_000
 
 
-def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour:
+def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
     """A closed contour that begins where it should, with its overlap.
 
     Where it begins is meant if the program leads there, or something is switched on the way; and
@@ -39,7 +39,7 @@ def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour
     """
     path, events = contour.path, contour.events
     goes_on = _goes_on(path)
-    meant = process.begin == AUTO and (contour.begun or led or bool(events) or not goes_on)
+    meant = process.begin == AUTO and (contour.keep_start or led or bool(events) or not goes_on)
     begin = _begin(path, DRAWN if meant else process.begin)
     moved = begin > REPEATED_POINT and path.length - begin > REPEATED_POINT
     if not goes_on and (moved or process.overlap > REPEATED_POINT):
@@ -51,7 +51,7 @@ def closed_as_asked(contour: Contour, process: Process, *, led: bool) -> Contour
     if moved:
         _refuse_cut_switching(contour, begin)
         path = join_paths([cut_path(path, begin, path.length), cut_path(path, 0.0, begin)])
-        events = tuple(_moved(x, begin, path.length) for x in events)
+        events = tuple(_move_event(x, begin, path.length) for x in events)
     once = path.length
     path = _gone_on(path, process.overlap)
     # What is switched at the end is so after the overlap.
@@ -114,7 +114,7 @@ def _refuse_cut_switching(contour: Contour, begin: float) -> None:
             )
 
 
-def _moved(event: Event, begin: float, length: float) -> Event:
+def _move_event(event: Event, begin: float, length: float) -> Event:
     """An event of a closed contour that begins elsewhere; what is at its ends stays there."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
         return dataclasses.replace(event, s=0.0 if event.s <= REPEATED_POINT else length)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.evaluation.corners import corner_deviations
+from armcontour.evaluation.cornering_deviations import corner_deviations
 
 RIGHT_ANGLE = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
 

@@ -21,7 +21,7 @@ G1 X20
 
 def laser(**options):
     program = read_gcode(LASER, source="laser.nc", reading=Reading())
-    return ac.prepared(program, ac.Process(**options))
+    return ac.prepare(program, ac.Process(**options))
 
 
 def states(contour, name="spindle"):

@@ -55,7 +55,7 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
     return None if last is None else last(last.length)
 
 
-def rerouted(
+def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
     """A rapid between other ends: leads and overlaps have moved those of its contours.
@@ -72,14 +72,14 @@ def rerouted(
     if (moved <= REPEATED_POINT).all():
         return rapid
     if rapid.path.curvatures.any():
-        return _prolonged(rapid.path, first, last)
+        return _prolong(rapid.path, first, last)
     points = np.array([first, *vertices[1:-1], last])
     if (np.linalg.norm(points - first, axis=1) <= REPEATED_POINT).all():
         return Rapid()
     return Rapid(path=Path.polyline(points))
 
 
-def _prolonged(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
+def _prolong(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     """A rapid that goes in arcs, with lines from and to other ends."""
     ways = ((first, path(0.0)), (path(path.length), last))
     before, after = (

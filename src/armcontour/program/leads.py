@@ -69,7 +69,9 @@ def lead_path(
     if path.orientation is None:
         return lead
     held = path.orientation(at, side=which)
-    return dataclasses.replace(lead, orientation=_held(path.orientation, held, lead, after))
+    return dataclasses.replace(
+        lead, orientation=_lead_orientation(path.orientation, held, lead, after)
+    )
 
 
 def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
@@ -90,7 +92,9 @@ def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
     return np.asarray(left if side == "left" else -left)
 
 
-def _held(orientation: Orientation, held: FloatArray, lead: Path, after: bool) -> Orientation:
+def _lead_orientation(
+    orientation: Orientation, held: FloatArray, lead: Path, after: bool
+) -> Orientation:
     """The tool held as at the end of the path, or going on to follow the tangent."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:

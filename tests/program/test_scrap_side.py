@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.geometry.cutting import reverse_path
-from armcontour.program.waste import waste_sides
+from armcontour.program.scrap_side import waste_sides
 
 UP = np.array([0.0, 0.0, 1.0])
 OUTLINE = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06), (0, 0)])
@@ -44,7 +44,7 @@ def test_arcs_of_leads_lie_in_the_waste(turned):
     paths = [reverse_path(x) if turned else x for x in (OUTLINE, HOLE)]
     lead = ac.Lead(length=4e-3, shape="arc")
     process = ac.Process(lead_in=lead, lead_out=lead, overlap=2e-3)
-    outline, hole = ac.prepared(ac.Program(moves=tuple(contours(*paths))), process).contours
+    outline, hole = ac.prepare(ac.Program(moves=tuple(contours(*paths))), process).contours
     for x in (outline, hole):
         assert x.closed
         ends = x.path([0.0, x.path.length])
@@ -57,6 +57,6 @@ def test_arcs_of_leads_lie_in_the_waste(turned):
 def test_where_it_is_resumed_the_sides_are_those_of_what_is_left():
     lead = ac.Lead(length=4e-3, shape="arc")
     program = ac.Program(moves=tuple(contours(OUTLINE, HOLE)))
-    rest = ac.prepared(program, ac.Process(lead_in=lead, from_s=OUTLINE.length))
+    rest = ac.prepare(program, ac.Process(lead_in=lead, from_s=OUTLINE.length))
     (hole,) = rest.contours
     assert np.linalg.norm(hole.path(0.0) - (0.02, 0.03)) < 0.01

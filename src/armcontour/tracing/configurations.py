@@ -12,14 +12,14 @@ from armcontour.arms import SerialArm, _newton
 from armcontour.arms.inverse import configurations, out_of_reach, seeds
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.tracing.cells import Knots
-from armcontour.tracing.guide import free_motions, smoothed
+from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
-from armcontour.tracing.ranges import left_range
+from armcontour.tracing.ranges import out_of_range
+from armcontour.tracing.redundancy import null_space, smooth
 
 # With joints to spare, so many starts are followed, and so many different ways are kept.
 MOST_STARTS = 48
-MOST_WAYS = 8
+MOST_SOLUTIONS = 8
 # Ways with joints to spare are one that nowhere differ by more than this [rad], free motions apart.
 SAME_WAY = 0.05
 # Ways with joints to spare are ranked after this many rounds of smoothing on so many knots.
@@ -42,7 +42,7 @@ BISECTIONS = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class Solution:
     """Joint positions along a path.
 
     Args:
@@ -65,16 +65,16 @@ class _Failure:
     limit: float = 0.0
 
 
-def ways(
-    path: Path, arm: SerialArm, knots: Knots, asked: int, start: FloatArray | None
-) -> list[Way]:
+def find_solutions(
+    path: Path, arm: SerialArm, knots: Knots, task: int, start: FloatArray | None
+) -> list[Solution]:
     """All ways that complete the path inside the joints' ranges, the shortest first.
 
     Args:
         path: The path.
         arm: The arm.
         knots: Intervals of the path.
-        asked: How much of each pose counts.
+        task: How much of each pose counts.
         start: Joint positions near to those to start in; None for all that there are.
 
     Raises:
@@ -82,35 +82,35 @@ def ways(
     """
     fine, at = _finer(path, knots)
     poses, s = row_of_poses(path, fine), np.append(fine.s0, path.length)
-    starts = configurations(arm, poses[0], asked, start)
+    starts = configurations(arm, poses[0], task, start)
     if len(starts) == 0:
-        _refuse_start(path, arm, poses, asked, start)
-    followed, failures = _followed(arm, poses, asked, starts[:MOST_STARTS])
+        _refuse_start(path, arm, poses, task, start)
+    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS])
     followed = [q[at] for q in followed]
     s, some = s[at], poses[at]
-    spare = asked < arm.dof
+    spare = task < arm.dof
     if spare:
-        followed = _most_promising(arm, s, some, asked, followed, start)
-    found: list[Way] = []
+        followed = _most_promising(arm, s, some, task, followed, start)
+    found: list[Solution] = []
     for i, q in enumerate(followed):
         if spare and found and i >= MOST_SMOOTHED:
             break
-        cost = 0.0 if spare else _way(arm, q)
+        cost = 0.0 if spare else _joint_distance(arm, q)
         if spare:
-            q, cost = smoothed(arm, s, some, asked, q, start_stays=start is not None)
+            q, cost = smooth(arm, s, some, task, q, start_stays=start is not None)
         fitted = _in_range(arm, q, start)
         if isinstance(fitted, _Failure):
             failures.append(dataclasses.replace(fitted, reached=int(at[fitted.reached])))
-        elif not any(_same(arm, some, asked, x.q, fitted) for x in found):
-            found.append(Way(q=fitted, cost=cost))
+        elif not any(_same(arm, some, task, x.q, fitted) for x in found):
+            found.append(Solution(q=fitted, cost=cost))
     if not found:
-        _refuse(path, arm, fine, poses, asked, max(failures, key=lambda x: x.reached))
+        _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
     found.sort(key=lambda x: x.cost)
-    return found[:MOST_WAYS] if spare else found
+    return found[:MOST_SOLUTIONS] if spare else found
 
 
-def _followed(
-    arm: SerialArm, poses: FloatArray, asked: int, starts: FloatArray
+def _follow(
+    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray
 ) -> tuple[list[FloatArray], list[_Failure]]:
     """Joint positions along all poses, from each start that leads to the end; and the others."""
     followed: list[FloatArray] = []
@@ -118,7 +118,7 @@ def _followed(
     for q0 in starts:
         q = np.empty((len(poses), arm.dof))
         q[0] = q0
-        reached = _newton.follow(*arm.arrays, poses, asked, q)
+        reached = _newton.follow(*arm.arrays, poses, task, q)
         if reached < len(poses):
             failures.append(_Failure(reached=reached, q=q[reached - 1]))
         else:
@@ -130,7 +130,7 @@ def _most_promising(
     arm: SerialArm,
     s: FloatArray,
     poses: FloatArray,
-    asked: int,
+    task: int,
     followed: list[FloatArray],
     start: FloatArray | None,
 ) -> list[FloatArray]:
@@ -138,12 +138,12 @@ def _most_promising(
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
     ranked = []
     for q in followed:
-        shifted = _shifted(arm, q)
-        rough, cost = smoothed(
+        shifted = _shift_by_turns(arm, q)
+        rough, cost = smooth(
             arm,
             s[few],
             poses[few],
-            asked,
+            task,
             shifted[few],
             start_stays=start is not None,
             rounds=ROUGH_ROUNDS,
@@ -153,18 +153,18 @@ def _most_promising(
     first: list[FloatArray] = []
     again: list[FloatArray] = []
     for _, q in ranked:
-        known = any(_same(arm, poses[: len(q)], asked, x, q) for x in first)
+        known = any(_same(arm, poses[: len(q)], task, x, q) for x in first)
         (again if known else first).append(q)
     return first + again
 
 
-def _same(arm: SerialArm, poses: FloatArray, asked: int, a: FloatArray, b: FloatArray) -> bool:
+def _same(arm: SerialArm, poses: FloatArray, task: int, a: FloatArray, b: FloatArray) -> bool:
     """Whether two ways differ by nothing, or by a motion that the tool is free to make anyway."""
     apart = b - a
-    if asked == arm.dof:
+    if task == arm.dof:
         return bool(np.abs(apart).max() < SAME_WAY)
     apart = np.pi - np.mod(np.pi - apart, 2 * np.pi)
-    w = free_motions(arm, poses, asked, a)
+    w = null_space(arm, poses, task, a)
     rest = apart - np.einsum("nik,nij,nj->nk", w, w, apart)
     return bool(np.abs(rest).max() < SAME_WAY * max(1.0, float(np.abs(apart).max())))
 
@@ -194,14 +194,14 @@ def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
     return found, at
 
 
-def _way(arm: SerialArm, q: FloatArray) -> float:
+def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
     """Time that the slowest joint takes at its largest velocity, without anything else [s]."""
     velocity = arm.limits.joint_velocity
     steps = np.abs(np.diff(q, axis=0)) / (1.0 if velocity is None else velocity)
     return float(steps.max(axis=1).sum())
 
 
-def _shifted(arm: SerialArm, q: FloatArray) -> FloatArray:
+def _shift_by_turns(arm: SerialArm, q: FloatArray) -> FloatArray:
     """The same positions, by whole turns as near to the middle of the joints' ranges as can be.
 
     Where that leaves a range with one end only, away from that end.
@@ -224,7 +224,7 @@ def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatA
     With a start given, the positions next to it are the first choice.
     """
     lower, upper = arm.limits.joint_range(arm.dof)
-    wanted = _shifted(arm, q)
+    wanted = _shift_by_turns(arm, q)
     if start is not None:
         near = q + 2 * np.pi * np.round((start - q[0]) / (2 * np.pi))
         fits = (near.min(axis=0) >= lower) & (near.max(axis=0) <= upper)
@@ -252,7 +252,7 @@ def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatA
 
 
 def _refuse_start(
-    path: Path, arm: SerialArm, poses: FloatArray, asked: int, start: FloatArray | None
+    path: Path, arm: SerialArm, poses: FloatArray, task: int, start: FloatArray | None
 ) -> None:
     """Say why the tool cannot be held at the start of the path.
 
@@ -261,7 +261,7 @@ def _refuse_start(
     """
     point = poses[0, :, 3]
     place = tuple(np.round(point, 6).tolist())
-    known = configurations(arm, poses[0], asked)
+    known = configurations(arm, poses[0], task)
     if start is not None and len(known):
         off = start - known
         off = np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))).max(axis=1)
@@ -275,9 +275,9 @@ def _refuse_start(
             limit="start",
             needed=float(off.min()),
         )
-    gap = _lack(arm, poses[0], asked, seeds(arm)[:REACH_SEEDS])
+    gap = _lack(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
     some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
-    lacks = out_of_reach(arm, poses[some], asked, seeds(arm)[:REACH_SEEDS])
+    lacks = out_of_reach(arm, poses[some], task, seeds(arm)[:REACH_SEEDS])
     worst = int(some[np.argmax(lacks)])
     more = ""
     if worst > 0 and lacks.max() > gap:
@@ -294,18 +294,18 @@ def _refuse_start(
     )
 
 
-def _lack(arm: SerialArm, pose: FloatArray, asked: int, q: FloatArray) -> float:
-    return float(out_of_reach(arm, pose[None], asked, q)[0])
+def _lack(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> float:
+    return float(out_of_reach(arm, pose[None], task, q)[0])
 
 
-def _worst_lack(arm: SerialArm, poses: FloatArray, asked: int, q: FloatArray) -> tuple[float, int]:
+def _worst_lack(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> tuple[float, int]:
     """How far the tool stays from the pose that is farthest out of reach, and which it is."""
     some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
-    lacks = out_of_reach(arm, poses[some], asked, q)
+    lacks = out_of_reach(arm, poses[some], task, q)
     widely = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-lacks)[:SOME_POSES]:
         # Another configuration may come nearer.
-        lack = 0.0 if lacks[i] <= OUT_OF_REACH else _lack(arm, poses[some[i]], asked, widely)
+        lack = 0.0 if lacks[i] <= OUT_OF_REACH else _lack(arm, poses[some[i]], task, widely)
         if lack > OUT_OF_REACH:
             return lack, int(some[i])
     return 0.0, 0
@@ -316,7 +316,7 @@ def _refuse(
     arm: SerialArm,
     knots: Knots,
     poses: FloatArray,
-    asked: int,
+    task: int,
     failure: _Failure,
 ) -> None:
     """Say where the way that comes farthest ends, and why.
@@ -328,11 +328,11 @@ def _refuse(
     i = failure.reached
     if failure.joint >= 0:
         also = f", and no other configuration of the arm {arm.name} comes farther"
-        raise left_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
+        raise out_of_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
     q = failure.q[None]
-    lack, where = _worst_lack(arm, poses[i:], asked, q)
+    lack, where = _worst_lack(arm, poses[i:], task, q)
     if lack > OUT_OF_REACH:
-        first = _end_of_reach(path, arm, knots, i - 1, asked, q)
+        first = _end_of_reach(path, arm, knots, i - 1, task, q)
         worst = poses[i + where, :, 3]
         raise Unreachable(
             f"From {first:.6g} m of {path.length:.6g} m along the path it is out of reach of the "
@@ -345,13 +345,13 @@ def _refuse(
             allowed=0.0,
         )
     jacobian = arm.twist_jacobian(failure.q)
-    turning = jacobian[3:] if asked == 6 else poses[i - 1, :, : asked - 3].T @ jacobian[3:]
+    turning = jacobian[3:] if task == 6 else poses[i - 1, :, : task - 3].T @ jacobian[3:]
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], turning]))
-    joint = int(np.argmax(np.abs(motions[asked - 1])))
+    joint = int(np.argmax(np.abs(motions[task - 1])))
     raise Unreachable(
         f"After {s[i - 1]:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
         f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
-        f"singular value {sizes[asked - 1]:.2g}): {what_helps(path)}.",
+        f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
         s=float(s[i - 1]),
         point=poses[i - 1, :, 3].tolist(),
         joint=joint + 1,
@@ -360,7 +360,7 @@ def _refuse(
 
 
 def _end_of_reach(
-    path: Path, arm: SerialArm, knots: Knots, interval: int, asked: int, q: FloatArray
+    path: Path, arm: SerialArm, knots: Knots, interval: int, task: int, q: FloatArray
 ) -> float:
     """Arc length at which an interval leaves the reach."""
     one = knots.part(np.array([interval]))
@@ -368,7 +368,7 @@ def _end_of_reach(
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         pose = poses_at(path, one, np.array([middle]))
-        if out_of_reach(arm, pose, asked, q)[0] > OUT_OF_REACH:
+        if out_of_reach(arm, pose, task, q)[0] > OUT_OF_REACH:
             high = middle
         else:
             low = middle
