@@ -392,7 +392,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(
 def test_a_spiral_of_any_length_is_drawn_in_bounded_points_that_fill_it() -> None:
     turns = np.linspace(0, 400 * np.pi, 150_000)
     spiral = Path.polyline(np.stack([turns * np.cos(turns), turns * np.sin(turns)], axis=1))
-    found = outline_points(spiral)
+    found = outline_points(Program.of(spiral))
     assert len(found) <= MOST_DRAWN + 3
     inner, outer = (np.linalg.norm(found[:-1], axis=1) < x for x in (628.0, 1300.0))
     assert outer.all() and 0.2 < inner.mean() < 0.8
