@@ -312,3 +312,19 @@ def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder: FilePath) -
         found = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
         assert len(found.name) <= 80 and found.name.isprintable()
         assert len(found.title) <= 200 and found.title.isprintable()
+
+
+def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(folder):
+    ring = [[0.3, 0.1], [0.36, 0.1], [0.33, 0.14], [0.3, 0.1]]
+    points = {**JOB, "path": {"points": ring}}
+    found = parse_job(yaml.safe_dump(points))
+    np.testing.assert_array_equal(found.single_path(0.0), ring[0])
+    moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
+    assert np.linalg.norm(moved.single_path(0.0) - ring[0]) > 0.01
+
+
+def test_errors_of_one_plain_contour_of_a_file_may_end_when_the_job_says(folder, refuses):
+    runs = {"one": {"until": "9 s"}}
+    found = job(folder, path={"file": "plain.csv"}, runs=runs)
+    assert found.runs[0].until == 9.0
+    refuses(lambda: job(folder, runs=runs), InvalidInput, "plate.yaml", "until is for a job of one")

@@ -17,7 +17,7 @@ from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import METHODS, OPTIONS, Timing
-from armcontour.timing.program_tracing import Progress, Tracing, trace_program
+from armcontour.timing.program_tracing import Progress, Step, Tracing, trace_program
 from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
 
@@ -101,10 +101,10 @@ def _trace(
         Unreachable: A place of the path is out of reach, out of a joint's range or singular.
     """
     if isinstance(path, JointPath):
-        _refuse_foreign((path,), arm, limits, branch, start)
+        _refuse_foreign((Step(move=None, joint_path=path),), arm, limits, branch, start)
         return path if path.tool_path is None else Tracing.along(path, path.tool_path)
     if isinstance(path, Tracing):
-        _refuse_foreign(path.joint_paths, arm, limits, branch, start)
+        _refuse_foreign(path.steps, arm, limits, branch, start)
         return path
     program = Program.of(path, "plan needs a Path, a JointPath or a Program")
     refuse_endless(program, limits)
@@ -230,7 +230,7 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
 
 
 def _refuse_foreign(
-    joint_paths: Sequence[JointPath],
+    steps: Sequence[Step],
     arm: Arm,
     limits: Limits,
     branch: str | None,
@@ -245,12 +245,16 @@ def _refuse_foreign(
     if not (branch is None and start is None):
         given = "start" if branch is None else "branch"
         raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
-    for x in joint_paths:
-        if x.dof != arm.dof:
+    for x in steps:
+        if x.joint_path is None:
+            continue
+        if x.joint_path.dof != arm.dof:
             raise InvalidInput(
-                f"The joint path has {x.dof} joints, but the arm {arm.name} has {arm.dof}."
+                f"The joint path has {x.joint_path.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}."
             )
-        refuse_out_of_range(x, limits)
+        with x.named():
+            refuse_out_of_range(x.joint_path, limits)
 
 
 def refuse_jerk(limits: Limits, ignored: bool) -> None:
