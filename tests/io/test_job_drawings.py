@@ -13,7 +13,6 @@ import yaml
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Path
 from armcontour.io import parse_job, read_job
 from armcontour.io.cell import cell_names, read_cell
 from armcontour.jobs import Job
@@ -54,20 +53,24 @@ def test_a_file_becomes_a_program_where_its_frame_lies(folder: FilePath) -> None
     assert isinstance(turned, Program)
     np.testing.assert_allclose(turned.contours[0].path(0.06), [0.3, 0.16], atol=1e-15)
     scaled = job(folder, path={"scale": 0.5, "names": ["b"]}).path
-    assert isinstance(scaled, Path)
+    assert isinstance(scaled, Program) and len(scaled.contours) == 1
     np.testing.assert_allclose(scaled.length, 0.045 + 0.5 * np.hypot(0.06, 0.03), atol=1e-15)
 
 
-def test_a_file_of_one_plain_contour_is_a_job_of_one_path(folder: FilePath) -> None:
+def test_a_file_of_one_plain_contour_is_a_job_of_one_path(
+    folder: FilePath, refuses: Callable[..., None]
+) -> None:
     plain = job(folder, path={"file": "plain.csv"})
-    assert isinstance(plain.path, Path) and plain.single_path.length == pytest.approx(0.1)
+    assert plain.single_path.length == pytest.approx(0.1)
     with_leads = job(folder, path={"file": "plain.csv"}, process={"lead_in": {"length": "5 mm"}})
-    assert isinstance(with_leads.path, Program)
+    refuses(lambda: with_leads.single_path, InvalidInput, "with what belongs to it")
     automatic = job(folder, path={"file": "plain.csv"}, process={"lead_out": {}})
-    assert isinstance(automatic.path, Program) and automatic.process.automatic
+    assert automatic.objective is None and automatic.process.automatic
+    refuses(lambda: automatic.single_path, InvalidInput, "with what belongs to it")
     points = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]]}}
     switched = parse_job(yaml.safe_dump({**points, "process": {"switch": {"name": "laser"}}}))
-    assert isinstance(switched.path, Program) and switched.process.switch is not None
+    assert switched.process.switch is not None
+    refuses(lambda: switched.single_path, InvalidInput, "with what belongs to it")
 
 
 def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
@@ -136,9 +139,9 @@ def test_space_and_plane(folder: FilePath, refuses: Callable[..., None]) -> None
     deep = {"path": {"file": "deep.ngc"}}
     refuses(lambda: job(folder, **deep), InvalidInput, "deep.ngc has z", "path.flat", "--flat")
     flat = job(folder, path={"file": "deep.ngc", "flat": True})
-    assert isinstance(flat.path, Path) and flat.path.dimension == 2
+    assert flat.single_path.dimension == flat.program.dimension == 2
     space = job(folder, **deep, arm="ur5e", corners={"tolerance": "0.2 mm"})
-    assert isinstance(space.path, Path) and space.path.dimension == 3
+    assert space.single_path.dimension == space.program.dimension == 3
     drawn = job(
         folder,
         path={"orientation": {"axis": [0, 0, -1]}, "frame": {"position": [0.4, 0, 0.1]}},
@@ -163,10 +166,9 @@ def test_a_job_file_is_a_cell_whose_own_path_gives_way(folder: FilePath) -> None
     own = {"points": [[0.0, 0.0], [1.0, 1.0]], "frame": JOB["path"]["frame"]}
     (folder / "cell.yaml").write_text(yaml.safe_dump({**JOB, "path": own}))
     found = read_cell(folder / "cell.yaml", folder / "plain.csv", path={"scale": 0.5})
-    assert isinstance(found.path, Path)
-    np.testing.assert_allclose(found.path(0.0), [0.3, 0.08])
+    np.testing.assert_allclose(found.single_path(0.0), [0.3, 0.08])
     # A unit that a column has itself is kept, but a scale is one of all lengths.
-    assert found.path.length == pytest.approx(0.05)
+    assert found.single_path.length == pytest.approx(0.05)
     (folder / "bare.yaml").write_text(
         yaml.safe_dump({key: value for key, value in JOB.items() if key != "path"})
     )
@@ -202,9 +204,9 @@ def test_files_are_looked_for_beside_the_job(
 
 def test_resuming_a_plain_file_leaves_one_path(folder: FilePath) -> None:
     rest = job(folder, path={"file": "plain.csv"}, process={"from_s": "30 mm"})
-    assert isinstance(rest.path, Path) and rest.path.length == pytest.approx(0.07)
-    np.testing.assert_allclose(rest.path(0.0), [0.33, 0.08])
-    assert ac.plan(rest.path, rest.arm, rest.runs[0].limits).duration > 0
+    assert rest.single_path.length == pytest.approx(0.07)
+    np.testing.assert_allclose(rest.single_path(0.0), [0.33, 0.08])
+    assert ac.plan(rest.single_path, rest.arm, rest.runs[0].limits).duration > 0
 
 
 def test_a_tool_that_follows_contours_does_not_follow_rapids(
@@ -232,17 +234,15 @@ def test_a_layer_of_which_names_leave_nothing_demands_nothing(folder: FilePath) 
         "x,y,contour,layer\n0,0,a,A\n0.06,0,a,A\n0,0.03,b,B\n0.06,0.03,b,B\n"
     )
     layers = {"A": {"speed": 0.02}, "B": {"speed": 0.01}}
-    path = job(folder, path={"file": "layers.csv", "layers": layers, "names": ["a"]}).path
-    assert isinstance(path, Path)
-    assert path.speeds.tolist() == [0.02]
+    found = job(folder, path={"file": "layers.csv", "layers": layers, "names": ["a"]})
+    assert found.single_path.speeds.tolist() == [0.02]
 
 
 def test_what_a_file_says_of_the_tool_goes_before_the_cell(tmp_path):
     file = tmp_path / "seam.csv"
     file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
     job = read_cell("ur5e", file, path={"units": "mm"})
-    path = job.path if isinstance(job.path, ac.Path) else job.path.contours[0].path
-    axis = path.orientation(0.0)[:, 2]
+    axis = job.single_path.orientation(0.0)[:, 2]
     np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
     assert isinstance(job.path, ac.Program)
     assert "comes from seam.csv" in job.path.notes[-1]
@@ -312,3 +312,19 @@ def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder: FilePath) -
         found = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
         assert len(found.name) <= 80 and found.name.isprintable()
         assert len(found.title) <= 200 and found.title.isprintable()
+
+
+def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(folder):
+    ring = [[0.3, 0.1], [0.36, 0.1], [0.33, 0.14], [0.3, 0.1]]
+    points = {**JOB, "path": {"points": ring}}
+    found = parse_job(yaml.safe_dump(points))
+    np.testing.assert_array_equal(found.single_path(0.0), ring[0])
+    moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
+    assert np.linalg.norm(moved.single_path(0.0) - ring[0]) > 0.01
+
+
+def test_errors_of_one_plain_contour_of_a_file_may_end_when_the_job_says(folder, refuses):
+    runs = {"one": {"until": "9 s"}}
+    found = job(folder, path={"file": "plain.csv"}, runs=runs)
+    assert found.runs[0].until == 9.0
+    refuses(lambda: job(folder, runs=runs), InvalidInput, "plate.yaml", "until is for a job of one")

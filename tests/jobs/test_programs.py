@@ -172,3 +172,53 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation() -> None:
     ] == ["tool", "x", "tool"] * 2
     assert result.explanation is not None and result.joint_path is None
     assert result.taught.trajectory is result.trajectory
+
+
+def test_runs_of_a_program_that_differ_only_in_timing_share_their_tracing() -> None:
+    one = job(Process(lead_in=Lead(length=0.01)))
+    (this,) = one.runs
+    mac = dataclasses.replace(this, name="mac", timing="mac", compensation="none")
+    slow = dataclasses.replace(this, name="slow", limits=LIMITS.replace(speed=0.02))
+    steps: list[tuple[str, str]] = []
+    runs = run(
+        dataclasses.replace(one, runs=(this, mac, slow)), progress=lambda *x: steps.append(x)
+    ).runs
+    assert runs["mac"].traced is runs["taught"].traced is not runs["slow"].traced
+    assert runs["mac"].path is runs["taught"].path
+    assert runs["mac"].trajectory.method == "mac"
+    # Only steps that something is done in are told.
+    assert [x for x in steps if x[1] in ("rounding", "tracing")] == [
+        (name, step) for name in ("taught", "slow") for step in ("rounding", "tracing")
+    ]
+
+
+def test_leads_of_automatic_length_are_found_by_every_run() -> None:
+    auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
+    assert auto.objective is None
+    (this,) = auto.runs
+    less = dataclasses.replace(this, name="less", reserve=0.5)
+    runs = run(dataclasses.replace(auto, runs=(this, less))).runs
+    assert runs["less"].path.contours[0].work[0] > runs["taught"].path.contours[0].work[0]
+
+
+def test_a_job_of_a_path_is_one_of_its_program() -> None:
+    program = Program(moves=(Contour(path=BEND),))
+    by_path = dataclasses.replace(job(Process(), Contour(path=BEND), until=3.0), path=BEND)
+    by_program = dataclasses.replace(by_path, path=program)
+    for x in (by_path, by_program):
+        assert x.program.path is x.single_path is BEND
+    first, second = (run(x).runs["taught"] for x in (by_path, by_program))
+    assert first.path.single_path is not None and first.joint_path is not None
+    np.testing.assert_array_equal(first.taught.q, second.taught.q)
+    for x in (first, second):
+        assert x.evaluation.until == 3.0 and len(x.evaluation.contours) == 1
+
+
+def test_until_is_for_one_path(refuses: Callable[..., None]) -> None:
+    led = Process(lead_in=Lead(length=0.01))
+    refuses(lambda: job(Process(), until=3.0), InvalidInput, "until is for a job of one path")
+    refuses(lambda: job(led, Contour(path=BEND), until=3.0), InvalidInput, "until")
+
+
+def test_a_process_that_does_not_fit_is_refused_at_birth(refuses: Callable[..., None]) -> None:
+    refuses(lambda: job(Process(from_s=1.0)), InvalidInput, "resumed at 1 m")

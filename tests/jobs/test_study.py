@@ -78,7 +78,7 @@ def test_run_is_all_arrows_one_by_one(job):
         found = study.runs[this.name]
         path, trajectory, taught, execution, evaluation = by_hand(job, this)
         assert found.run is this
-        np.testing.assert_array_equal(found.path.breaks, path.breaks)
+        np.testing.assert_array_equal(found.path.path.breaks, path.breaks)
         assert found.trajectory.duration == trajectory.duration
         np.testing.assert_array_equal(found.taught.q, taught.q)
         np.testing.assert_array_equal(found.execution.q, execution.q)
@@ -91,11 +91,11 @@ def test_run_is_all_arrows_one_by_one(job):
 
 def test_what_flows_is_linked(job):
     found = ac.run(job).runs["proposed"]
-    assert found.joint_path.tool_path is found.path
-    assert found.path.objective is job.path
+    assert found.joint_path.tool_path is found.path.single_path
+    assert found.path.path.objective is job.path is found.objective.path
     assert found.taught.trajectory is found.trajectory
     assert found.execution.taught is found.taught
-    np.testing.assert_allclose(found.path.corners.speed, [0.03242, 0.03044], atol=1e-5)
+    np.testing.assert_allclose(found.path.path.corners.speed, [0.03242, 0.03044], atol=1e-5)
 
 
 def test_progress_is_told_before_every_step(job):

@@ -192,3 +192,46 @@ def test_notes_of_a_program_are_printable_and_no_longer_than_a_sentence() -> Non
     program = Program(moves=(Contour(path=PLAIN),), source="a\u202eb.dxf", notes=notes)
     assert program.notes[0] == r"left out: \x1b]0;x\x07." and len(program.notes[1]) <= 2000
     assert program.source == r"a\u202eb.dxf"
+
+
+def test_a_path_becomes_a_program_that_starts_where_it_does(refuses: Callable[..., None]) -> None:
+    found = Program.of(LINE)
+    assert found.path is found.single_path is LINE and len(found.moves) == 1
+    assert Program.of(found) is found
+    ring = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.0]])
+    kept = ac.prepare(Program.of(ring), ac.Process())
+    drawn = ac.prepare(Program(moves=(Contour(path=ring),)), ac.Process())
+    assert kept.single_path is ring
+    assert np.linalg.norm(drawn.path(0.0) - ring(0.0)) > 0.01  # off the corner
+    refuses(lambda: Program.of([1, 2], "This needs a Path"), InvalidInput, "This needs", "list")  # type: ignore[arg-type]
+
+
+def test_a_single_path_has_nothing_around_it() -> None:
+    for contour in (
+        Contour(path=LINE, name="c", layer="cut"),
+        Contour(path=LINE, work=(0.0, LINE.length)),
+    ):
+        assert Program(moves=(contour,), notes=("a note",)).single_path is LINE
+        assert contour.at_work == (0.0, LINE.length)
+    plain, event = Contour(path=LINE), Event(name="tool")
+    led = Contour(path=LINE, work=(0.01, 0.1))
+    assert led.at_work == (0.01, 0.1)
+    for moves in (
+        (plain, plain),
+        (plain, Dwell(duration=1.0)),
+        (Rapid(), plain),
+        (event, plain),
+        (led,),
+        (Contour(path=LINE, work=(0.0, 0.09)),),
+        (Contour(path=LINE, events=(event,)),),
+    ):
+        assert Program(moves=moves).single_path is None
+
+
+def test_rounding_gives_back_what_it_was_given() -> None:
+    bend = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1]])
+    path = ac.round_corners(bend, tolerance=1e-3)
+    program = ac.round_corners(Program.of(bend), tolerance=1e-3)
+    assert isinstance(path, ac.RoundedPath) and isinstance(program, Program)
+    np.testing.assert_array_equal(program.path.breaks, path.breaks)
+    assert program.single_path is program.path

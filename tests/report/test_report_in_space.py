@@ -97,7 +97,8 @@ def test_errors_are_magnified_about_the_path(study: Study) -> None:
         result = study.runs[found.name.removesuffix(", experiment")]
         at = {k: np.array([buttons[f"{k}×"][0][c][i] for c in "xyz"]).T for k in MAGNIFICATIONS}
         np.testing.assert_allclose([found.x, found.y, found.z], at[1].T, atol=1e-3)
-        nearest = result.path(result.path.project(at[1] * 1e-3).s) * 1e3
+        path = result.path.path
+        nearest = path(path.project(at[1] * 1e-3).s) * 1e3
         for k in (10, 100):
             np.testing.assert_allclose(at[k] - nearest, k * (at[1] - nearest), atol=k * 2e-4)
         # The largest error is among what is drawn.
@@ -136,7 +137,7 @@ def test_the_tools_axes_are_drawn_along_the_path(study: Study) -> None:
 
 def test_corners_are_shown_in_their_own_plane(study: Study) -> None:
     (figure,) = corners(study)
-    path = study.runs["plain"].path
+    path = study.runs["plain"].path.path
     rounded = trace(figure, "rounded path")
     nearest = np.hypot(rounded.x, rounded.y).min()
     assert nearest == pytest.approx(path.corners.error[0] * 1e3, rel=1e-2)  # type: ignore[attr-defined]

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armcontour.geometry import Path
+from armcontour.geometry import Demand, Line, Path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
 from armcontour.jobs import Study, run
@@ -392,7 +392,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(
 def test_a_spiral_of_any_length_is_drawn_in_bounded_points_that_fill_it() -> None:
     turns = np.linspace(0, 400 * np.pi, 150_000)
     spiral = Path.polyline(np.stack([turns * np.cos(turns), turns * np.sin(turns)], axis=1))
-    found = outline_points(spiral)
+    found = outline_points(Program.of(spiral))
     assert len(found) <= MOST_DRAWN + 3
     inner, outer = (np.linalg.norm(found[:-1], axis=1) < x for x in (628.0, 1300.0))
     assert outer.all() and 0.2 < inner.mean() < 0.8
@@ -464,3 +464,17 @@ def test_the_sample_drawings_are_what_their_script_writes(tmp_path: FilePath) ->
             np.testing.assert_allclose(one.path.lengths, other.path.lengths, atol=1e-12)
         if made.suffix != ".dxf":  # whose bytes depend on the version of ezdxf
             assert made.read_bytes() == (DRAWINGS / made.name).read_bytes()
+
+
+def test_a_single_path_shows_the_velocities_of_its_segments(study: Study) -> None:
+    lines = [((0.30, 0.15), (0.33, 0.15), 0.02), ((0.33, 0.15), (0.36, 0.15), 0.03)]
+    path = Path.from_segments(
+        [Line(start=a, end=b, demand=Demand(speed=speed)) for a, b, speed in lines]
+    )
+    job = dataclasses.replace(study.job, path=path, process=Process())
+    found = run(job)
+    assert sections.program(found) is None
+    section = sections.tool_speed(found)
+    assigned = traces(section.figures[0])["assigned velocity"]
+    assert sorted(set(np.round(assigned.y, 4))) == [20.0, 30.0]
+    assert "rapids" not in section.text

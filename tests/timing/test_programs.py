@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -27,6 +28,7 @@ from armcontour.program import (
     prepare,
     round_corners,
 )
+from armcontour.timing import trace_program
 
 PMK3S = ac.load_arm("pmk3s")
 UR5E = ac.load_arm("ur5e")
@@ -531,3 +533,61 @@ def test_a_dwell_before_every_contour_gives_time_to_what_leads():
     assert [x.kind for x in planned.spans] == ["dwell", "contour"]
     first = planned.events[0]
     assert (first.t, first.due) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.4))
+
+
+@pytest.mark.parametrize("method", ["optimal", "mac", "conventional"])
+def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method: str) -> None:
+    path = ac.round_corners(BEND, tolerance=1e-3)
+    program = Program(moves=(Contour(path=path),))
+    traced = trace_program(program, PMK3S, IN_PLANE)
+    plans = [
+        ac.plan(x, PMK3S, IN_PLANE, method=method)
+        for x in (path, program, ac.trace(path, PMK3S), traced)
+    ]
+    t = np.linspace(0, plans[0].duration, 500)
+    for x in plans:
+        assert x.duration == plans[0].duration and x.path is path
+        assert [y.name for y in x.stretches] == [y.name for y in plans[0].stretches]
+        for order in (0, 1, 2):
+            np.testing.assert_array_equal(x(t, order), plans[0](t, order))
+        (span,) = x.spans
+        assert span.t == span.work == (0.0, x.duration) and span.s == (0.0, path.length)
+
+
+def test_options_of_one_path_hold_for_a_program_of_one() -> None:
+    program = Program(moves=(Contour(path=BEND),))
+    options = {"start_speed": 0.02, "end_speed": 0.01}
+    found = ac.plan(program, PMK3S, IN_PLANE, **options)
+    alone = ac.plan(BEND, PMK3S, IN_PLANE, **options)
+    assert found.duration == alone.duration
+    np.testing.assert_allclose(found.speed_at([0.0, BEND.length], side="left")[1], 0.01)
+    np.testing.assert_allclose(found.s(0.0, 1), 0.02)
+
+
+def test_a_traced_program_is_timed_again_without_tracing(
+    monkeypatch: pytest.MonkeyPatch, refuses: Callable[..., None]
+) -> None:
+    program = prepare(Program(moves=(Contour(path=SQUARE), Contour(path=BEND))), AROUND)
+    traced = trace_program(program, PMK3S, IN_PLANE)
+    whole = ac.plan(program, PMK3S, IN_PLANE, reserve=0.2)
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("traced again")
+
+    tracing = sys.modules["armcontour.timing.program_tracing"]
+    monkeypatch.setattr(tracing, "trace_fastest", never)
+    monkeypatch.setattr(tracing, "trace", never)
+    again = ac.plan(traced, PMK3S, IN_PLANE, reserve=0.2)
+    assert again.duration == whole.duration and again.events == whole.events
+    assert [x.t for x in again.spans] == [x.t for x in whole.spans]
+    narrow = IN_PLANE.replace(joint_upper=traced.joint_paths[0](0.0) + 0.01)
+    refuses(lambda: ac.plan(traced, PMK3S, narrow), Unreachable, "contour 1:", "upper limit")
+    refuses(lambda: ac.plan(traced, UR5E), InvalidInput, "2 joints", "6")
+    refuses(lambda: ac.plan(traced, PMK3S, branch="negative"), InvalidInput, "branch")
+
+
+def test_tracing_tells_how_many_contours_are_done() -> None:
+    told: list[tuple[int, int]] = []
+    program = Program(moves=(Contour(path=BEND), Rapid(), Contour(path=SQUARE)))
+    trace_program(program, PMK3S, IN_PLANE, progress=lambda *x: told.append(x))
+    assert told == [(1, 2), (2, 2)]

@@ -143,12 +143,12 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
 def _events_of(job: Job) -> list[Event]:
     """What a job switches, each name and value once."""
-    from armcontour.program import Contour, Event, Program
+    from armcontour.program import Contour, Event
 
     found = list(job.process.events)
     if job.process.switch is not None:
         found += [Event(name=job.process.switch.name, value=x) for x in (True, False)]
-    for move in job.path.moves if isinstance(job.path, Program) else ():
+    for move in job.program.moves:
         if isinstance(move, Event):
             found.append(move)
         elif isinstance(move, Contour):

@@ -182,7 +182,7 @@ def check(
             "contour, or none."
         )
     spans: Any = getattr(samples, "spans", ())
-    if path is None and spans:
+    if path is None and any(x.kind != "contour" for x in spans):
         more: dict[str, Any] = {"velocity_step": velocity_step, "points": points, "seed": seed}
         return _of_program(samples, arm, limits, tolerance=tolerance, **more)
     dof = arm.dof

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -61,7 +62,7 @@ class Evaluation:
         demand_ratio: The largest share of the limit in its direction that each joint was asked
             for; 0 for a joint without one, (dof,).
         saturated: Share of the time for which each joint was saturated, (dof,).
-        contours: Of a program: the contour error of every contour, in order.
+        contours: The contour error of every contour, in order.
     """
 
     duration: float
@@ -100,7 +101,7 @@ def evaluate(
 
     Errors are weighted by time, from the first set-point to `until`; after its end the execution
     stands still. Of a program, every contour is judged for as long as the process is planned to be
-    at work on it, and nothing between contours.
+    at work on it, and nothing between contours; a single path with nothing around it to its end.
 
     Args:
         executed: What the joints did.
@@ -108,57 +109,71 @@ def evaluate(
         objective: The same before rounding; gives `objective_error` and the corners.
         limits: By default the arm's own.
         until: End of the time that errors cover [s]; by default when the planned motion has ended
-            and the tool is at rest. A program takes none.
+            and the tool is at rest. A program of more than one path takes none.
 
     Raises:
         InvalidInput: A path of another dimension than the arm's, a time that is not above zero, or
             a program that was not planned.
     """
-    if not isinstance(executed, Execution) or not isinstance(path, Path | Program):
-        raise InvalidInput(
-            "evaluate needs an Execution, as execute gives it, and a Path or a Program, not "
-            f"{type(executed).__name__} and {type(path).__name__}."
-        )
-    if until is not None and isinstance(path, Program):
+    program, before = _programs(executed, path, objective)
+    if until is not None and program.single_path is None:
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
-    t, speed = executed.t, executed.tool_speed
-    moving = np.flatnonzero(speed > REST_SPEED)
+    t, speed, duration = executed.t, executed.tool_speed, executed.taught.trajectory.duration
+    moving, moved = np.flatnonzero(speed > REST_SPEED), (t >= 0) & (t <= duration)
     settled = float(t[moving[-1]]) if len(moving) else 0.0
-    trajectory = executed.taught.trajectory
-    end = (
-        max(trajectory.duration, settled)
-        if until is None
-        else _checks.positive("until", until, "s")
-    )
-    pieces = pieces_of(executed, path, objective, end)
-    moved = (t >= 0) & (t <= trajectory.duration)
+    end = max(duration, settled)
+    if until is not None:
+        end = _checks.positive("until", until, "s")
+    pieces = pieces_of(executed, program, before, end)
+    contours = tuple(x.contour_error for x in pieces)
     fastest = max(float(x.speed.max()) for x in pieces)
-    contour_errors = tuple(x.contour_error for x in pieces)
-    low, high = bounds.acceleration_bounds(executed.arm.dof)
-    lowest, highest = executed.demand_range
     return Evaluation(
-        duration=trajectory.duration,
+        duration=duration,
         settled=settled,
         until=end,
-        contour_error=ErrorProfile.join(contour_errors),
+        contour_error=ErrorProfile.join(contours),
         tracking_error=ErrorProfile.join([x.tracking_error for x in pieces]),
         objective_error=_of_all([x.objective_error for x in pieces]),
         orientation_error=_of_all([x.orientation_error for x in pieces]),
-        corners=_corners(pieces, isinstance(path, Program)),
+        corners=_corners(pieces, program),
+        contours=contours,
         speed=fastest,
         speed_ratio=fastest / (np.nan if bounds.speed is None else bounds.speed),
         speed_overshoot=max(_overshoot(x, bounds) for x in pieces),
-        path_velocity=float(np.trapezoid(speed[moved], t[moved]) / trajectory.duration),
-        utilisation=_utilisation(executed, bounds, trajectory.duration),
-        limit_ratios=_limit_ratios(executed, bounds),
-        demand=executed.peak_demand,
-        demand_ratio=np.maximum(lowest / low, highest / high),
-        saturated=executed.saturated_time / (max(end, float(t[-1])) - float(t[0])),
-        contours=contour_errors if isinstance(path, Program) else (),
+        path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
+        **_demands(executed, bounds, end),
     )
+
+
+def _programs(
+    executed: Execution, path: Path | Program, objective: Path | Program | None
+) -> tuple[Program, Program | None]:
+    """What was to be followed, and the same before rounding, as programs."""
+    if not isinstance(executed, Execution):
+        raise InvalidInput(
+            f"evaluate needs an Execution, as execute gives it, not {type(executed).__name__}."
+        )
+    program = Program.of(path, "evaluate needs a Path or a Program")
+    if objective is None:
+        return program, None
+    return program, Program.of(objective, "evaluate needs a Path or a Program as its objective")
+
+
+def _demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
+    """What the joints had to give, and how much of their limits that is."""
+    low, high = limits.acceleration_bounds(executed.arm.dof)
+    lowest, highest = executed.demand_range
+    time = max(end, float(executed.t[-1])) - float(executed.t[0])
+    return {
+        "utilisation": _utilisation(executed, limits, executed.taught.trajectory.duration),
+        "limit_ratios": _limit_ratios(executed, limits),
+        "demand": executed.peak_demand,
+        "demand_ratio": np.maximum(lowest / low, highest / high),
+        "saturated": executed.saturated_time / time,
+    }
 
 
 def _of_all(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
@@ -166,8 +181,9 @@ def _of_all(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     return ErrorProfile.join(found) if found else None
 
 
-def _corners(pieces: Sequence[Piece], numbered: bool) -> tuple[CornerDeviation, ...]:
-    if not numbered:
+def _corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerDeviation, ...]:
+    """The corners of all contours; those of a single path have no contour's number."""
+    if program.single_path is not None:
         return tuple(x for piece in pieces for x in piece.corners)
     return tuple(
         replace(x, contour=number)

@@ -1,4 +1,4 @@
-"""What is judged piece by piece: a path from start to end, or every contour of a program."""
+"""What is judged piece by piece: every contour of a program."""
 
 from __future__ import annotations
 
@@ -113,62 +113,57 @@ class Piece:
 
 
 def pieces_of(
-    executed: Execution, path: Path | Program, objective: Path | Program | None, until: float
+    executed: Execution, path: Program, objective: Program | None, until: float
 ) -> list[Piece]:
-    """What is to be judged of an execution.
+    """What is to be judged of an execution: every contour while the process is at work on it.
+
+    A contour with nothing around it is judged from the first set-point to a given time.
 
     Args:
         executed: The execution.
-        path: A path, or the program that was planned.
+        path: The program that was planned.
         objective: The same before rounding, if it is known.
-        until: End of the time to judge along a path [s].
+        until: End of the time to judge a single path [s].
 
     Raises:
         InvalidInput: A program that was not planned, or an objective that does not belong to it.
     """
     spans = executed.taught.trajectory.contour_spans
-    if isinstance(path, Path) and not isinstance(objective, Program) and len(spans) < 2:
-        return [
-            Piece(
-                executed=executed,
-                path=path,
-                objective=objective,
-                which=slice(0, len(executed.t)),
-                until=until,
-            )
-        ]
-    if not isinstance(path, Program) or len(spans) != len(path.contours):
+    count = len(spans)
+    if len(path.contours) != count:
         raise InvalidInput(
-            f"The execution has {len(spans)} contours: evaluate it with the program that was "
-            "planned."
+            f"The execution has {count} contour{'s' if count != 1 else ''}: evaluate it with the "
+            "program that was planned."
         )
-    before: list[Path | None] = [None] * len(spans)
-    if objective is not None:
-        contours = objective.contours if isinstance(objective, Program) else ()
-        if len(contours) != len(spans):
-            raise InvalidInput(
-                f"The objective must be a program of {len(spans)} contours, as the planned one is."
-            )
-        before = [x.path for x in contours]
+    if objective is not None and len(objective.contours) != count:
+        raise InvalidInput(
+            f"The objective must be a program of {count} contours, as the planned one is."
+        )
+    if path.single_path is None:
+        judged = [_window(executed, x) for x in spans]
+    else:
+        judged = [(slice(0, len(executed.t)), until, 0.0)]
+    before = [None] * count if objective is None else [x.path for x in objective.contours]
     return [
-        _of_span(executed, span, contour.path, first)
-        for span, contour, first in zip(spans, path.contours, before, strict=True)
+        Piece(
+            executed=executed,
+            path=contour.path,
+            objective=first,
+            which=which,
+            until=end,
+            offset=offset,
+        )
+        for contour, first, (which, end, offset) in zip(path.contours, before, judged, strict=True)
     ]
 
 
-def _of_span(executed: Execution, span: Span, path: Path, objective: Path | None) -> Piece:
+def _window(executed: Execution, span: Span) -> tuple[slice, float, float]:
+    """Which results belong to a contour, when it ends [s], and the length before it [m]."""
     assert span.work is not None
     begin, end = np.searchsorted(executed.t, span.work)
     # One result at least, however short the contour is.
     begin = min(int(begin), len(executed.t) - 2)
-    return Piece(
-        executed=executed,
-        path=path,
-        objective=objective,
-        which=slice(begin, max(int(end), begin + 2)),
-        until=span.work[1],
-        offset=span.s[0],
-    )
+    return slice(begin, max(int(end), begin + 2)), span.work[1], span.s[0]
 
 
 def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:

@@ -11,42 +11,34 @@ from armcontour.geometry import Demand, Path
 from armcontour.io.job_arm import frame_of
 from armcontour.io.job_model import EventModel, LayerModel, LeadModel, PathModel, ProcessModel
 from armcontour.program import (
-    Contour,
     Event,
     Lead,
     Process,
     Program,
     Switch,
-    prepare,
 )
 
 
 def with_process(
     path: Path | Program, model: ProcessModel | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
-    """The path or program of a job, and its process; a plain contour of a file is a path.
+    """The path or program of a job, and its process.
 
     Raises:
         InvalidInput: Values that make no process.
     """
-    if isinstance(path, Path):
-        if model is None:
-            return path, Process()
-        path = Program(moves=(Contour(path=path),))
+    if drawing.file is None and model is None:
+        return path, Process()
+    program = Program.of(path)
+    if drawing.file is None:
+        # The process says where a closed path of points begins, as that of a drawing.
+        contours = (dataclasses.replace(x, begun=False) for x in program.contours)
+        program = Program(moves=tuple(contours))
     try:
-        process = _process(model or ProcessModel(), drawing, {x.layer for x in path.contours})
+        process = _process(model or ProcessModel(), drawing, {x.layer for x in program.contours})
     except InvalidInput as error:
         raise InvalidInput(f"process: {error}") from None
-    if process.automatic:
-        return path, process
-    # Leads need the arm only where their length is automatic: what can go wrong does so now.
-    done = prepare(path, process)
-    if len(done.moves) == 1 and not done.notes:
-        (only,) = done.contours
-        begin, end = only.work or (0.0, only.path.length)
-        if not only.events and (begin, end) == (0.0, only.path.length):
-            return only.path, Process()
-    return path, process
+    return program, process
 
 
 def _process(model: ProcessModel, drawing: PathModel, there: Collection[str]) -> Process:

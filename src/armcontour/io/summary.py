@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour._version import __version__
 from armcontour.evaluation import ErrorProfile, Evaluation
-from armcontour.geometry import Corners, Path, RoundedPath
+from armcontour.geometry import Corners, RoundedPath
 from armcontour.jobs import ExperimentResult, Job, RunPlan, RunResult, Study
 from armcontour.jobs.quantities import (
     Torques,
@@ -114,6 +114,7 @@ def _json(data: Any) -> str:
 def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
     """What one run plans and teaches."""
     path, trajectory = plan.path, plan.trajectory
+    single_path = path.single_path
     found: dict[str, Any] = {
         "timing": plan.run.timing,
         "compensation": plan.run.compensation,
@@ -135,13 +136,13 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
             }
             for x in trajectory.stretches
         ],
-        "merged_points": path.merged if isinstance(path, Path) else (),
+        "merged_points": () if single_path is None else single_path.merged,
         "warnings": plan.warnings,
         **_moves(job, plan),
     }
-    if isinstance(path, RoundedPath):
-        found["corners"] = _corners(path.corners)
-        _count_left_out(found, corners=len(path.corners))
+    if isinstance(single_path, RoundedPath):
+        found["corners"] = _corners(single_path.corners)
+        _count_left_out(found, corners=len(single_path.corners))
     return found
 
 
@@ -174,7 +175,9 @@ def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
     """Every metric of one run."""
     found = plan_summary(job, result)
     found |= _errors(result.evaluation) | _turned(result.execution, result.evaluation)
-    for move, error in zip(_contours(found), result.evaluation.contours, strict=True):
+    # A single path has no list of moves, and one error, which is that of the whole run.
+    errors = result.evaluation.contours if "moves" in found else ()
+    for move, error in zip(_contours(found), errors, strict=True):
         move["contour_error"] = _error(error)
     torques = planned_torques(result)
     if torques is not None:
@@ -217,8 +220,8 @@ def _explanation(why: Explanation) -> dict[str, Any]:
 
 
 def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
-    """What a program adds: its moves with their times, and its events."""
-    if isinstance(plan.path, Path) or isinstance(plan.objective, Path):
+    """Moves with their times, and events, unless there is one path and nothing around it."""
+    if plan.path.single_path is not None:
         return {}
     contours, resuming = iter(plan.path.contours), iter(_places_to_resume(job, plan.objective))
     moves = []
@@ -247,7 +250,7 @@ def _places_to_resume(job: Job, objective: Program) -> list[tuple[float, float]]
     """Where every contour begins and ends as `from_s` counts [m]."""
     lengths = []
     for x in objective.contours:
-        begin, end = x.work or (0.0, x.path.length)
+        begin, end = x.at_work
         lengths.append(end - begin)
     ends = job.process.from_s + np.concatenate([[0.0], np.cumsum(lengths)])
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))

@@ -14,7 +14,7 @@ from armcontour.execution.rigid_body_plant import check_noise, check_step
 from armcontour.geometry import Path
 from armcontour.jobs.goal import Goal
 from armcontour.motion import check_interval
-from armcontour.program import Process, Program
+from armcontour.program import Process, Program, prepare
 from armcontour.servo import ServoModel
 from armcontour.timing import refuse_endless
 
@@ -138,7 +138,7 @@ class Job:
         name: Short name.
         title: For people.
         arm: The arm.
-        path: The objective path, or a program of several.
+        path: The objective path, or a program of several; `program` is either as a program.
         process: What is added to the contours of a program, such as leads.
         branch: Branch of the inverse kinematics of an arm in the plane; None is its first.
         start: For an arm in space: joint positions near to those to start in [rad], (dof,); None
@@ -149,11 +149,14 @@ class Job:
         published: Figures to compare with.
         certificate: What a certified plan of it has to hold.
         memory: What the program may take for it [bytes].
+        program: The path as a program.
+        objective: The program with what the process adds, corners not rounded; None where leads of
+            automatic length are added, which every run finds for itself.
 
     Raises:
         InvalidInput: No run, two of the same name, a name that is too long or not printable, a
-            start for another number of joints, gains too large for a command interval, or a speed
-            at which the path takes for ever.
+            start for another number of joints, gains too large for a command interval, a speed
+            at which the path takes for ever, or a process that does not fit the program.
     """
 
     name: str
@@ -169,8 +172,12 @@ class Job:
     published: Published | None = None
     certificate: Goal | None = None
     memory: float = _memory.DEFAULT
+    program: Program = field(init=False)
+    objective: Program | None = field(init=False)
 
     def __post_init__(self) -> None:
+        program = Program.of(self.path, "A job needs a Path or a Program")
+        object.__setattr__(self, "program", program)
         _checks.check_name("name of the job", self.name)
         _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
         _memory.check_bound(self.memory)
@@ -179,11 +186,14 @@ class Job:
             with locate_errors(f"run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)
-                refuse_endless(self.path, x.limits)
+                refuse_endless(program, x.limits)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
-        if isinstance(self.path, Program) and any(x.until is not None for x in self.runs):
+        objective = None if self.process.automatic else prepare(program, self.process)
+        object.__setattr__(self, "objective", objective)
+        single_path = None if objective is None else objective.single_path
+        if single_path is None and any(x.until is not None for x in self.runs):
             raise InvalidInput(
                 "until is for a job of one path: the contours of a program are judged while they "
                 "are worked on."
@@ -197,12 +207,14 @@ class Job:
         """The objective path of a job that has one.
 
         Raises:
-            InvalidInput: It has a program.
+            InvalidInput: It has several contours, or something around its contour.
         """
-        if isinstance(self.path, Path):
-            return self.path
+        single_path = None if self.objective is None else self.objective.single_path
+        if single_path is not None:
+            return single_path
+        count = len(self.program.contours)
         raise InvalidInput(
-            f"The job {self.name} is a program of {len(self.path.contours)} "
-            f"contour{'s' if len(self.path.contours) != 1 else ''} with what belongs to it: "
+            f"The job {self.name} is a program of {count} "
+            f"contour{'s' if count != 1 else ''} with what belongs to it: "
             "certify, sweep and check --path take a job of a single path, without leads or events."
         )

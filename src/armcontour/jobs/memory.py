@@ -8,7 +8,6 @@ from armcontour import _memory
 from armcontour.compensation import set_point_count
 from armcontour.execution import ServoPlant
 from armcontour.execution.rigid_body_plant import bytes_of
-from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 
 # Largest time between two results of an execution [s], unless the drives on bodies are slower.
@@ -60,8 +59,8 @@ def needed_bytes(job: Job, this: Run, duration: float, simulated: bool) -> float
         simulated: Whether it is executed.
     """
     count = _count(job, this, duration)
-    paths = [job.path] if isinstance(job.path, Path) else [x.path for x in job.path.contours]
-    found = (count * SET_POINT + sum(len(x) for x in paths) * SEGMENT) * job.arm.dof
+    segments = sum(len(x.path) for x in job.program.contours)
+    found = (count * SET_POINT + segments * SEGMENT) * job.arm.dof
     if not simulated:
         return found
     span = count * this.period

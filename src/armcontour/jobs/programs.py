@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import Trajectory
 from armcontour.program import (
@@ -20,7 +21,7 @@ from armcontour.program import (
     prepare,
     round_corners,
 )
-from armcontour.timing import plan
+from armcontour.timing import Tracing, plan, trace_program
 
 # Automatic leads: the first that is tried [m], and how many times it is made twice as long.
 FIRST_LEAD = 2e-3
@@ -31,29 +32,30 @@ FINEST_LEAD = 1e-4
 # A speed this near to another one is the same; so little do margins take.
 SAME_SPEED = 1e-3
 Rounding = dict[str, Any]
+# Called with the number of contours done, and of all.
+Counted = Callable[[int, int], None]
 
 
 def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program, Program]:
     """The program of a run before and after its corners are rounded.
 
     Args:
-        job: The job, whose path is a program.
+        job: The job.
         this: The run.
         rounding: Arguments of `round_corners`; None keeps corners sharp.
 
     Raises:
         ArmContourError: As preparing, and planning of automatic leads, raise it.
     """
-    assert isinstance(job.path, Program)
-    lengths: list[Leads] | None = None
-    if job.process.automatic:
+    objective = job.objective
+    if objective is None:
         if this.timing != "optimal":
             raise InvalidInput(
                 f"Run {this.name}: leads of automatic length need the timing optimal, not "
                 f"{this.timing}: give their lengths."
             )
-        lengths = automatic_leads(job, this, rounding)
-    objective = prepare(job.path, job.process, lengths)
+        leads = automatic_leads(job, this, rounding)
+        objective = prepare(job.program, job.process, leads)
     return objective, rounded(objective, rounding)
 
 
@@ -68,11 +70,10 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
     That is the assigned velocity, or what longer leads do not exceed or cannot try, because they
     leave the arm's reach.
     """
-    assert isinstance(job.path, Program)
     process = job.process
     plain = dataclasses.replace(process, lead_in=None, lead_out=None, approach=0.0, retract=0.0)
     found = []
-    for x in prepare(job.path, plain).contours:
+    for x in prepare(job.program, plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
         def reached(before: float, after: float, contour: Contour = contour) -> tuple[float, float]:
@@ -159,17 +160,22 @@ def _length(speed: Callable[[float], float], assigned: float) -> float:
     return short if found is None else found
 
 
-def planned(job: Job, this: Run, program: Program, progress: Any = None) -> Trajectory:
+def planned(job: Job, this: Run, program: Program) -> Trajectory:
     """The trajectory of a program under the limits and the options of a run."""
+    return timed(job, this, trace_run(job, this, program))
+
+
+def trace_run(job: Job, this: Run, program: Program, progress: Counted | None = None) -> Tracing:
+    """What the joints follow along a program, under the limits of a run."""
+    return trace_program(
+        program, job.arm, this.limits, branch=job.branch, start=job.start, progress=progress
+    )
+
+
+def timed(job: Job, this: Run, traced: Tracing, progress: Counted | None = None) -> Trajectory:
+    """The trajectory of a traced program under the limits and the options of a run."""
     return plan(
-        program,
-        job.arm,
-        this.limits,
-        branch=job.branch,
-        start=job.start,
-        progress=progress,
-        memory=job.memory,
-        **this.plan_options,
+        traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options
     )
 
 
@@ -193,7 +199,11 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
         ):
             assigned = _assigned(x, s, side, this)
             speed = float(span.trajectory.speed_at(s, side=side))
-            if lead > 0 and np.isfinite(assigned) and speed < assigned * (1 - SAME_SPEED):
+            if (
+                lead > REPEATED_POINT
+                and np.isfinite(assigned)
+                and speed < assigned * (1 - SAME_SPEED)
+            ):
                 found.append(
                     f"{contour_called(x, i)}: the tool goes {word} at {speed:.3g} of "
                     f"{assigned:.3g} m/s, with a lead of {lead:.3g} m."

@@ -17,14 +17,14 @@ from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import planned, program_of, slow_ends
+from armcontour.jobs.programs import Counted, program_of, slow_ends, timed, trace_run
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
     Explanation,
+    Tracing,
     assigned_time,
     explain,
-    plan,
     refuse_jerk,
     trace_fastest,
     with_reserve,
@@ -61,19 +61,26 @@ class RunPlan:
 
     Args:
         run: The run.
-        objective: The objective path, or the program before its corners were rounded.
+        objective: The program before its corners were rounded; a path becomes one.
         path: What the tool was to follow: the same with its corners rounded, if they were.
-        joint_path: The same in joint space; None for a program, whose moves have their own.
+        joint_path: The same in joint space, of a single path; None for other programs.
         trajectory: The realizable trajectory.
         taught: The taught data.
+        traced: What the joints follow in all moves, if it is known; runs that differ only in what
+            comes after tracing share it.
     """
 
     run: Run
-    objective: Path | Program
-    path: Path | Program
+    objective: Program
+    path: Program
     joint_path: JointPath | None
     trajectory: Trajectory
     taught: TaughtData
+    traced: Tracing | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "objective", Program.of(self.objective))
+        object.__setattr__(self, "path", Program.of(self.path))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -85,8 +92,7 @@ class RunPlan:
                 f"the command interval of {period:g} s is more than a tenth of the motion of "
                 f"{duration:.3g} s, so set-points hardly say what was planned."
             )
-        if isinstance(self.path, Program):
-            found += [*self.path.notes, *slow_ends(self.path, self.trajectory, self.run)]
+        found += [*self.path.notes, *slow_ends(self.path, self.trajectory, self.run)]
         return tuple(f"Run {self.run.name}: {x}" for x in found)
 
 
@@ -136,8 +142,8 @@ def run(
     Args:
         job: The job.
         progress: Called with the run's name and the step before each step.
-        done: Called with the share of a step that is done, where the step can tell: planning of a
-            program does.
+        done: Called with the share of a step that is done, where the step can tell: tracing and
+            timing do, contour by contour.
 
     Raises:
         ArmContourError: The first run that fails says why.
@@ -267,16 +273,11 @@ def _taught(
     earlier = list(earlier)
     done_before = [(x.run, x.trajectory.duration) for x in earlier]
     # Before planning, by the least time: corners may leave half of the path out.
-    least = assigned_time(job.path, this.limits) / 2
+    least = assigned_time(job.program, this.limits) / 2
     refuse_too_large(job, this, least, done_before, simulated)
-    objective: Path | Program
-    path: Path | Program
-    joint_path: JointPath | None = None
-    if isinstance(job.path, Program):
-        objective, path, trajectory = _planned_program(job, this, progress, done)
-    else:
-        objective = job.path
-        path, joint_path, trajectory = _planned_path(job, this, progress, earlier)
+    objective, path, traced = _traced(job, this, progress, done, earlier)
+    progress(this.name, "timing")
+    trajectory = timed(job, this, traced, _share(done))
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     progress(this.name, "compensation")
     taught = compensate(
@@ -291,51 +292,40 @@ def _taught(
         run=this,
         objective=objective,
         path=path,
-        joint_path=joint_path,
+        joint_path=None if path.single_path is None else traced.joint_paths[0],
         trajectory=trajectory,
         taught=taught,
+        traced=traced,
     )
 
 
-def _planned_path(
-    job: Job, this: Run, progress: Progress, earlier: Iterable[RunPlan]
-) -> tuple[Path, JointPath, Trajectory]:
-    """The rounded path of a run, its joint path and its plan."""
+def _traced(
+    job: Job, this: Run, progress: Progress, done: Done, earlier: Iterable[RunPlan]
+) -> tuple[Program, Program, Tracing]:
+    """The program of a run before and after rounding, and what the joints follow along it.
+
+    Runs that differ in what comes after tracing share what is before: with redundant joints
+    tracing takes seconds. Leads of automatic length depend on the timing too.
+    """
+    for x in earlier:
+        if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
+            return x.objective, x.path, x.traced
     progress(this.name, "rounding")
-    # Runs that differ in what comes after tracing share what is before: with joints to spare
-    # tracing takes seconds.
-    known = [(x.path, x.joint_path) for x in earlier if traced_alike(x.run, this)]
-    path, joint_path = next(((a, b) for a, b in known if isinstance(a, Path)), (None, None))
-    if path is None:
-        path = path_of(job, this)
+    objective, path = program_of(job, this, rounding_of(this))
     progress(this.name, "tracing")
-    if joint_path is None:
-        joint_path = traced(job, this, path)
-    progress(this.name, "timing")
-    return (
-        path,
-        joint_path,
-        plan(joint_path, job.arm, this.limits, memory=job.memory, **this.plan_options),
-    )
+    return objective, path, trace_run(job, this, path, _share(done))
 
 
-def _planned_program(
-    job: Job, this: Run, progress: Progress, done: Done
-) -> tuple[Program, Program, Trajectory]:
-    """The program of a run before and after rounding, and its plan."""
-    progress(this.name, "rounding")
-    objective, program = program_of(job, this, rounding_of(this))
-    progress(this.name, "tracing")
-    progress(this.name, "timing")
-    told = None if done is None else lambda number, count: done(number / count)
-    return objective, program, planned(job, this, program, told)
+def _share(done: Done) -> Counted | None:
+    """What tells the share that is done when it is told numbers."""
+    return None if done is None else lambda number, count: done(number / count)
 
 
 def same_plan(first: RunResult, second: RunResult) -> bool:
     """Whether two runs of a study differ only after their plans."""
     plans = first.trajectory, second.trajectory
     return (
-        first.joint_path is second.joint_path
+        first.traced is second.traced
         and plans[0].method == plans[1].method
         and plans[0].duration == plans[1].duration
     )

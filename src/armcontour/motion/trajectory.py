@@ -122,7 +122,7 @@ class Trajectory:
         method: Name of the planner that made it; a `Method` if it is one of these planners.
         path: The tool path it follows, if there is one.
         stretches: What was made by which rule, in order.
-        spans: The moves of the program it does, in order; none for a single path.
+        spans: The moves of the program it does, in order; none where it was not planned as one.
         events: What is switched on the way, by their times.
 
     Raises:
@@ -164,7 +164,10 @@ class Trajectory:
 
     @property
     def contour_spans(self) -> tuple[Span, ...]:
-        """Those of its spans that are contours of a program, in order."""
+        """Those of its spans that are contours, in order; without spans, all of it is one."""
+        if not self.spans:
+            t, s = (0.0, self.duration), (float(self._ends[0, 0]), float(self._ends[-1, 1]))
+            return (Span(move=0, kind="contour", t=t, s=s, work=t, trajectory=self),)
         return tuple(x for x in self.spans if x.kind == "contour")
 
     @property

@@ -126,6 +126,11 @@ class Contour:
         ends = self.path([0.0, self.path.length])
         return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
 
+    @property
+    def at_work(self) -> tuple[float, float]:
+        """Between which places the process is at work [m]: between its leads."""
+        return (0.0, self.path.length) if self.work is None else self.work
+
     def without_z(self) -> tuple[Contour | Event, ...]:
         """The contour without z; of one of which nothing is left, what is switched there."""
         path, work = self.path, self.work
@@ -225,10 +230,43 @@ class Program:
                 "The contours and rapids of a program must all be in the plane or all in space."
             )
 
+    @classmethod
+    def of(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
+        """The program of a path, which starts where the path does; a program stays as it is.
+
+        This is the only place that tells paths from programs: everything after it takes programs.
+
+        Args:
+            path: The path or the program.
+            needs: Begins the sentence that refuses anything else.
+
+        Raises:
+            InvalidInput: Something else.
+        """
+        if isinstance(path, Program):
+            return path
+        if not isinstance(path, Path):
+            raise InvalidInput(f"{needs}, not {type(path).__name__}.")
+        return cls(moves=(Contour(path=path, keep_start=True),))
+
     @property
     def contours(self) -> tuple[Contour, ...]:
         """The contours, in order."""
         return tuple(x for x in self.moves if isinstance(x, Contour))
+
+    @property
+    def single_path(self) -> Path | None:
+        """The path of a program that is one contour without leads or events, and no other move.
+
+        Options and results that mean one path from start to end are those of such a program. None
+        if there is anything around the contour.
+        """
+        if len(self.moves) > 1:
+            return None
+        (only,) = self.contours
+        begin, end = only.at_work
+        whole = begin <= REPEATED_POINT and only.path.length - end <= REPEATED_POINT
+        return only.path if whole and not only.events else None
 
     @property
     def path(self) -> Path:

@@ -37,7 +37,7 @@ def round_corners(
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
-) -> RoundedPath | Program:
+) -> Path | Program:
     """Round every corner of a path, or of every contour of a program.
 
     A corner needs `tolerance` (case II), or `speed` and `acceleration` (case I).
@@ -56,20 +56,25 @@ def round_corners(
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
             the orientation needs an angular tolerance and there is none.
     """
-
-    def rounded(x: Path) -> RoundedPath:
-        return round_path(
+    program = Program.of(path, "round_corners needs a Path or a Program")
+    moves = [
+        _with_path(
             x,
-            tolerance=tolerance,
-            speed=speed,
-            acceleration=acceleration,
-            angular_tolerance=angular_tolerance,
+            round_path(
+                x.path,
+                tolerance=tolerance,
+                speed=speed,
+                acceleration=acceleration,
+                angular_tolerance=angular_tolerance,
+            ),
         )
-
-    if isinstance(path, Path):
-        return rounded(path)
-    moves = [_with_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in path.moves]
-    return dataclasses.replace(path, moves=tuple(moves))
+        if isinstance(x, Contour)
+        else x
+        for x in program.moves
+    ]
+    rounded = dataclasses.replace(program, moves=tuple(moves))
+    # Whoever gives a path gets a path.
+    return rounded if program is path else rounded.path
 
 
 def _with_path(contour: Contour, path: RoundedPath) -> Contour:

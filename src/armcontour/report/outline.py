@@ -18,30 +18,37 @@ MOST_DRAWN = 20_000
 MOST_LOOKED_AT = 200_000
 # So many points, evenly spread, are drawn in any case: what is small shows when enlarged.
 EVEN = 4000
-# Places along a path that draw it smoothly; arcs and joints between segments are always met.
+# Evenly spread places along a program that are drawn with the ends of its segments.
 DRAWN_PLACES = 800
 # Chords of a whole circle, so that it looks round.
 CHORDS = 96
 
 
-def outline_points(path: Path | Program) -> FloatArray:
-    """Points that draw a path, or the contours of a program with gaps (NaN) between them."""
-    if isinstance(path, Path):
-        places = np.linspace(0, path.length, DRAWN_PLACES)
-        if len(path) <= DRAWN_PLACES:
-            return path(np.union1d(places, path.breaks))
-        return outlines([finely(path)])
-    return outlines([finely(x.path) for x in path.contours])
+def outline_points(program: Program) -> FloatArray:
+    """Points that draw the contours of a program, with gaps (NaN) after them."""
+    each = DRAWN_PLACES // len(program.contours)
+    return outlines([finely(x.path, least=each) for x in program.contours])
 
 
-def finely(path: Path, begin: float = 0.0, end: float | None = None) -> FloatArray:
-    """Points along a path from one place to another: ends of segments, and arcs as chords."""
+def finely(
+    path: Path, begin: float = 0.0, end: float | None = None, *, least: int = 0
+) -> FloatArray:
+    """Points along a path from one place to another: ends of segments, and arcs as chords.
+
+    Args:
+        path: The path.
+        begin: The first place [m].
+        end: The last place [m]; by default the end of the path.
+        least: Of a path with fewer segments, so many places besides, evenly spread.
+    """
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
     inner = [
         path.breaks[i] + path.lengths[i] * np.arange(1, chords[i]) / chords[i]
         for i in np.flatnonzero(chords > 1)
     ]
+    if len(path) <= least:
+        inner.append(np.linspace(0.0, path.length, least))
     places = np.union1d(path.breaks, np.concatenate(inner)) if inner else path.breaks
     kept = places[(places > begin) & (places < last)]
     return path(np.concatenate([[begin], kept, [last]]))

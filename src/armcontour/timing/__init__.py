@@ -2,25 +2,28 @@
 
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
 from armcontour.timing.fastest_configuration import trace_fastest
+from armcontour.timing.methods import METHODS
 from armcontour.timing.planner import (
-    METHODS,
     assigned_time,
     plan,
     refuse_endless,
     refuse_jerk,
     with_reserve,
 )
+from armcontour.timing.program_tracing import Tracing, trace_program
 
 __all__ = [
     "METHODS",
     "Binding",
     "Explanation",
     "Shortfall",
+    "Tracing",
     "assigned_time",
     "explain",
     "plan",
     "refuse_endless",
     "refuse_jerk",
     "trace_fastest",
+    "trace_program",
     "with_reserve",
 ]

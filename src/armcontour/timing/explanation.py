@@ -113,16 +113,15 @@ def explain(
         InvalidInput: A plan of another method.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    planned = [(x.t[0], x.s[0], x.trajectory) for x in trajectory.contour_spans]
     laws: list[tuple[float, float, PathLaw]] = []
-    for t, s, found in planned or [(0.0, 0.0, trajectory)]:
+    for x in trajectory.contour_spans:
         # The limits bind on intervals of the grid, and these only the law has.
-        law = None if found is None else found.laws[0]
+        law = None if x.trajectory is None else x.trajectory.laws[0]
         if trajectory.method is not Method.OPTIMAL or not isinstance(law, PathLaw):
             raise InvalidInput(
                 f"Only plans of the method optimal can be explained, not of {trajectory.method}."
             )
-        laws.append((t, s, law))
+        laws.append((x.t[0], x.s[0], law))
     return _together([_of_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
 
 

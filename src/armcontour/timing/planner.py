@@ -1,7 +1,9 @@
-"""Entry point `plan`: checks its input and calls the timing method."""
+"""Entry point `plan`: checks its input, traces what is not traced yet, and times it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,15 +15,12 @@ from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.conventional import plan_conventional
-from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
-from armcontour.timing.mac import plan_mac
-from armcontour.timing.optimal import plan_optimal
-from armcontour.timing.programs import Progress, Ways, plan_program, plan_rapid
+from armcontour.timing.methods import METHODS, OPTIONS, Timing
+from armcontour.timing.program_tracing import Progress, Step, Tracing, trace_program
+from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
 
-METHODS = tuple(x.value for x in Method)
 # Limits of which a reserve is a share.
 RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
 # Options that mean one path: a program has many, and rests between them.
@@ -33,15 +32,10 @@ FEWEST_INTERVALS = 500
 COUNTS = ("intervals", "knots")
 # A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
 LONGEST_MOTION = 1e6
-OPTIONS = {
-    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
-    "mac": ("knots", "period"),
-    "conventional": (),
-}
 
 
 def plan(
-    path: Path | JointPath | Program,
+    path: Path | Program | JointPath | Tracing,
     arm: Arm,
     limits: Limits | None = None,
     *,
@@ -57,23 +51,23 @@ def plan(
     """Time a path: the realizable trajectory.
 
     Args:
-        path: A tool path, which is traced first, or a traced one; or a program of several, which
-            has rapids between them.
+        path: A tool path, or a program of several with rapids between them, which are traced first;
+            or what is traced already.
         arm: The arm.
         limits: By default the arm's own.
         method: "optimal", the fastest that keeps every limit; "mac", the paper's; or
             "conventional", uniform speed along the raw path.
-        branch: For a tool path and an arm in the plane, the branch of its inverse kinematics.
-        start: For a tool path and an arm in space, joint positions near to those to start in [rad];
-            by default the configuration that is fastest along the path.
+        branch: Of an arm in the plane, the branch of its inverse kinematics.
+        start: Of an arm in space, joint positions near to those to start in [rad]; by default the
+            configuration that is fastest along the path.
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
-        progress: For a program: called with the number of contours done, and of all.
+        progress: Called with the number of contours that are timed, and of all.
         memory: What the program may take [bytes].
-        options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
-            (see `plan_optimal`); a program takes neither grid nor speeds, and `intervals` hold for
-            every contour, by default fewer the more contours there are. For "mac": `knots` per
-            line, command `period` [s].
+        options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
+            `plan_optimal`); a program of more than one path takes neither grid nor speeds, and
+            `intervals` hold for every contour, by default fewer the more contours there are. For
+            "mac": `knots` per line, command `period` [s].
 
     Raises:
         InvalidInput: An unknown method or option, a limit that the method needs is missing, more
@@ -82,10 +76,47 @@ def plan(
         NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
     """
     _checks.choice("method", method, METHODS)
-    if not isinstance(path, Path | JointPath | Program):
-        raise InvalidInput(
-            f"plan needs a Path, a JointPath or a Program, not {type(path).__name__}."
-        )
+    bounds = _bounds(arm, limits)
+    refuse_jerk(bounds, ignore_jerk)
+    _refuse_options(method, options, arm, memory)
+    timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
+    traced = _trace(path, arm, bounds, branch, start)
+    if isinstance(traced, JointPath):
+        return _refuse_endless_motion(timing.contour(traced))
+    timing = replace(timing, options=_fit_options(traced.program, method, options))
+    return _refuse_endless_motion(time_program(traced, timing, progress))
+
+
+def _trace(
+    path: Path | Program | JointPath | Tracing,
+    arm: Arm,
+    limits: Limits,
+    branch: str | None,
+    start: npt.ArrayLike | None,
+) -> Tracing | JointPath:
+    """A program with what the joints follow; a curve of the joints that no tool path has stays.
+
+    Raises:
+        InvalidInput: What is no path, or takes for ever, or is traced for another arm.
+        Unreachable: A place of the path is out of reach, out of a joint's range or singular.
+    """
+    if isinstance(path, JointPath):
+        _refuse_foreign((Step(move=None, joint_path=path),), arm, limits, branch, start)
+        return path if path.tool_path is None else Tracing.along(path, path.tool_path)
+    if isinstance(path, Tracing):
+        _refuse_foreign(path.steps, arm, limits, branch, start)
+        return path
+    program = Program.of(path, "plan needs a Path, a JointPath or a Program")
+    refuse_endless(program, limits)
+    return trace_program(program, arm, limits, branch=branch, start=start)
+
+
+def _bounds(arm: Arm, limits: Limits | None) -> Limits:
+    """The limits of a plan, one value per joint.
+
+    Raises:
+        InvalidInput: No arm, or no limits.
+    """
     # Whatever has joints will do for a joint path, so this looks for no more.
     if not hasattr(arm, "dof"):
         raise InvalidInput(
@@ -96,16 +127,16 @@ def plan(
             "plan needs Limits, such as arm.limits.replace(speed=0.1), not "
             f"{type(limits).__name__}."
         )
-    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    refuse_jerk(bounds, ignore_jerk)
+    return (arm.limits if limits is None else limits).for_joints(arm.dof)
+
+
+def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: float) -> None:
+    """Refuse options that a method does not know, and more places than the memory takes."""
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
         takes = f"the options {', '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
-    kept = with_reserve(bounds, reserve)
-    if isinstance(path, Path | Program):
-        refuse_endless(path, bounds)
     for name in COUNTS:
         if options.get(name) is not None:
             wanted = _checks.number(name, options[name])
@@ -115,35 +146,32 @@ def plan(
                 f"A plan of {wanted:g} {name}",
                 "take fewer",
             )
-    if isinstance(path, Program):
-        for name in OF_ONE_PATH:
-            if name in options:
-                raise InvalidInput(
-                    f"{name} is an option for one path: a program rests between its moves."
-                )
-        if method == "optimal" and len(path.contours) > MOST_BY_DEFAULT // DEFAULT_INTERVALS:
-            fewer = max(FEWEST_INTERVALS, MOST_BY_DEFAULT // len(path.contours))
-            options.setdefault("intervals", fewer)
-
-    def timed(joint_path: JointPath) -> Trajectory:
-        return _timed(joint_path, arm, kept, method, memory, options)
-
-    def rapid(joint_path: JointPath) -> Trajectory:
-        return plan_rapid(joint_path, arm, kept)
-
-    if isinstance(path, Program):
-        ways = Ways(arm=arm, limits=bounds, branch=branch, start=start, contour=timed, rapid=rapid)
-        return _ending(plan_program(path, ways, progress))
-    return _ending(timed(_joint_path(path, arm, bounds, branch, start)))
 
 
-def refuse_endless(path: Path | Program, limits: Limits) -> None:
+def _fit_options(program: Program, method: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a method for all contours of a program.
+
+    Raises:
+        InvalidInput: An option that means one path.
+    """
+    for name in OF_ONE_PATH:
+        if name in options and program.single_path is None:
+            raise InvalidInput(
+                f"{name} is an option for one path: a program rests between its moves."
+            )
+    count = len(program.contours)
+    if method == Method.OPTIMAL and count > MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+        return {"intervals": max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count), **options}
+    return dict(options)
+
+
+def refuse_endless(program: Program, limits: Limits) -> None:
     """Refuse assigned velocities and dwells that take longer than LONGEST_MOTION.
 
     Raises:
         InvalidInput: They do.
     """
-    total = assigned_time(path, limits)
+    total = assigned_time(program, limits)
     if not total <= LONGEST_MOTION:
         raise InvalidInput(
             f"At its assigned velocities, and with its dwells, the path takes {total:.3g} s, but a "
@@ -154,21 +182,23 @@ def refuse_endless(path: Path | Program, limits: Limits) -> None:
         )
 
 
-def assigned_time(path: Path | Program, limits: Limits) -> float:
-    """Time that a path takes at its assigned velocities, where there are any, and its dwells [s].
+def assigned_time(program: Program, limits: Limits) -> float:
+    """Time that a program takes at its assigned velocities, where it has any, and its dwells [s].
 
     Rounded corners make it shorter, limits longer.
     """
-    if isinstance(path, Program):
-        dwells = sum(x.duration for x in path.moves if isinstance(x, Dwell))
-        return dwells + sum(assigned_time(x.path, limits) for x in path.contours)
+    dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
+    return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
+
+
+def _assigned_time(path: Path, limits: Limits) -> float:
     # A segment without a velocity takes a time that is not known yet.
     speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
     return float(np.sum(path.lengths / np.where(np.isnan(speeds), np.inf, speeds)))
 
 
-def _ending(trajectory: Trajectory) -> Trajectory:
-    """A trajectory that takes no longer than LONGEST_MOTION.
+def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:
+    """The trajectory, which takes no longer than LONGEST_MOTION.
 
     Raises:
         NotRealizable: It takes longer, or its duration is not a number.
@@ -199,46 +229,32 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
     return limits.replace(**left) if reserve and left else limits
 
 
-def _timed(
-    joint_path: JointPath,
-    arm: Arm,
-    limits: Limits,
-    method: str,
-    memory: float,
-    options: dict[str, Any],
-) -> Trajectory:
-    """The plan of a joint path by a method."""
-    if method == "optimal":
-        return plan_optimal(joint_path, arm, limits, memory=memory, **options)
-    if method == "mac":
-        return plan_mac(joint_path, arm, limits, **options)
-    return plan_conventional(joint_path, arm, limits)
-
-
-def _joint_path(
-    path: Path | JointPath,
+def _refuse_foreign(
+    steps: Sequence[Step],
     arm: Arm,
     limits: Limits,
     branch: str | None,
     start: npt.ArrayLike | None,
-) -> JointPath:
-    """The path as a joint path inside the joints' ranges.
+) -> None:
+    """Refuse what is traced already, but for another arm, or out of the joints' ranges.
 
     Raises:
-        InvalidInput: A joint path of another arm, or one with a branch or a start.
-        Unreachable: A place of the path is out of reach, out of a joint's range or singular.
+        InvalidInput: Joint paths of another arm, or a branch or a start for them.
+        Unreachable: A place out of a joint's range.
     """
-    if isinstance(path, Path):
-        return trace_fastest(path, arm, limits, branch=branch, start=start)
     if not (branch is None and start is None):
         given = "start" if branch is None else "branch"
         raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
-    if path.dof != arm.dof:
-        raise InvalidInput(
-            f"The joint path has {path.dof} joints, but the arm {arm.name} has {arm.dof}."
-        )
-    refuse_out_of_range(path, limits)
-    return path
+    for x in steps:
+        if x.joint_path is None:
+            continue
+        if x.joint_path.dof != arm.dof:
+            raise InvalidInput(
+                f"The joint path has {x.joint_path.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}."
+            )
+        with x.named():
+            refuse_out_of_range(x.joint_path, limits)
 
 
 def refuse_jerk(limits: Limits, ignored: bool) -> None:

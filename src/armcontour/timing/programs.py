@@ -1,151 +1,106 @@
-"""Planning a program: every contour by itself, free rapids between them, one trajectory of all."""
+"""Timing a program: every contour by itself, free rapids between them, one trajectory of all."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Limits, PlanarTwoLink
-from armcontour.arms.limits import TOOL_LIMITS
-from armcontour.errors import ArmContourError, InvalidInput, Unreachable, locate_errors
-from armcontour.frames import exp, log, shortest
-from armcontour.geometry import Path
-from armcontour.geometry.cutting import reverse_path
-from armcontour.geometry.orientation import Orientation
+from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.motion import JointPath, LapLaw, Law, Method, Span, TimedEvent, Trajectory
-from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
-from armcontour.timing.fastest_configuration import trace_fastest
-from armcontour.timing.optimal import plan_optimal
-from armcontour.tracing import trace
+from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
+from armcontour.program import Contour, Dwell, Event
+from armcontour.timing.methods import Timing
+from armcontour.timing.program_tracing import Progress, Step, Tracing, ends_of
 
-# Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
-SAME_POSITION = 1e-9
 # Events nearer in time than this are at once [s].
 SAME_TIME = 1e-9
-# A rapid's grid: its limits change little along a straight line of the joints or of the tool.
-RAPID_INTERVALS = 200
-
-Plan = Callable[[JointPath], Trajectory]
-Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ways:
-    """How the moves of a program are traced and timed.
-
-    Args:
-        arm: The arm.
-        limits: Of this arm, one value per joint.
-        branch: As in `plan`.
-        start: As in `plan`.
-        contour: Plans a contour along its joint path.
-        rapid: Plans a rapid along its joint path.
-    """
-
-    arm: Arm
-    limits: Limits
-    branch: str | None
-    start: npt.ArrayLike | None
-    contour: Plan
-    rapid: Plan
-
-
-def plan_program(program: Program, ways: Ways, progress: Progress | None = None) -> Trajectory:
+def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
     """One trajectory of all moves of a program, at rest between any two of them.
 
-    Limits of the tool hold along contours; rapids have those of the joints. A rapid without a path,
-    and whatever gap is left between two moves, is a straight line of the joints. The first contour
-    starts in the configuration that is fastest along it; every other one in that which is nearest
-    to where the joints are then, or in the fastest if that does not complete it.
+    Limits of the tool hold along contours; rapids have those of the joints.
 
     Args:
-        program: The program, with its corners rounded and the tool's orientation given.
-        ways: How its moves are planned.
+        traced: The program with what the joints follow.
+        timing: How contours and rapids are timed.
         progress: Called with the number of contours done, and of all.
 
     Raises:
-        ArmContourError: As tracing and planning raise it, with the contour's name.
+        ArmContourError: As planning raises it, with the contour's name.
     """
-    chain = _Chain(program, ways)
-    number, count = 0, len(program.contours)
-    for i, move in enumerate(program.moves):
+    chain = _Chain(traced, timing)
+    number, count = 0, len(traced.program.contours)
+    for step in traced.steps:
+        move = None if step.move is None else traced.program.moves[step.move]
         if isinstance(move, Contour):
-            chain.contour(i, move, number)
+            chain.contour(step, move)
             number += 1
             if progress is not None:
                 progress(number, count)
-        elif isinstance(move, Rapid):
-            chain.rapid(i, move)
+        elif isinstance(move, Event | Dwell):
+            chain.still(step, move)
         else:
-            chain.still(i, move)
+            chain.rapid(step)
     return chain.trajectory()
 
 
 @dataclass(slots=True)
 class _Chain:
-    """Moves planned so far, each beginning where the one before ended."""
+    """Moves timed so far, each beginning where the one before ended."""
 
-    program: Program
-    ways: Ways
-    q: FloatArray | None = None
+    traced: Tracing
+    timing: Timing
     t: float = 0.0
+    length: float = 0.0
+    done: JointPath | None = None
+    last: Trajectory | None = None
     laws: list[Law] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
-    waiting: list[tuple[int, Event | Dwell]] = field(default_factory=list)
-    method: str = Method.OPTIMAL
-    length: float = 0.0
 
-    def contour(self, i: int, move: Contour, number: int) -> None:
-        called = contour_called(move, number)
-        with locate_errors(called):
-            joint_path = self._traced(move.path)
-            self._bridge(joint_path(0.0))
-            planned = self.ways.contour(joint_path)
-        self.method = planned.method
-        begun, offset = self.t, self.length
-        ends = (0.0, move.path.length) if move.work is None else move.work
-        work = begun + planned.time_at(ends)
+    def contour(self, step: Step, move: Contour) -> None:
+        """A contour, with what is switched along it."""
+        assert step.joint_path is not None
+        with step.named():
+            planned = self.timing.contour(step.joint_path)
+        begun, end = self.t, self.t + planned.duration
+        work = (begun, end)
+        if move.work is not None:
+            on, off = (begun + planned.time_at(move.work)).tolist()
+            work = (on, off)
+        s = (self.length, self.length + move.path.length)
         self._append(
-            planned,
+            step.joint_path,
             Span(
-                move=i,
+                move=step.move,
                 kind="contour",
                 name=move.name,
-                t=(begun, begun + planned.duration),
-                s=(offset, offset + move.path.length),
-                work=(float(work[0]), float(work[1])),
+                t=(begun, end),
+                s=s,
+                work=work,
                 trajectory=planned,
             ),
         )
-        self.length += move.path.length
+        self.last, self.length = planned, s[1]
         for x in move.events:
-            self._timed(x, move, planned, begun, offset, called)
+            self._timed(x, move, planned, begun, s[0], step.called)
 
-    def rapid(self, i: int, move: Rapid) -> None:
-        """A rapid along a path; one without bridges the gap to the next contour, which does it."""
-        if move.path is None:
-            return
-        path = self._held(i, move.path)
-        with locate_errors(self._rapid_called(i)):
-            first = self.q is None and self.ways.start is None
-            joint_path = self._led(i, path) if first else self._traced(path)
-            self._bridge(joint_path(0.0))
-            planned = self.ways.rapid(joint_path)
-        self._append_rapid(i, planned)
+    def rapid(self, step: Step) -> None:
+        """A rapid, along its path or along a straight line of the joints."""
+        assert step.joint_path is not None
+        with step.named():
+            planned = self.timing.rapid(step.joint_path)
+        t, s = (self.t, self.t + planned.duration), (self.length, self.length)
+        span = Span(move=step.move, kind="rapid", t=t, s=s, trajectory=planned)
+        self._append(step.joint_path, span)
 
-    def still(self, i: int, move: Event | Dwell) -> None:
-        """What comes where the joints stand; before the first contour it waits to know where."""
-        if self.q is None:
-            self.waiting.append((i, move))
-        elif isinstance(move, Dwell):
-            self._stand(i, move)
+    def still(self, step: Step, move: Event | Dwell) -> None:
+        """What comes where the joints stand."""
+        if isinstance(move, Dwell):
+            self._stand(step, move)
         else:
             self._switch(move)
 
@@ -160,9 +115,14 @@ class _Chain:
                 allowed=0.0,
             )
         self._refuse_disorder()
+        assert self.last is not None
+        single_path = self.traced.program.single_path
         return Trajectory(
             laws=tuple(self.laws),
-            method=self.method,
+            method=self.last.method,
+            path=single_path,
+            # Stretches have times and places of their own path.
+            stretches=() if single_path is None else self.last.stretches,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),
         )
@@ -184,65 +144,29 @@ class _Chain:
                 )
             last[x.name] = x
 
-    def _traced(self, path: Path) -> JointPath:
-        """A path from the configuration that the joints are in, if that completes it."""
-        if self.q is None or isinstance(self.ways.arm, PlanarTwoLink):
-            start = self.ways.start if self.q is None else None
-            return trace_fastest(
-                path, self.ways.arm, self.ways.limits, branch=self.ways.branch, start=start
-            )
-        try:
-            return trace(path, self.ways.arm, limits=self.ways.limits, start=self.q)
-        except Unreachable:
-            return trace_fastest(path, self.ways.arm, self.ways.limits)
-
-    def _led(self, i: int, path: Path) -> JointPath:
-        """A rapid before the first contour, in the configuration that is fastest along that."""
-        ways = self.ways
-        contour = next(x for x in self.program.moves[i:] if isinstance(x, Contour))
-        if isinstance(ways.arm, PlanarTwoLink):
-            return self._traced(path)
-        try:
-            fastest = trace_fastest(contour.path, ways.arm, ways.limits)
-            back = trace(reverse_path(path), ways.arm, limits=ways.limits, start=fastest(0.0))
-            return trace(path, ways.arm, limits=ways.limits, start=back(back.length))
-        except ArmContourError:
-            # In another configuration, if there is one; what is wrong with the contour, it says.
-            return self._traced(path)
-
-    def _bridge(self, q: FloatArray) -> None:
-        """A straight line of the joints to where the next move begins."""
-        if self.q is None:
-            self.q = q
-            for i, x in self.waiting:
-                self.still(i, x)
-            return
-        if np.abs(q - self.q).max() <= SAME_POSITION:
-            return
-        line = JointPath.spline([self.q, q])
-        self._append_rapid(None, self.ways.rapid(line))
-
-    def _append_rapid(self, i: int | None, planned: Trajectory) -> None:
-        ends, s = (self.t, self.t + planned.duration), self.length
-        self._append(planned, Span(move=i, kind="rapid", t=ends, s=(s, s), trajectory=planned))
-
-    def _append(self, planned: Trajectory, span: Span) -> None:
-        self.laws += planned.laws
+    def _append(self, joint_path: JointPath, span: Span) -> None:
+        assert span.trajectory is not None
+        self.laws += span.trajectory.laws
         self.spans.append(span)
-        self.t = span.t[1]
-        self.q = planned(planned.duration, side="left")
+        self.t, self.done = span.t[1], joint_path
 
-    def _stand(self, i: int, move: Dwell) -> None:
-        assert self.q is not None
-        none, s = np.zeros((1, len(self.q))), self.length
-        ends = np.array([0.0, move.duration])
-        self.laws.append(LapLaw(breaks=ends, q=np.tile(self.q, (2, 1)), dq=none, ddq=none))
-        self.spans.append(Span(move=i, kind="dwell", t=(self.t, self.t + move.duration), s=(s, s)))
-        self.t += move.duration
+    @property
+    def _q(self) -> FloatArray:
+        """Where the joints stand now [rad], (dof,)."""
+        if self.done is None:
+            return ends_of(self.traced.joint_paths[0])[0]
+        return ends_of(self.done)[1]
+
+    def _stand(self, step: Step, move: Dwell) -> None:
+        q, s = self._q, self.length
+        none, ends = np.zeros((1, len(q))), np.array([0.0, move.duration])
+        self.laws.append(LapLaw(breaks=ends, q=np.tile(q, (2, 1)), dq=none, ddq=none))
+        t = (self.t, self.t + move.duration)
+        self.spans.append(Span(move=step.move, kind="dwell", t=t, s=(s, s)))
+        self.t = t[1]
 
     def _switch(self, x: Event) -> None:
         """What is switched where the joints stand now."""
-        assert self.q is not None
         self.events.append(
             TimedEvent(
                 name=x.name,
@@ -250,7 +174,7 @@ class _Chain:
                 t=self.t - x.lead_time,
                 due=self.t,
                 s=self.length,
-                point=tuple(self.ways.arm.forward(self.q).tolist()),
+                point=tuple(self.timing.arm.forward(self._q).tolist()),
             )
         )
 
@@ -280,44 +204,3 @@ class _Chain:
                 point=tuple(move.path(min(x.s, move.path.length)).tolist()),
             )
         )
-
-    def _rapid_called(self, i: int) -> str:
-        """A rapid by the contour that it leads to, or away from."""
-        contours = [(k, x) for k, x in enumerate(self.program.moves) if isinstance(x, Contour)]
-        number = sum(k < i for k, _ in contours)
-        if number < len(contours):
-            return f"rapid to {contour_called(contours[number][1], number)}"
-        return f"rapid away from {contour_called(contours[-1][1], number - 1)}"
-
-    def _held(self, i: int, path: Path) -> Path:
-        """A rapid's path with the tool turning from the last contour's way to the next one's."""
-        if path.orientation is not None or path.dimension == 2:
-            return path
-        moves = self.program.moves
-        before = next(
-            (moves[k] for k in range(i - 1, -1, -1) if isinstance(moves[k], Contour)), None
-        )
-        after = next(
-            (moves[k] for k in range(i + 1, len(moves)) if isinstance(moves[k], Contour)), None
-        )
-        ends = [(x.path, x.path.length) for x in (before,) if isinstance(x, Contour)]
-        ends += [(x.path, 0.0) for x in (after,) if isinstance(x, Contour)]
-        held = [x.orientation(s) for x, s in ends if x.orientation is not None]
-        if not held:
-            return path
-        free = all(x.orientation.axis_only for x, _ in ends if x.orientation is not None)
-        first, last = held[0], held[-1]
-        # Of two ways of half a turn either will do, and an axis that is free to turn asks for none.
-        turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
-        rates = np.tile(turn / path.length, (len(path), 1))
-        starts = exp(path.breaks[:-1, None] * rates) @ first
-        return dataclasses.replace(
-            path,
-            orientation=Orientation.even(path.lengths, starts, rates, axis_only=free),
-        )
-
-
-def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """A free motion: the limits of the joints hold, and none of the tool."""
-    free = limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    return plan_optimal(joint_path, arm, free, intervals=RAPID_INTERVALS)

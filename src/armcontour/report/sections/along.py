@@ -1,4 +1,4 @@
-"""Planned and assigned tool speeds along what is followed, contour after contour."""
+"""What is followed, contour after contour: tool speeds along it, and when it was executed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.jobs import RunResult
-from armcontour.motion import Trajectory
+from armcontour.motion import Execution, Trajectory
+from armcontour.program import Program
 
 # A path, its motion, when that begins [s], and the length before it [m].
 Followed = tuple[Path, Trajectory, float, float]
@@ -44,12 +45,25 @@ def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArr
     return t, s, np.concatenate([y for x in found for y in (np.repeat(x[2], 2), GAP)])
 
 
+def executed_contours(execution: Execution, program: Program) -> list[tuple[Path, int, int]]:
+    """The path of every contour, and from which to which of the results it was followed.
+
+    Results before and after the motion belong to the contour that the motion starts or ends with.
+    """
+    trajectory, last = execution.taught.trajectory, len(execution.t)
+    found = []
+    for x, span in zip(program.contours, trajectory.contour_spans, strict=True):
+        begin, end = np.searchsorted(execution.t, span.t).tolist()
+        # Two results at least, however short the contour is.
+        begin = 0 if span.t[0] <= 0 else min(begin, last - 2)
+        end = last if span.t[1] >= trajectory.duration else max(end + 1, begin + 2)
+        found.append((x.path, begin, end))
+    return found
+
+
 def _list_followed(result: RunResult) -> list[Followed]:
     """Everything that is followed, in order."""
-    plan = result.trajectory
-    if isinstance(result.path, Path):
-        return [(result.path, plan, 0.0, 0.0)]
-    spans = plan.contour_spans
+    spans = result.trajectory.contour_spans
     return [
         (x.path, span.trajectory, span.t[0], span.s[0])
         for x, span in zip(result.path.contours, spans, strict=True)

@@ -92,7 +92,7 @@ def _strip(title: str, result: RunResult, why: Explanation) -> Any:
     figure.update_layout(barmode="overlay", bargap=0)
     figure.update_yaxes(title="speed [mm/s]", rangemode="tozero", row=1, col=1)
     figure.update_yaxes(title="binds", row=2, col=1)
-    where = "arc length of all contours [m]" if result.trajectory.spans else "arc length [m]"
+    where = "arc length of all contours [m]" if len(result.path.contours) > 1 else "arc length [m]"
     figure.update_xaxes(title=where, row=2, col=1)
     return finish(figure, title=title, height=480)
 

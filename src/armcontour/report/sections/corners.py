@@ -40,7 +40,7 @@ def corners(study: Study) -> list[Any]:
     """One row of enlarged corners, if any run has rounded ones."""
     from plotly.subplots import make_subplots
 
-    paths = rounded_paths(study)
+    paths = _rounded_paths(study)
     if not paths:
         return []
     found = next(iter(paths.values())).corners
@@ -63,7 +63,7 @@ def corners(study: Study) -> list[Any]:
     for column, k in enumerate(shown, start=1):
         _corner(figure, tools, paths, int(k), column)
     title = "Corners enlarged"
-    if isinstance(study.job.path, Program):
+    if len(study.job.program.contours) > 1:
         title += f", contour {_shown(study) + 1}"
     if len(rounded) > len(shown):
         title += f": the first {len(shown)} of {len(rounded)}"
@@ -113,28 +113,33 @@ def _tools(study: Study) -> list[Tool]:
     return found
 
 
-def rounded_paths(study: Study) -> dict[str, RoundedPath]:
-    """The rounded paths of all runs that differ, by what they are called in figures.
-
-    Of a program, those of the contour that is shown.
-    """
-    found: dict[str, RoundedPath] = {}
+def rounded_programs(study: Study) -> dict[str, Program]:
+    """The rounded programs that differ, each by the name of the first run that has it."""
+    found: dict[str, Program] = {}
     which = _shown(study)
     for name, result in study.runs.items():
-        whole = result.path
-        path = whole.contours[which].path if isinstance(whole, Program) else whole
-        if isinstance(path, RoundedPath) and not any(_alike(path, x) for x in found.values()):
-            found[f"rounded path of {name}"] = path
-    if len(found) == 1:
-        return {"rounded path": found.popitem()[1]}
+        path = result.path.contours[which].path
+        known = (x.contours[which].path for x in found.values())
+        if isinstance(path, RoundedPath) and not any(_alike(path, x) for x in known):
+            found[name] = result.path
+    return found
+
+
+def _rounded_paths(study: Study) -> dict[str, RoundedPath]:
+    """Those of the contour that is shown, by what they are called in the figure."""
+    programs, which = rounded_programs(study), _shown(study)
+    found: dict[str, RoundedPath] = {}
+    for name, program in programs.items():
+        path = program.contours[which].path
+        assert isinstance(path, RoundedPath)
+        found[f"rounded path of {name}" if len(programs) > 1 else "rounded path"] = path
     return found
 
 
 def _shown(study: Study) -> int:
     """Index of the contour whose corners are shown: the first one that has rounded corners."""
-    path = next(iter(study.runs.values())).path
-    contours = path.contours if isinstance(path, Program) else ()
-    for i, x in enumerate(contours):
+    program = next(iter(study.runs.values())).path
+    for i, x in enumerate(program.contours):
         if isinstance(x.path, RoundedPath) and (x.path.corners.radius > 0).any():
             return i
     return 0

@@ -43,7 +43,7 @@ USUAL = 99.5
 
 def joints(study: Study) -> Section | None:
     """All joints of every run, with ranges and limits; None for an arm in the plane."""
-    if study.job.path.dimension != 3:
+    if study.job.program.dimension != 3:
         return None
     return Section(
         key="joints",

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.quantities import assumed_numbers
-from armcontour.program import Program
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.sections.along import assigned_speeds
 from armcontour.report.sections.turning import angular_speeds, orientation_errors
@@ -30,6 +30,8 @@ from armcontour.report.style import (
 SMALLEST_ERROR = 1e-6
 # A joint is shown as saturated where it does not get its demand by this share of what it gets.
 SATURATED = 1e-3
+# Times at which planned accelerations are looked at.
+MOST_TIMES = 20_000
 # Rapids are shaded; more than so many cannot be told apart.
 RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 MOST_SHADES = 300
@@ -47,21 +49,9 @@ def tool_speed(study: Study) -> Section:
         figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
     for trace in _assigned(study):
         figure.add_trace(trace)
-    assigned: dict[float, float] = {}
-    for result in study.runs.values():
-        if isinstance(result.path, Program):
-            continue
-        if result.run.limits.speed is not None:
-            longest = assigned.get(result.run.limits.speed, 0.0)
-            assigned[result.run.limits.speed] = max(longest, result.trajectory.duration)
-    for value, time in sorted(assigned.items()):
-        name = f"assigned velocity {value * 1e3:g} mm/s"
-        figure.add_trace(
-            line([0, time], [value * 1e3] * 2, name, LIMIT_COLOUR, dash="dash", width=1)
-        )
     marked = marked_run(study)
     text = "As executed."
-    if isinstance(study.job.path, Program):
+    if any(x.kind != "contour" for y in study.runs.values() for x in y.trajectory.spans):
         rapids = _rapids(study)
         where = "between them, in grey," if rapids else "between them"
         text += (
@@ -83,14 +73,23 @@ def tool_speed(study: Study) -> Section:
 
 
 def _assigned(study: Study) -> list[Any]:
-    """Assigned velocities over the time of programs, whose segments may have their own."""
-    found: list[Any] = []
+    """Assigned velocities over time; runs with one and the same all along share a line."""
+    steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
-        assigned = assigned_speeds(result) if isinstance(result.path, Program) else None
-        if assigned is not None:
-            label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
-            t, value = thin(assigned[0], assigned[2] * 1e3)
-            found.append(line(t, value, label, LIMIT_COLOUR, dash="dash", width=1))
+        assigned = assigned_speeds(result)
+        if assigned is None:
+            continue
+        label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
+        # After the last contour there is a gap.
+        t, value = assigned[0][:-1], assigned[2][:-1] * 1e3
+        if np.ptp(value) == 0:
+            label = f"assigned velocity {value[0]:g} mm/s"
+        if label not in steps or t[-1] > steps[label][0][-1]:
+            steps[label] = t, value
+    found = []
+    for label, both in steps.items():
+        t, value = thin(*both)
+        found.append(line(t, value, label, LIMIT_COLOUR, dash="dash", width=1))
     return found
 
 
@@ -105,7 +104,7 @@ def _rapids(study: Study) -> list[tuple[float, float]]:
 
 def accelerations(study: Study) -> Section | None:
     """Joint accelerations of every run of an arm in the plane, with limits and saturation."""
-    if study.job.path.dimension != 2:
+    if study.job.program.dimension != 2:
         return None
     return Section(
         key="accelerations",
@@ -184,9 +183,8 @@ def _accelerations(name: str, result: RunResult) -> Any:
     names = x.arm.joint_names
     bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    # A program is long: peaks that a coarse look would miss are looked for, and kept.
-    places = 20_000 if result.trajectory.spans else 2000
-    every = np.linspace(0, result.trajectory.duration, places)
+    # Peaks that a coarse look would miss are looked for, and kept.
+    every = np.linspace(0, result.trajectory.duration, MOST_TIMES)
     planned = result.trajectory(every, 2)
     for j, joint in enumerate(names):
         row = {"row": j + 1, "col": 1}

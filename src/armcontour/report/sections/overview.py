@@ -6,7 +6,6 @@ from itertools import permutations
 
 from armcontour.jobs import RunResult, Study, same_plan
 from armcontour.jobs.quantities import assumed_numbers
-from armcontour.program import Program
 from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import few
@@ -87,7 +86,8 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="contour error, RMS",
             value=f"{e.contour_error.rms * 1e3:.4f} mm",
-            note=f"over {_judged_time(result):.2f} s" + (" on contours" if e.contours else ""),
+            note=f"over {_judged_time(result):.2f} s"
+            + (" on contours" if len(e.contours) > 1 else ""),
         ),
         Tile(
             label="contour error, largest",
@@ -105,7 +105,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             note="of the motion: some joint within 1 % of a limit",
         ),
     ]
-    if isinstance(result.path, Program):
+    if result.path.single_path is None:
         tiles.append(
             Tile(
                 label="tool speed on contours, largest",
@@ -125,9 +125,8 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
 
 
 def _judged_time(result: RunResult) -> float:
-    """Time that errors cover [s]: of a program, that of its contours."""
-    e = result.evaluation
-    return sum(float(x.t[-1] - x.t[0]) for x in e.contours) if e.contours else e.until
+    """Time that errors cover [s], contour by contour."""
+    return sum(float(x.t[-1] - x.t[0]) for x in result.evaluation.contours)
 
 
 def _saturated(result: RunResult) -> str:

@@ -7,17 +7,15 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.program import Program
-from armcontour.report.outline import DRAWN_PLACES, outline_points, outlines, simplify
+from armcontour.report.outline import outline_points, outlines, simplify
 from armcontour.report.section import Section, marked_run
+from armcontour.report.sections.along import executed_contours
 from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 
-# Points of an executed path.
-MOST_TOOL = 4000
-# Times at which a planned path of the joints is drawn; and of a program before it is simplified.
+# Times at which a planned path of the joints is looked at, before it is simplified.
 DRAWN_TIMES = 800
 MOST_TIMES = 100_000
 # Height of a line of a legend [px].
@@ -30,7 +28,7 @@ COLUMNS = (2, 3)
 
 def paths(study: Study) -> Section | None:
     """Cartesian path and its corners in the plane; None in space."""
-    if study.job.path.dimension != 2:
+    if study.job.program.dimension != 2:
         return None
     enlarged = corners(study)
     objective = outline_points(objective_of(study))
@@ -40,7 +38,7 @@ def paths(study: Study) -> Section | None:
         title="Path of the tool",
         text=(
             "The objective path, the rounded path, and what the tool did in each run"
-            + (" along the contours" if isinstance(study.job.path, Program) else "")
+            + (" along the contours" if len(study.job.program.contours) > 1 else "")
             + ". The enlarged corners show the gap between corner point and arc: the corner error."
         ),
         figures=(_cartesian(study, objective * 1e3, narrow=beside), *enlarged),
@@ -50,7 +48,7 @@ def paths(study: Study) -> Section | None:
 
 def joint_space(study: Study) -> Section | None:
     """Planned and executed joint positions of an arm in the plane; None in space."""
-    if study.job.path.dimension != 2:
+    if study.job.program.dimension != 2:
         return None
     import plotly.graph_objects as go
 
@@ -83,31 +81,21 @@ def joint_space(study: Study) -> Section | None:
 def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
     """Joint positions that draw what was executed, and what was planned."""
     q, plan = result.execution.q, result.trajectory
-    if isinstance(result.path, Path) and len(result.path) <= DRAWN_PLACES:
-        return q[:: max(1, len(q) // 2000)], plan(np.linspace(0, plan.duration, DRAWN_TIMES))
     times = np.linspace(0, plan.duration, min(MOST_TIMES, max(DRAWN_TIMES, len(q))))
     planned = plan(times)
     of_q, of_plan = simplify([q, planned])
     return q[of_q], planned[of_plan]
 
 
-def objective_of(study: Study) -> Path | Program:
-    """The path that was asked for; of a program that of the first run, its leads included."""
+def objective_of(study: Study) -> Program:
+    """What was to be followed, corners not rounded: that of the first run, leads included."""
     return next(iter(study.runs.values())).objective
 
 
 def _executed_tool(result: RunResult) -> FloatArray:
-    """Where the tool was; of a program, along its contours."""
-    done, path = result.execution, result.path
-    if isinstance(path, Path):
-        if len(path) > DRAWN_PLACES:
-            return outlines([done.tool])
-        return done.tool[:: max(1, len(done.t) // MOST_TOOL)]
-    spans = result.trajectory.contour_spans
-    ends = [np.searchsorted(done.t, x.t).tolist() for x in spans]
-    last = len(done.t) - 1
-    tool = done.tool
-    return outlines([tool[min(a, last - 1) : max(b, a + 1) + 1] for a, b in ends])
+    """Where the tool was along the contours, with gaps (NaN) after them."""
+    tool = result.execution.tool
+    return outlines([tool[a:b] for _, a, b in executed_contours(result.execution, result.path)])
 
 
 def _tall(points: FloatArray) -> bool:

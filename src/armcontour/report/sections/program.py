@@ -22,10 +22,11 @@ REACHED = 0.999
 
 def program(study: Study) -> Section | None:
     """The moves of a program in place and in time, and its contours; None for a single path."""
-    if not isinstance(study.job.path, Program):
+    first = next(iter(study.runs.values()))
+    if first.path.single_path is not None:
         return None
     results = study.runs.items()
-    drawn, notes = picture(next(iter(study.runs.values())))
+    drawn, notes = picture(first)
     return Section(
         key="program",
         title="Program",
@@ -34,7 +35,7 @@ def program(study: Study) -> Section | None:
             "between them, in which only the limits of the joints hold: the tool may be faster "
             "there than the assigned velocity. Between two moves the tool stands still."
         ),
-        tiles=tuple((name, _tiles(study.job.path, x)) for name, x in results),
+        tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn, *(timeline(name, x) for name, x in results)),
         tables=tuple(_table(name, x) for name, x in results),
         notes=(
@@ -46,7 +47,7 @@ def program(study: Study) -> Section | None:
 
 
 def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
-    program = _of(result)
+    program = result.path
     spans, duration = result.trajectory.spans, result.trajectory.duration
     contours = result.trajectory.contour_spans
     rapids = [x for x in spans if x.kind == "rapid"]
@@ -96,13 +97,8 @@ def _several(count: int, what: str) -> str:
     return f"{count} {what}{'s' if count != 1 else ''}"
 
 
-def _of(result: RunResult) -> Program:
-    assert isinstance(result.path, Program)
-    return result.path
-
-
 def _work(x: Contour) -> float:
-    begin, end = (0.0, x.path.length) if x.work is None else x.work
+    begin, end = x.at_work
     return end - begin
 
 
@@ -119,7 +115,7 @@ def _names(result: RunResult) -> str:
 
 def _table(name: str, result: RunResult) -> Table:
     """A row for every contour, or for the worst ones, worst first."""
-    program, errors = _of(result), result.evaluation.contours
+    program, errors = result.path, result.evaluation.contours
     spans = result.trajectory.contour_spans
     order = np.arange(len(spans))
     caption = f"Run {name}: contours in order"
@@ -163,7 +159,7 @@ def _cells(
         found["layer"] = contour.layer
     found["length [mm]"] = f"{length * 1e3:.2f}"
     if led:
-        begin, end = contour.work or (0.0, contour.path.length)
+        begin, end = contour.at_work
         found["leads [mm]"] = f"{begin * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
     return {
         **found,
@@ -181,7 +177,7 @@ def _assigned_share(contour: Contour, span: Span, most: float) -> str:
     assert span.trajectory is not None
     times = span.trajectory.breaks
     s, speeds = span.trajectory.s(times), span.trajectory.s(times, 1)
-    begin, end = contour.work or (0.0, contour.path.length)
+    begin, end = contour.at_work
     middle, width = (s[:-1] + s[1:]) / 2, np.diff(s)
     assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], most)
     asked = np.isfinite(assigned) & (middle >= begin) & (middle <= end)

@@ -43,7 +43,6 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
     import plotly.graph_objects as go
 
     program = result.path
-    assert isinstance(program, Program)
     figure, notes = go.Figure(), []
     flat = program.dimension == 2
     draw = _in_plane if flat else _in_space
@@ -121,13 +120,13 @@ def _layers(program: Program) -> list[tuple[str, str, FloatArray]]:
 
 
 def _outline(contours: Sequence[Contour]) -> FloatArray:
-    return outlines([finely(x.path, *(x.work or (0.0, None))) for x in contours])
+    return outlines([finely(x.path, *x.at_work) for x in contours])
 
 
 def _leads(program: Program) -> FloatArray | None:
     found = []
     for x in program.contours:
-        begin, end = x.work or (0.0, x.path.length)
+        begin, end = x.at_work
         if begin > 1e-9:
             found.append(finely(x.path, 0.0, begin))
         if x.path.length - end > 1e-9:

@@ -10,13 +10,13 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.evaluation import Evaluation
-from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
 from armcontour.program import Program
-from armcontour.report.outline import DRAWN_PLACES, outline_points, simplify
+from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
-from armcontour.report.sections.corners import DASHES, corners, rounded_paths
+from armcontour.report.sections.along import executed_contours
+from armcontour.report.sections.corners import DASHES, corners, rounded_programs
 from armcontour.report.sections.paths import objective_of
 from armcontour.report.sections.scene import (
     box,
@@ -52,7 +52,7 @@ SHOWN = {"size": 13, "color": "#222222"}
 
 def space(study: Study) -> Section | None:
     """The path and what was made of it in space; None for a path in the plane."""
-    if study.job.path.dimension != 3:
+    if study.job.program.dimension != 3:
         return None
     return Section(
         key="paths",
@@ -73,9 +73,9 @@ def _path(study: Study) -> Any:
     figure = go.Figure()
     objective = outline_points(objective_of(study)) * 1e3
     figure.add_trace(line_in_space(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
-    for (name, path), dash in zip(_rounded(study).items(), cycle(DASHES), strict=False):
+    for (name, program), dash in zip(_rounded(study).items(), cycle(DASHES), strict=False):
         figure.add_trace(
-            line_in_space(outline_points(path) * 1e3, name, "#000000", width=3, dash=dash)
+            line_in_space(outline_points(program) * 1e3, name, "#000000", width=3, dash=dash)
         )
     for points, name, colour in _sticks(study):
         figure.add_trace(line_in_space(points, name, colour, width=3))
@@ -109,38 +109,33 @@ def _path(study: Study) -> Any:
     return figure
 
 
-def _rounded(study: Study) -> Mapping[str, Path | Program]:
-    """What was rounded, by what it is called: paths, or the program of the first run."""
-    if isinstance(study.job.path, Path):
-        return rounded_paths(study)
-    first = next(iter(study.runs.values()))
-    if first.run.rounding is None or not isinstance(first.path, Program):
-        return {}
-    return {"rounded contours": first.path}
+def _rounded(study: Study) -> Mapping[str, Program]:
+    """The rounded programs of all runs that differ, by what they are called."""
+    what = "rounded contours" if len(study.job.program.contours) > 1 else "rounded path"
+    found = rounded_programs(study)
+    return {f"{what} of {x}" if len(found) > 1 else what: y for x, y in found.items()}
 
 
 def _error(
-    execution: Execution, evaluation: Evaluation, path: Path | Program
+    execution: Execution, evaluation: Evaluation, program: Program
 ) -> tuple[FloatArray, FloatArray]:
     """Nearest places of the path, and the way from there to the tool, (n, 3) each [m].
 
-    Between the contours of a program there is no path: there are gaps.
+    After each of several contours there is a gap (NaN): rapids have no path.
     """
     worst = int(np.searchsorted(execution.t, evaluation.contour_error.t_max))
     found = []
-    followed = _followed(execution, path)
-    for part, begin, end in followed:
+    followed = executed_contours(execution, program)
+    gap = np.full((1, 3), np.nan)
+    gaps = [(gap, gap)] if len(followed) > 1 else []
+    for path, begin, end in followed:
         kept = np.arange(begin, end, max(1, len(execution.t) // MOST_PLACES))
-        if isinstance(path, Program) or len(path) > DRAWN_PLACES:
-            kept = np.union1d(kept, _shape(execution, begin, end, len(followed)))
+        kept = np.union1d(kept, _shape(execution, begin, end, len(followed)))
         if begin <= worst < end:
             kept = np.union1d(kept, [worst])
         tool = execution.arm.forward(execution.q[kept])
-        nearest = part(part.project(tool).s)
-        found.append((nearest, tool - nearest))
-        if isinstance(path, Program):
-            gap = np.full((1, 3), np.nan)
-            found.append((gap, gap))
+        nearest = path(path.project(tool).s)
+        found += [(nearest, tool - nearest), *gaps]
     return np.concatenate([x[0] for x in found]), np.concatenate([x[1] for x in found])
 
 
@@ -148,21 +143,7 @@ def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArra
     """Which results of a contour show its shape."""
     tool = execution.arm.forward(execution.q[begin:end])
     each = max(4, MOST_OF_PROGRAM // contours)
-    return begin + simplify([tool], each, even=max(1, each // 4))[0]
-
-
-def _followed(execution: Execution, path: Path | Program) -> list[tuple[Path, int, int]]:
-    """The paths that were followed, and from which to which of the results."""
-    if isinstance(path, Path):
-        return [(path, 0, len(execution.t))]
-    spans = execution.taught.trajectory.contour_spans
-    found = []
-    for x, span in zip(path.contours, spans, strict=True):
-        begin, end = np.searchsorted(execution.t, span.t).tolist()
-        # Two results at least, however short the contour is.
-        begin = min(begin, len(execution.t) - 2)
-        found.append((x.path, begin, max(end, begin + 2)))
-    return found
+    return begin + simplify([tool], each, even=max(1, MOST_PLACES // contours))[0]
 
 
 def _coordinates(curves: list[FloatArray]) -> dict[str, list[Any]]:
@@ -185,7 +166,7 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
     # The tool is behind its point: its axis goes from the arm to the work.
     found = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
-    path = result.path if isinstance(result.path, Path) else result.path.contours[0].path
+    path = result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
         ends = points + length / 2 * axes[:, :, 0]
         found.append((_separate(points, ends), "tool x axis", RUN_COLOURS[4]))
@@ -193,13 +174,16 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at places along the path, or at times along every contour, (n, dof)."""
-    if result.joint_path is not None and isinstance(result.path, Path):
-        return result.joint_path(np.linspace(0, result.path.length, STICKS))
-    spans = result.trajectory.contour_spans
-    spans = spans[:: -(-len(spans) // STICKS)]
-    each = max(2, STICKS // len(spans))
-    return result.trajectory(np.concatenate([np.linspace(*x.t, each) for x in spans]))
+    """Joint positions at places along every contour, or of many contours along some, (n, dof)."""
+    spans, contours = result.trajectory.contour_spans, result.path.contours
+    every = -(-len(spans) // STICKS)
+    each = max(2, STICKS * every // len(spans))
+    found = []
+    for x, contour in zip(spans[::every], contours[::every], strict=True):
+        assert x.trajectory is not None
+        places = np.linspace(0, contour.path.length, each)
+        found.append(x.trajectory(x.trajectory.time_at(places)))
+    return np.concatenate(found)
 
 
 def _separate(begin: FloatArray, end: FloatArray) -> FloatArray:

@@ -1,0 +1,57 @@
+"""The timing methods by their names, with what all contours and rapids of a plan share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import TOOL_LIMITS
+from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.timing.conventional import plan_conventional
+from armcontour.timing.mac import plan_mac
+from armcontour.timing.optimal import plan_optimal
+
+METHODS = tuple(x.value for x in Method)
+OPTIONS = {
+    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
+    "mac": ("knots", "period"),
+    "conventional": (),
+}
+# A rapid's grid: its limits change little along a straight line of the joints or of the tool.
+RAPID_INTERVALS = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How joint paths are timed.
+
+    Args:
+        arm: The arm.
+        limits: Those that the plan keeps: what is reserved for the servo is taken off.
+        method: One of METHODS.
+        options: Options of the method.
+        memory: What the program may take [bytes].
+    """
+
+    arm: Arm
+    limits: Limits
+    method: str
+    options: Mapping[str, Any]
+    memory: float
+
+    def contour(self, joint_path: JointPath) -> Trajectory:
+        """The motion along a contour, by the method."""
+        if self.method == Method.OPTIMAL:
+            return plan_optimal(
+                joint_path, self.arm, self.limits, memory=self.memory, **self.options
+            )
+        if self.method == Method.MAC:
+            return plan_mac(joint_path, self.arm, self.limits, **self.options)
+        return plan_conventional(joint_path, self.arm, self.limits)
+
+    def rapid(self, joint_path: JointPath) -> Trajectory:
+        """A free motion: the limits of the joints hold, and none of the tool."""
+        free = self.limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
+        return plan_optimal(joint_path, self.arm, free, intervals=RAPID_INTERVALS)
