@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from armcontour import _checks
+from armcontour._quantities import Choice, Length
 from armcontour.errors import InvalidInput
 from armcontour.robustness.monte_carlo import Box
 
@@ -34,10 +36,10 @@ class Goal:
         InvalidInput: Nothing to hold, or a number that is not above zero.
     """
 
-    tolerance: float | None = None
-    servo: float | None = None
-    rms: float | None = None
-    saturation: str = "refuse"
+    tolerance: Length | None = None
+    servo: Length | None = None
+    rms: Length | None = None
+    saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Box | None = None
     samples: int = 10_000
     seed: int = 0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import Choice, DeadTimes, Gains
 from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -56,11 +58,11 @@ class ServoModel:
             negative or above LONGEST_DEAD_TIME; an unknown interpolation or order.
     """
 
-    kp: FloatArray
-    kv: FloatArray | None
-    interpolation: str
-    dead_time: FloatArray
-    order: str
+    kp: Gains
+    kv: Gains | None
+    order: Annotated[str, Choice(ORDERS)]
+    dead_time: DeadTimes
+    interpolation: Annotated[str, Choice(INTERPOLATIONS)]
 
     def __init__(
         self,
