@@ -6,11 +6,11 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.console import Console, open_page
+from armcontour.cli.quantities import read_option
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
     from armcontour.evaluation import Evaluation
-    from armcontour.jobs import Job
 
 
 def certify_file(
@@ -46,16 +46,19 @@ def certify_file(
     """
     from contextlib import nullcontext
 
+    from armcontour._quantities import Length, Memory
     from armcontour.cli.progress import shown
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, read_job
+    from armcontour.io.job_overrides import JobOverrides
 
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
+    memory_only = JobOverrides(memory=read_option("--memory", memory, Memory))
+    job = read_job(job_file, overrides=memory_only, trust_xacro=trust_xacro)
     lengths = {
-        "tolerance": _length("--total-tolerance", tolerance),
-        "servo": _length("--servo", servo),
+        "tolerance": read_option("--total-tolerance", tolerance, Length),
+        "servo": read_option("--servo", servo, Length),
     }
     overrides = {name: value for name, value in lengths.items() if value is not None}
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
@@ -73,40 +76,6 @@ def certify_file(
         _print(found, None if out is None else out / "report.html")
     if open_report and out is not None:
         open_page(out / "report.html")
-
-
-def _length(option: str, text: str | None) -> float | None:
-    """The length that an option gives [m]; None without the option.
-
-    Raises:
-        InvalidInput: The text is not a length.
-    """
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    try:
-        return None if text is None else parse(text, "m")
-    except ValueError as error:
-        raise InvalidInput(f"{option}: {error}.") from None
-
-
-def with_memory(job: Job, text: str | None) -> Job:
-    """The job with another bound of its memory, as text with a unit.
-
-    Raises:
-        InvalidInput: Text that is no amount of memory.
-    """
-    from dataclasses import replace
-
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    if text is None:
-        return job
-    try:
-        return replace(job, memory=parse(text, "byte"))
-    except ValueError as error:
-        raise InvalidInput(f"--memory: {str(error).rstrip('.')}.") from None
 
 
 def _write(found: Certificate, folder: Any) -> None:

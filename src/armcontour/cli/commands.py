@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armcontour._version import __version__
+from armcontour.cli.options import ExportOptions, JobOptions, grouped
 
 app = typer.Typer(
     name="armcontour",
@@ -49,6 +50,7 @@ def _common(
 
 
 @app.command()
+@grouped
 def run(
     job: Annotated[
         FilePath,
@@ -58,60 +60,13 @@ def run(
         ),
     ],
     out: Out,
+    options: JobOptions,
+    exports: ExportOptions,
     cell: Annotated[
         str | None,
         typer.Option(
             "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
         ),
-    ] = None,
-    units: Annotated[
-        str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
-    ] = None,
-    scale: Annotated[
-        float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
-    ] = None,
-    turn: Annotated[
-        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
-    ] = None,
-    layer: Annotated[
-        list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
-    ] = None,
-    contour: Annotated[
-        list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
-    ] = None,
-    flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False,
-    skip_unknown: Annotated[
-        bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
-    ] = False,
-    speed: Annotated[
-        str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
-    ] = None,
-    tolerance: Annotated[
-        str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
-    ] = None,
-    from_s: Annotated[
-        str | None,
-        typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
-    ] = None,
-    export: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--export",
-            help="Format of taught data: csv, parquet, npz, ros-yaml, mcap, urscript; may be "
-            "repeated.",
-        ),
-    ] = None,
-    template: Annotated[
-        list[str] | None,
-        typer.Option("--template", help="Export by a template: kuka, abb, or a .j2 file."),
-    ] = None,
-    output: Annotated[
-        list[str] | None,
-        typer.Option("--output", help="Digital output of an event in exports: tool=0."),
     ] = None,
     simulate: Annotated[
         bool,
@@ -119,36 +74,22 @@ def run(
             "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
         ),
     ] = True,
-    memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
     trust_xacro: TrustXacro = False,
 ) -> None:
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
     from armcontour.cli.exporting import exports_of
-    from armcontour.cli.opening import Overrides, open_job
+    from armcontour.cli.opening import open_job, read_overrides
     from armcontour.cli.running import run_job
 
-    overrides = Overrides(
-        units=units,
-        scale=scale,
-        at=at,
-        turn=turn,
-        layers=layer,
-        names=contour,
-        flat=flat,
-        skip=skip_unknown,
-        speed=speed,
-        tolerance=tolerance,
-        from_s=from_s,
-        memory=memory,
-    )
+    overrides = read_overrides(options)
     run_job(
         lambda told: open_job(job, cell, overrides, told, trust_xacro=trust_xacro),
         out,
         force=force,
         open_report=open_report,
-        exports=exports_of(export or [], template or [], output or []),
+        exports=exports_of(exports.export or [], exports.template or [], exports.output or []),
         simulate=simulate,
     )
 

@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
+from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
     from armcontour.certification import Sweep, SweepPoint
@@ -39,36 +40,27 @@ def sweep_file(
     Raises:
         ArmContourError: A job that cannot be used; nothing is written then.
     """
-    from armcontour.cli.certifying import with_memory
+    from armcontour._quantities import Length, Memory, Speed
     from armcontour.cli.progress import shown
     from armcontour.io import ResultFolder, read_job, sweep_json
+    from armcontour.io.job_overrides import JobOverrides
 
-    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
-    asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
+    overrides = JobOverrides(memory=read_option("--memory", memory, Memory))
+    job = read_job(job_file, overrides=overrides, trust_xacro=trust_xacro)
+    corners = read_option_list("--tolerances", tolerances, Length)
+    fast = read_option_list("--speeds", speeds, Speed)
     with ResultFolder(out, force=force) as folder:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
         with shown("sweeping") as progress:
-            found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress)
+            found = sweep(job, run, tolerances=corners, speeds=fast, progress=progress)
         folder.write("report.html", render_sweep(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()
     _print(found, report)
     if open_report:
         open_page(report)
-
-
-def _listed(name: str, text: str | None, unit: str) -> list[float] | None:
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    if text is None:
-        return None
-    try:
-        return [parse(x.strip(), unit) for x in text.split(",")]
-    except ValueError as error:
-        raise InvalidInput(f"--{name}: {error}.") from None
 
 
 def _print(found: Sweep, report: FilePath) -> None:

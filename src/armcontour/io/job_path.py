@@ -54,11 +54,12 @@ def path_of(
     """
     if model.file is not None:
         return _drawn(model, model.file, folder, dimension, progress)
-    for name in ONLY_OF_FILES & model.model_fields_set:
-        raise InvalidInput(
-            f"path.{name} says how a file is read: it goes with path.file; or this is a cell, "
-            "which takes a drawing (armcontour run DRAWING --cell CELL)."
-        )
+    for x in dataclasses.fields(model):
+        if x.name in ONLY_OF_FILES and getattr(model, x.name) != x.default:
+            raise InvalidInput(
+                f"path.{x.name} says how a file is read: it goes with path.file; or this is a "
+                "cell, which takes a drawing (armcontour run DRAWING --cell CELL)."
+            )
     path = _positions(model)
     if model.orientation is None:
         return path
