@@ -28,13 +28,15 @@ class Form:
     Args:
         names: Keys by the fields that have another name.
         types: Annotations by the fields that are written in another form.
-        defaults: Defaults of such keys, where they are written in another form too.
+        defaults: Defaults in that form.
+        texts: Descriptions in that form.
         omit: Fields that no key gives.
     """
 
     names: Mapping[str, str] = field(default_factory=dict)
     types: Mapping[str, Any] = field(default_factory=dict)
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
     omit: frozenset[str] = frozenset()
 
 
@@ -64,7 +66,11 @@ FORMS: dict[type, Form] = {
                 Field(min_length=6, max_length=6),
                 AfterValidator(lambda x: np.array(x)[TENSOR]),
             ],
-        }
+        },
+        texts={
+            "inertia": "xx, xy, xz, yy, yz and zz about the centre of mass, along the axes of the "
+            "tip [kg m²]; a point by default."
+        },
     ),
     Process: Form(
         types={

@@ -19,7 +19,6 @@ from armcontour._quantities import (
     Memory,
     Pole,
     Ratio,
-    Speed,
     Time,
 )
 from armcontour.arms import Limits
@@ -73,7 +72,7 @@ class RotationModel:
     """Either `rpy` or `quaternion`.
 
     Args:
-        rpy: Roll, pitch and yaw about fixed x, y and z.
+        rpy: Roll, pitch and yaw about fixed x, y and z [rad].
         quaternion: As x, y, z, w.
     """
 
@@ -86,7 +85,7 @@ class FrameModel(RotationModel):
     """A place and how it is turned; what is not given is zero.
 
     Args:
-        position: The place.
+        position: The place [m].
     """
 
     position: Place | None = None
@@ -120,18 +119,15 @@ class ArmModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SegmentModel:
+class SegmentModel(Demand):
     """A line `to` a point, an arc `via` a point `to` another, or one around a `center`.
 
     Args:
-        to: End of a line or an arc.
-        via: A point on an arc.
-        center: Centre of an arc.
-        angle: Angle of that arc, counter-clockwise positive; a full circle has 360 deg.
+        to: End of a line or an arc [m].
+        via: A point on an arc [m].
+        center: Centre of an arc [m].
+        angle: Angle of that arc, counter-clockwise positive; a full circle has 360 deg [rad].
         normal: Axis of that arc, in space.
-        speed: Assigned velocity on the segment.
-        tolerance: Largest corner error at its ends.
-        tag: Free text that results carry along.
     """
 
     to: Point | None = None
@@ -139,9 +135,6 @@ class SegmentModel:
     center: Point | None = None
     angle: Angle | None = None
     normal: list[float] | None = None
-    speed: Speed | None = None
-    tolerance: Distance | None = None
-    tag: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,9 +142,9 @@ class SplineModel:
     """A cubic spline through `points`, run as arcs within `tolerance` of it.
 
     Args:
-        points: What it leads through.
+        points: What it leads through [m].
         closed: Whether it is closed: the last point repeats the first.
-        tolerance: Largest distance of the arcs from it.
+        tolerance: Largest distance of the arcs from it [m].
     """
 
     points: list[Point]
@@ -192,8 +185,8 @@ class PathModel:
     """One of `points`, `start` and `segments`, `spline`, and `file`; the rest says how to read it.
 
     Args:
-        points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each.
-        start: Where the first segment starts.
+        points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
+        start: Where the first segment starts [m].
         segments: A chain of lines and arcs.
         spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv,
@@ -206,8 +199,8 @@ class PathModel:
             their segments have nothing of their own, of which a drawing need not have all.
         names: Only contours with these names: the report lists them.
         flat: Whether to leave z out, and with it how the file has the tool held.
-        chord_tolerance: Largest distance between a curve and the arcs that it becomes.
-        join_tolerance: Ends nearer than this are one point.
+        chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
+        join_tolerance: Ends nearer than this are one point [m].
         unknown: Whether to refuse what the reader does not know, or to skip it with a note.
         orientation: How the tool is held in space: once for the whole path, or one per waypoint;
             of a file, in the coordinates of the drawing.
@@ -250,7 +243,7 @@ class TimingModel:
         knots: Laps per line, of the method mac.
         intervals: Intervals of the grid, about, of the method optimal.
         reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
-            servo. Without one a servo that falls behind cannot catch up.
+            servo. Without one a servo that has fallen back cannot catch up.
     """
 
     method: Annotated[str, Choice(planner.METHODS)] = "optimal"
@@ -265,8 +258,8 @@ class CompensationModel:
 
     Args:
         method: The servo's exact inverse, or pole placement, for a servo of order second only.
-        poles: Two regulator poles and the observer pole of pole_placement, or one such triple per
-            joint.
+        poles: Two regulator poles and the observer pole of pole_placement [1/s], or one such triple
+            per joint.
     """
 
     method: Annotated[str, Choice(compensator.METHODS)] = "pole_placement"
@@ -280,11 +273,8 @@ class RunModel:
     Args:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
-        limits: For this run only; null lifts a limit of the job or of the arm.
-        corners: For this run only.
-        command_interval: For this run only.
-        ignore_jerk: For this run only.
-        until: End of the time that errors cover; by default when the tool has come to rest.
+        limits, corners, command_interval, ignore_jerk: As of the job, for this run only.
+        until: End of the time that errors cover [s]; by default when the tool has come to rest.
     """
 
     timing: TimingModel = TimingModel()
@@ -302,7 +292,7 @@ class TimeStampsModel:
 
     Args:
         run: Name of the run.
-        values: The times.
+        values: The times [s].
     """
 
     run: str
@@ -314,10 +304,10 @@ class FiguresModel:
     """Published figures of a run.
 
     Args:
-        contour_error_rms: Root mean square of the contour error.
-        contour_error_max: Largest contour error.
-        duration: Duration of the motion.
-        settled: Time until the tool rests.
+        contour_error_rms: Root mean square of the contour error [m].
+        contour_error_max: Largest contour error [m].
+        duration: Duration of the motion [s].
+        settled: Time until the tool rests [s].
     """
 
     contour_error_rms: Length
@@ -354,7 +344,7 @@ class JobModel:
             job, or a mapping.
         branch: Branch of the inverse kinematics of an arm in the plane: `positive` (default) or
             `negative`, the sign of theta2.
-        start: Joint positions near to those to start in, of an arm in space; by default the
+        start: Joint positions near to those to start in [rad], of an arm in space; by default the
             configuration that is fastest along the path.
         path: The objective path.
         process: What is added to contours: leads, overlaps, events.
@@ -364,11 +354,11 @@ class JobModel:
         servo: The nominal servo.
         plant: The real servo, where it differs from the nominal one.
         experiment: Runs that are executed on the arm's rigid bodies too.
-        command_interval: Time between set-points.
+        command_interval: Time between set-points [s].
         runs: The runs to compare, by name.
         published: Published figures of the same job.
         certificate: What `armcontour certify` and `armcontour sweep` hold.
-        memory: What the program may take for the job.
+        memory: What the program may take for the job [bytes].
     """
 
     name: str

@@ -195,7 +195,7 @@ def _end(segments: list[Line | Arc]) -> list[float]:
 
 
 def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
-    demand = Demand(speed=x.speed, tolerance=x.tolerance, tag=x.tag)
+    demand = Demand(**{y.name: getattr(x, y.name) for y in dataclasses.fields(Demand)})
     around = (x.center, x.angle, x.normal)
     if x.to is not None and all(y is None for y in around):
         if x.via is None:

@@ -40,7 +40,7 @@ BOUNDS = {
     "negative": {"exclusiveMaximum": 0},
 }
 # Shapes of arrays in docstrings, which files do not have.
-SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)")
+SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
     """The pydantic model of a dataclass; `given` needs none of its keys, and has no defaults."""
     form = FORMS.get(of, Form())
     hints = {**get_type_hints(of, include_extras=True), **form.types}
-    described = descriptions(of)
+    described = {**descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
     for x in dataclasses.fields(of):
         if x.name in form.omit:
@@ -148,7 +148,8 @@ def _is_made(x: dataclasses.Field[Any]) -> bool:
 def _values(of: type, model: BaseModel) -> dict[str, Any]:
     """What a file gives, by the fields of the dataclass."""
     names = {key: name for name, key in FORMS.get(of, Form()).names.items()}
-    return {names.get(key, key): getattr(model, key) for key in model.model_fields_set}
+    given = (key for key in type(model).model_fields if key in model.model_fields_set)
+    return {names.get(key, key): getattr(model, key) for key in given}
 
 
 def descriptions(of: type) -> dict[str, str]:

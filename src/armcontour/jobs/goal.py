@@ -28,7 +28,7 @@ class Goal:
             executes them with the saturation and says how long it lasts.
         box: How far the robot may be from its model; None is exactly as the model.
         samples: Robots drawn from the box to judge a plan by, beside its corners.
-        seed: Of these.
+        seed: Seed of these robots.
         run: Name of the run of the job; None is the only one with the method "optimal".
         slowest: A plan that takes this many times as long as the uncertified optimum is none.
 

@@ -57,7 +57,7 @@ class Experiment:
         gravity_feedforward: Whether the controller adds the torque against gravity.
         friction: Whether the arm's friction acts.
         noise: Standard deviation of measured joint positions [rad].
-        seed: Of the noise.
+        seed: Seed of the noise.
 
     Raises:
         InvalidInput: A step or a noise that no drive has.

@@ -29,7 +29,7 @@ class Lead:
     """A piece of path before or after a contour, along which the tool is off.
 
     Args:
-        length: Its length [m]; None is as long as the arm needs for the assigned velocity.
+        length: Its length [m]; by default as long as the arm needs for the assigned velocity.
         shape: "line", along the tangent, or "arc", a quarter of a circle that touches it.
         side: On which an arc lies: "left" or "right", seen along the contour; or "waste", which is
             inside of holes and outside of what they are in, and "left" of open contours.

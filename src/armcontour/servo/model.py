@@ -27,7 +27,7 @@ MOST_TIME_CONSTANTS = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel:
-    """What a joint makes of its command u, `tau` being the dead time.
+    """The joint servo: what a joint makes of its command u, `tau` being the dead time.
 
     - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
       position loop;
