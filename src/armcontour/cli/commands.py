@@ -8,7 +8,21 @@ from typing import Annotated
 import typer
 
 from armcontour._version import __version__
-from armcontour.cli.options import ExportOptions, JobOptions, grouped
+from armcontour.cli.options import (
+    AsJson,
+    CheckOptions,
+    ExportOptions,
+    Force,
+    IdentifyOptions,
+    JobOptions,
+    Memory,
+    Name,
+    Open,
+    Out,
+    RunOptions,
+    TrustXacro,
+    grouped,
+)
 
 app = typer.Typer(
     name="armcontour",
@@ -18,20 +32,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
-Memory = Annotated[
-    str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
-]
-Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
-TrustXacro = Annotated[
-    bool,
-    typer.Option(
-        "--trust-xacro",
-        help="Load an arm from a .xacro file: such a file is a program that can run anything.",
-    ),
-]
 
 
 def _version(value: bool) -> None:
@@ -60,37 +60,23 @@ def run(
         ),
     ],
     out: Out,
-    options: JobOptions,
+    options: RunOptions,
+    job_options: JobOptions,
     exports: ExportOptions,
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
-        ),
-    ] = None,
-    simulate: Annotated[
-        bool,
-        typer.Option(
-            "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
-        ),
-    ] = True,
-    force: Force = False,
-    open_report: Open = False,
-    trust_xacro: TrustXacro = False,
 ) -> None:
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
     from armcontour.cli.exporting import exports_of
     from armcontour.cli.opening import open_job, read_overrides
     from armcontour.cli.running import run_job
 
-    overrides = read_overrides(options)
+    overrides, trust_xacro = read_overrides(job_options), options.trust_xacro
     run_job(
-        lambda told: open_job(job, cell, overrides, told, trust_xacro=trust_xacro),
+        lambda told: open_job(job, options.cell, overrides, told, trust_xacro=trust_xacro),
         out,
-        force=force,
-        open_report=open_report,
+        force=options.force,
+        open_report=options.open_report,
         exports=exports_of(exports.export or [], exports.template or [], exports.output or []),
-        simulate=simulate,
+        simulate=options.simulate,
     )
 
 
@@ -103,39 +89,10 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
 
 
 @app.command()
+@grouped
 def check(
     trajectory: Annotated[FilePath, typer.Argument(help="Time-stamped joint trajectory (CSV).")],
-    arm: Annotated[
-        str | None,
-        typer.Option(
-            "--arm",
-            help="Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by "
-            "default the job's.",
-        ),
-    ] = None,
-    limits: Annotated[
-        FilePath | None,
-        typer.Option("--limits", help="Limits file (YAML); else the job's, or the arm's own."),
-    ] = None,
-    path: Annotated[
-        FilePath | None,
-        typer.Option("--path", help="Job file (YAML) whose path the tool was to follow."),
-    ] = None,
-    run_name: Annotated[
-        str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
-    ] = None,
-    tip: Annotated[
-        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
-    ] = None,
-    base: Annotated[
-        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
-    ] = None,
-    joint_limits: Annotated[
-        FilePath | None,
-        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
-    trust_xacro: TrustXacro = False,
+    options: CheckOptions,
 ) -> None:
     """Judge any joint trajectory against limits.
 
@@ -144,22 +101,7 @@ def check(
     """
     from armcontour.cli.checking import check_file
 
-    code = check_file(
-        trajectory,
-        arm,
-        limits,
-        path,
-        run_name=run_name,
-        tip=tip,
-        base=base,
-        joint_limits=joint_limits,
-        as_json=as_json,
-        trust_xacro=trust_xacro,
-    )
-    raise typer.Exit(code)
-
-
-Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+    raise typer.Exit(check_file(trajectory, options))
 
 
 @app.command()
@@ -184,7 +126,7 @@ def certify(
     ] = None,
     force: Force = False,
     open_report: Open = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    as_json: AsJson = False,
     memory: Memory = None,
     trust_xacro: TrustXacro = False,
 ) -> None:
@@ -238,50 +180,15 @@ def sweep(
 
 
 @app.command()
+@grouped
 def identify(
     log: Annotated[FilePath, typer.Argument(help="Log of time, command and measured (CSV).")],
-    out: Annotated[
-        FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option("--model", help="Model of the servo: auto, second or first.")
-    ] = "auto",
-    interpolation: Annotated[
-        str | None,
-        typer.Option(
-            "--interpolation",
-            help="Command between set-points: linear or step; by default as the log says.",
-        ),
-    ] = None,
-    start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None,
-    end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None,
-    longest_dead_time: Annotated[
-        float, typer.Option("--longest-dead-time", help="Dead times are looked for up to this [s].")
-    ] = 0.25,
-    unwrap: Annotated[
-        bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
-    ] = False,
-    force: Force = False,
-    open_report: Open = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    options: IdentifyOptions,
 ) -> None:
     """Tell a servo's gains and dead time from a log; exit code 1 if it leaves one open."""
     from armcontour.cli.identifying import identify_file
 
-    determined = identify_file(
-        log,
-        out,
-        model=model,
-        interpolation=interpolation,
-        start=start,
-        end=end,
-        longest_dead_time=longest_dead_time,
-        unwrap=unwrap,
-        force=force,
-        open_report=open_report,
-        as_json=as_json,
-    )
-    raise typer.Exit(0 if determined else 1)
+    raise typer.Exit(0 if identify_file(log, options) else 1)
 
 
 @app.command()

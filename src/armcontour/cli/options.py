@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
+from pathlib import Path as FilePath
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -38,6 +39,44 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     call.__annotations__ = {x.name: x.annotation for x in found}
     call.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
     return call
+
+
+Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+Memory = Annotated[
+    str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
+]
+Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
+TrustXacro = Annotated[
+    bool,
+    typer.Option(
+        "--trust-xacro",
+        help="Load an arm from a .xacro file: such a file is a program that can run anything.",
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a job is run, and where a drawing is."""
+
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
+        ),
+    ] = None
+    simulate: Annotated[
+        bool,
+        typer.Option(
+            "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
+        ),
+    ] = True
+    force: Force = False
+    open_report: Open = False
+    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,9 +116,7 @@ class JobOptions:
         str | None,
         typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
     ] = None
-    memory: Annotated[
-        str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
-    ] = None
+    memory: Memory = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,3 +139,70 @@ class ExportOptions:
         list[str] | None,
         typer.Option("--output", help="Digital output of an event in exports: tool=0."),
     ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOptions:
+    """What a trajectory is judged by."""
+
+    arm: Annotated[
+        str | None,
+        typer.Option(
+            "--arm",
+            help="Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by "
+            "default the job's.",
+        ),
+    ] = None
+    limits: Annotated[
+        FilePath | None,
+        typer.Option("--limits", help="Limits file (YAML); else the job's, or the arm's own."),
+    ] = None
+    path: Annotated[
+        FilePath | None,
+        typer.Option("--path", help="Job file (YAML) whose path the tool was to follow."),
+    ] = None
+    run_name: Annotated[
+        str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
+    ] = None
+    tip: Annotated[
+        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
+    ] = None
+    base: Annotated[
+        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
+    ] = None
+    joint_limits: Annotated[
+        FilePath | None,
+        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
+    ] = None
+    as_json: AsJson = False
+    trust_xacro: TrustXacro = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifyOptions:
+    """What is identified of a log, and what is written of it."""
+
+    out: Annotated[
+        FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
+    ] = None
+    model: Annotated[
+        str, typer.Option("--model", help="Model of the servo: auto, second or first.")
+    ] = "auto"
+    interpolation: Annotated[
+        str | None,
+        typer.Option(
+            "--interpolation",
+            help="Command between set-points: linear or step; by default as the log says.",
+        ),
+    ] = None
+    start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None
+    end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None
+    longest_dead_time: Annotated[
+        float, typer.Option("--longest-dead-time", help="Dead times are looked for up to this [s].")
+    ] = 0.25
+    unwrap: Annotated[
+        bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
+    ] = False
+    force: Force = False
+    open_report: Open = False
+    as_json: AsJson = False
