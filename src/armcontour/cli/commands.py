@@ -9,18 +9,16 @@ import typer
 
 from armcontour._version import __version__
 from armcontour.cli.options import (
-    AsJson,
+    CertifyOptions,
     CheckOptions,
     ExportOptions,
     Force,
     IdentifyOptions,
     JobOptions,
-    Memory,
-    Name,
     Open,
     Out,
     RunOptions,
-    TrustXacro,
+    SweepOptions,
     grouped,
 )
 
@@ -75,7 +73,7 @@ def run(
         out,
         force=options.force,
         open_report=options.open_report,
-        exports=exports_of(exports.export or [], exports.template or [], exports.output or []),
+        exports=exports_of(exports),
         simulate=options.simulate,
     )
 
@@ -105,78 +103,27 @@ def check(
 
 
 @app.command()
+@grouped
 def certify(
-    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
-    run_name: Name = None,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(
-            "--total-tolerance",
-            help="Tolerance of rounding and execution together, such as '1 mm'; else the job's.",
-        ),
-    ] = None,
-    servo: Annotated[
-        str | None,
-        typer.Option(
-            "--servo", help="Contour error of the execution, such as '2 um'; else the job's."
-        ),
-    ] = None,
-    out: Annotated[
-        FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
-    ] = None,
-    force: Force = False,
-    open_report: Open = False,
-    as_json: AsJson = False,
-    memory: Memory = None,
-    trust_xacro: TrustXacro = False,
+    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")], options: CertifyOptions
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
 
-    certify_file(
-        job,
-        run_name,
-        out,
-        tolerance=tolerance,
-        servo=servo,
-        force=force,
-        open_report=open_report,
-        as_json=as_json,
-        memory=memory,
-        trust_xacro=trust_xacro,
-    )
+    certify_file(job, options)
 
 
 @app.command()
+@grouped
 def sweep(
     job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
     out: Out,
-    run_name: Name = None,
-    tolerances: Annotated[
-        str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
-    ] = None,
-    speeds: Annotated[
-        str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")
-    ] = None,
-    memory: Memory = None,
-    force: Force = False,
-    open_report: Open = False,
-    trust_xacro: TrustXacro = False,
+    options: SweepOptions,
 ) -> None:
     """Plot certified times against corner tolerance and against assigned velocity."""
     from armcontour.cli.sweeping import sweep_file
 
-    sweep_file(
-        job,
-        run_name,
-        out,
-        tolerances=tolerances,
-        speeds=speeds,
-        memory=memory,
-        force=force,
-        open_report=open_report,
-        trust_xacro=trust_xacro,
-    )
+    sweep_file(job, out, options)
 
 
 @app.command()

@@ -157,7 +157,7 @@ def descriptions(of: type) -> dict[str, str]:
     found: dict[str, str] = {}
     for cls in reversed(of.__mro__):
         _, _, rest = inspect.cleandoc(cls.__doc__ or "").partition("\nArgs:\n")
-        for entry in re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0]):
+        for entry in filter(None, re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0])):
             names, _, text = entry.strip().partition(": ")
             words = SHAPE.sub("", " ".join(text.split())).replace("None ", "null ")
             found |= dict.fromkeys(names.split(", "), words)
