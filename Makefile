@@ -39,8 +39,8 @@ bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
 figures: $(VENV)/dev  ## Redraw the figures in docs/
 	$(BIN)/python -m docs.figures
 
-schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files
-	$(BIN)/armcontour schema > docs/reference/job.schema.json
+schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files, and the tables of their keys
+	$(BIN)/python -m docs.reference.job_keys
 
 clean:  ## Remove the environment and the demo's results
 	rm -rf $(VENV) demo

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
@@ -82,7 +83,9 @@ def test_a_dwell_of_a_day_is_refused_soon(tmp_path) -> None:
     file = tmp_path / "part.ngc"
     file.write_text("G21 G90 G17\nG0 X10 Y10\nF600\nG1 X20 Y10\nG4 P99999\nG1 X20 Y20\nM2\n")
     with pytest.raises(ac.InvalidInput, match="GB of memory"):
-        teach(read_cell("pmk3s", file, changes=lambda data: {**data, "command_interval": 1e-3}))
+        job = read_cell("pmk3s", file)
+        runs = tuple(dataclasses.replace(x, period=1e-3) for x in job.runs)
+        teach(dataclasses.replace(job, runs=runs))
 
 
 def test_large_numbers_are_refused_where_they_are_born() -> None:

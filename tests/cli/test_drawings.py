@@ -16,7 +16,6 @@ import pytest
 import yaml
 
 from armcontour.cli import main
-from armcontour.cli.opening import Overrides, apply_overrides
 from armcontour.io import ResultFolder
 
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
@@ -144,19 +143,19 @@ def test_runs_a_small_dxf(folder: FilePath, call: Call) -> None:
         ("deep.ngc --cell pmk3s", ("deep.ngc has z", "--flat")),
         ("two.csv --cell pmk3s --at 0.5,0.3", ("contour a", "out of reach")),
         ("two.csv --cell pmk3s --at 0.3", ("--at", "2 or 3", "'0.3'")),
-        ("two.csv --cell pmk3s --at 0.3,b", ("path.frame.position", "'b'")),
+        ("two.csv --cell pmk3s --at 0.3,b", ("--at", "'b'")),
         ("two.csv --cell pmk3s --at 0.3,0.1,0.1", ("path.frame", "z = 0")),
         ("two.csv --cell pmk3s --turn 90", ("--turn", "3 values", "'90'")),
-        ("two.csv --cell pmk3s --turn 0,0,9kg", ("path.frame.rpy", "9kg")),
-        ("two.csv --cell pmk3s --scale 0", ("path.scale", "0")),
+        ("two.csv --cell pmk3s --turn 0,0,9kg", ("--turn", "9kg")),
+        ("two.csv --cell pmk3s --scale 0", ("scale", "0")),
         ("two.csv --cell pmk3s --units kg", ("units", "'kg'")),
         ("two.csv --cell pmk3s --layer cut", ("no layer 'cut'",)),
         ("two.csv --cell pmk3s --contour c", ("no contour 'c'", "'a', 'b'")),
-        ("two.csv --cell pmk3s --speed 5mm", ("limits.speed", "5mm")),
-        ("two.csv --cell pmk3s --speed 0", ("limits.speed", "above zero")),
-        ("two.csv --cell pmk3s --tolerance -1mm", ("corners.tolerance", "negative")),
+        ("two.csv --cell pmk3s --speed 5mm", ("--speed", "5mm")),
+        ("two.csv --cell pmk3s --speed 0", ("--speed", "above zero")),
+        ("two.csv --cell pmk3s --tolerance -1mm", ("--tolerance", "negative")),
         ("two.csv --cell pmk3s --from-s 2m", ("resumed at 2 m",)),
-        ("two.csv --cell pmk3s --from-s x", ("process.from_s", "'x'")),
+        ("two.csv --cell pmk3s --from-s x", ("--from-s", "'x'")),
         ("two.csv --cell pmk3s --export xml", ("'xml'", "parquet")),
         ("two.csv --cell pmk3s --export template", ("--template",)),
         ("two.csv --cell pmk3s --export csv --export csv", ("--export csv", "twice")),
@@ -294,15 +293,3 @@ def test_without_simulation_what_is_asked_for_is_written(folder: FilePath, call:
     assert call(*command, "--out", "plain")[0] == 0
     assert (folder / "plain" / "taught" / "planned.csv").is_file()
     assert not (folder / "plain" / "report.html").exists()
-
-
-def test_a_speed_and_a_tolerance_go_before_those_of_a_run() -> None:
-    own = {"limits": {"speed": "10 mm/s"}, "corners": {"tolerance": "1 mm"}}
-    data = {"runs": {"plain": {}, "sharp": {"corners": "sharp"}, "own": own}}
-    given = Overrides(speed="50 mm/s", tolerance="0.2 mm")
-    said = {"limits": {"speed": "50 mm/s"}, "corners": {"tolerance": "0.2 mm"}}
-    runs = {"plain": {}, "sharp": {"corners": "sharp"}, "own": said}
-    assert apply_overrides(data, given) == {**said, "runs": runs}
-    assert apply_overrides(data, Overrides()) == data
-    assert own["limits"] == {"speed": "10 mm/s"}
-    assert apply_overrides({"runs": [1]}, given)["runs"] == [1]

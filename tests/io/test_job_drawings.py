@@ -295,7 +295,7 @@ def test_a_job_has_names_that_can_be_printed(
         ("name", "x" * 81, "name of the job has 81 characters, more than 80"),
         ("title", "x\u202e", "title of the job has the character U+202E"),
         ("title", "x" * 201, "title of the job has 201 characters, more than 200"),
-        ("process", {"switch": {"name": "a\x07"}}, "process: The name of an event"),
+        ("process", {"switch": {"name": "a\x07"}}, "process.switch: The name of an event"),
         ("process", {"events": [{"name": "a" * 100_000}]}, "100000 characters, more than 80"),
         ("process", {"events": [{"name": "a", "value": "\x9b"}]}, "value of the event a"),
         ("process", {"off_between": ["\x1b"]}, "process: The name in off_between"),

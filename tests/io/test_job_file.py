@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path as FilePath
-from typing import Any, get_args
+from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 import yaml
+from docs.reference.job_keys import published
 
 from armcontour.arms import load_arm
 from armcontour.cli.running import built_in_job
 from armcontour.compensation import compensator
 from armcontour.errors import InvalidInput
 from armcontour.io import json_schema, parse_job, read_job
-from armcontour.io.job_model import CompensationModel, TimingModel
 from armcontour.timing import planner
 
 ROOT = FilePath(__file__).parents[2]
@@ -110,10 +110,9 @@ def test_the_plant_is_the_servo_but_for_what_it_says() -> None:
 
 
 def test_methods_are_those_of_the_doors() -> None:
-    timing = TimingModel.model_fields["method"].annotation
-    assert set(get_args(timing)) == set(planner.METHODS)
-    compensation = CompensationModel.model_fields["method"].annotation
-    assert set(get_args(compensation)) == set(compensator.METHODS)
+    kinds = json_schema()["$defs"]
+    for name, known in (("Timing", planner.METHODS), ("Compensation", compensator.METHODS)):
+        assert kinds[f"{name}Model"]["properties"]["method"]["enum"] == list(known)
 
 
 def test_lines_and_arcs() -> None:
@@ -246,9 +245,21 @@ def test_an_arm_file_is_found_beside_the_job(tmp_path: FilePath) -> None:
     assert read_job(tmp_path / "job.yaml").arm.name == "mine"
 
 
-def test_the_published_schema_is_the_one_in_use() -> None:
-    file = ROOT / "docs" / "reference" / "job.schema.json"
-    assert json.loads(file.read_text(encoding="utf-8")) == json_schema()
+def test_what_is_published_of_the_keys_is_what_is_in_use() -> None:
+    found = published()
+    assert {x.name for x in found} == {"job.schema.json", "job.md"}
+    for file, text in found.items():
+        assert file.read_text(encoding="utf-8") == text, f"make schema rewrites {file.name}"
+
+
+def test_every_key_stands_in_the_guide_with_what_it_holds() -> None:
+    guide = next(text for file, text in published().items() if file.name == "job.md")
+    rows = [x.strip("| ").split(" | ") for x in guide.splitlines() if x.startswith("| `")]
+    described = {x[0].strip("`"): x[-1] for x in rows}
+    kinds = [json_schema(), *json_schema()["$defs"].values()]
+    keys = {key for kind in kinds for key in kind.get("properties", {})}
+    assert len(keys) > 80 and keys <= set(described)
+    assert [key for key in keys if len(described[key].split()) < 2] == []
 
 
 def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key() -> None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import Mass
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 
@@ -29,7 +30,7 @@ class Payload:
         InvalidInput: A negative mass, or an inertia that no body has.
     """
 
-    mass: float
+    mass: Mass
     center: FloatArray = field(default_factory=lambda: np.zeros(3))
     inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 

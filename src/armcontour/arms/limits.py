@@ -11,6 +11,17 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import (
+    Acceleration,
+    AngularRate,
+    AngularRateChange,
+    JointAccelerations,
+    JointAngles,
+    JointJerks,
+    JointTorques,
+    JointVelocities,
+    Speed,
+)
 from armcontour.errors import InvalidInput
 
 JOINT_LIMITS = {
@@ -56,18 +67,18 @@ class Limits:
             range that is empty.
     """
 
-    joint_acceleration: FloatArray | None = None
-    joint_deceleration: FloatArray | None = None
-    joint_velocity: FloatArray | None = None
-    joint_torque: FloatArray | None = None
-    joint_jerk: FloatArray | None = None
-    joint_lower: FloatArray | None = None
-    joint_upper: FloatArray | None = None
-    speed: float | None = None
-    tool_acceleration: float | None = None
-    centripetal_acceleration: float | None = None
-    angular_speed: float | None = None
-    angular_acceleration: float | None = None
+    joint_acceleration: JointAccelerations | None = None
+    joint_deceleration: JointAccelerations | None = None
+    joint_velocity: JointVelocities | None = None
+    joint_torque: JointTorques | None = None
+    joint_jerk: JointJerks | None = None
+    joint_lower: JointAngles | None = None
+    joint_upper: JointAngles | None = None
+    speed: Speed | None = None
+    tool_acceleration: Acceleration | None = None
+    centripetal_acceleration: Acceleration | None = None
+    angular_speed: AngularRate | None = None
+    angular_acceleration: AngularRateChange | None = None
 
     def __post_init__(self) -> None:
         if self.joint_deceleration is not None and self.joint_acceleration is None:

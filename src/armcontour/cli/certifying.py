@@ -6,39 +6,20 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.console import Console, open_page
+from armcontour.cli.quantities import read_option
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
+    from armcontour.cli.options import CertifyOptions
     from armcontour.evaluation import Evaluation
-    from armcontour.jobs import Job
 
 
-def certify_file(
-    job_file: FilePath,
-    run: str | None,
-    out: FilePath | None,
-    *,
-    tolerance: str | None = None,
-    servo: str | None = None,
-    force: bool = False,
-    open_report: bool = False,
-    as_json: bool = False,
-    memory: str | None = None,
-    trust_xacro: bool = False,
-) -> None:
+def certify_file(job_file: FilePath, x: CertifyOptions) -> None:
     """Certify a job, print the certificate, and write it with its taught data.
 
     Args:
         job_file: The job.
-        run: Name of the run; by default the certificate's.
-        out: Folder for summary.json, report.html and the trajectories; None writes nothing.
-        tolerance: Total tolerance as text with a unit, in the place of the job's.
-        servo: Budget of the servo as text with a unit, in the place of the job's.
-        force: Whether an earlier result there may be replaced.
-        open_report: Whether to open the report in a browser.
-        as_json: Whether to print the summary and not a table.
-        memory: What the program may take, in the place of the job's.
-        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
+        x: What is certified; its folder gets summary.json, report.html and the trajectories.
 
     Raises:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
@@ -46,67 +27,34 @@ def certify_file(
     """
     from contextlib import nullcontext
 
+    from armcontour._quantities import Length, Memory
     from armcontour.cli.progress import shown
     from armcontour.errors import InvalidInput
-    from armcontour.io import ResultFolder, read_job
+    from armcontour.io import ResultFolder, certificate_json, read_job
+    from armcontour.io.job_overrides import JobOverrides
 
-    if out is None and (open_report or force):
+    if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
     lengths = {
-        "tolerance": _length("--total-tolerance", tolerance),
-        "servo": _length("--servo", servo),
+        "tolerance": read_option("--total-tolerance", x.tolerance, Length),
+        "servo": read_option("--servo", x.servo, Length),
     }
     overrides = {name: value for name, value in lengths.items() if value is not None}
-    with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
+    memory = JobOverrides(memory=read_option("--memory", x.memory, Memory))
+    job = read_job(job_file, overrides=memory, trust_xacro=x.trust_xacro)
+    with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         from armcontour.certification import certify
 
         with shown("certifying") as progress:
-            found = certify(job, run, progress=progress, **overrides)
+            found = certify(job, x.run_name, progress=progress, **overrides)
         if folder is not None:
             _write(found, folder)
-    if as_json:
-        from armcontour.io import certificate_json
-
+    if x.as_json:
         print(certificate_json(found), end="")
     else:
-        _print(found, None if out is None else out / "report.html")
-    if open_report and out is not None:
-        open_page(out / "report.html")
-
-
-def _length(option: str, text: str | None) -> float | None:
-    """The length that an option gives [m]; None without the option.
-
-    Raises:
-        InvalidInput: The text is not a length.
-    """
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    try:
-        return None if text is None else parse(text, "m")
-    except ValueError as error:
-        raise InvalidInput(f"{option}: {error}.") from None
-
-
-def with_memory(job: Job, text: str | None) -> Job:
-    """The job with another bound of its memory, as text with a unit.
-
-    Raises:
-        InvalidInput: Text that is no amount of memory.
-    """
-    from dataclasses import replace
-
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    if text is None:
-        return job
-    try:
-        return replace(job, memory=parse(text, "byte"))
-    except ValueError as error:
-        raise InvalidInput(f"--memory: {str(error).rstrip('.')}.") from None
+        _print(found, None if x.out is None else x.out / "report.html")
+    if x.open_report and x.out is not None:
+        open_page(x.out / "report.html")
 
 
 def _write(found: Certificate, folder: Any) -> None:

@@ -12,8 +12,11 @@ from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
 from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
+    from armcontour.arms import Arm
+    from armcontour.cli.options import CheckOptions
     from armcontour.evaluation import Check
     from armcontour.evaluation.tally import Occurrence
+    from armcontour.io import TrajectoryFile
     from armcontour.jobs import Job, Run
 
 HEADINGS = (
@@ -33,82 +36,79 @@ UNITS = {
 }
 
 
-def check_file(
-    trajectory: FilePath,
-    arm_name: str | None,
-    limits_file: FilePath | None,
-    job_file: FilePath | None,
-    *,
-    run_name: str | None = None,
-    tip: str | None = None,
-    base: str | None = None,
-    joint_limits: FilePath | None = None,
-    as_json: bool = False,
-    trust_xacro: bool = False,
-) -> int:
+def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     """Check a trajectory file, print what was found, and return the exit code of its verdict.
 
     Args:
         trajectory: CSV file.
-        arm_name: Built-in arm, or its file; by default the job's, with its tool and payload.
-        limits_file: Limits; by default those of the job's run, or else the arm's own.
-        job_file: The job whose path the tool was to follow.
-        run_name: The run of that job.
-        tip: Link at the end of an arm from a robot description.
-        base: Link of it that stands still.
-        joint_limits: A `joint_limits.yaml` of MoveIt for the arm.
-        as_json: Whether to print JSON and not a table.
-        trust_xacro: Whether the arm may be a .xacro file, which is a program.
+        x: What it is judged by; the job's arm comes with its tool and payload.
 
     Raises:
         InvalidInput: A file that cannot be used.
     """
-    from armcontour.arms import load_arm
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
-    from armcontour.io import read_job, read_limits, read_trajectory
+    from armcontour.io import read_job, read_limits
     from armcontour.jobs import path_of
 
-    job = None if job_file is None else read_job(job_file, trust_xacro=trust_xacro)
-    if arm_name is not None:
-        arm = load_arm(
-            arm_name, tip=tip, base=base, joint_limits=joint_limits, trust_xacro=trust_xacro
+    job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
+    arm = _arm(x, job)
+    path, limits, deviation, turned = None, arm.limits, None, None
+    if job is not None:
+        run = _run(job, x.run_name, limited=x.limits is None)
+        path = path_of(job, run)
+        limits = run.limits.replace(joint_jerk=None) if run.ignore_jerk else run.limits
+    if x.limits is not None:
+        limits, deviation, turned = read_limits(x.limits, arm)
+    if (deviation is not None or turned is not None) and path is None:
+        raise InvalidInput(
+            f"{x.limits} limits the deviation from a path: name its job with --path."
         )
-    elif job is None:
+    samples = _samples(trajectory, arm)
+    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=turned)
+    if not found.uses and found.path_deviation is None:
+        raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
+    if x.as_json:
+        print(json.dumps(_plain(found), indent=2, allow_nan=False))
+    else:
+        _print(found)
+    return EXIT_CODES[found.verdict]
+
+
+def _arm(x: CheckOptions, job: Job | None) -> Arm:
+    """The arm that the options name; by default the job's."""
+    from armcontour.arms import load_arm
+    from armcontour.errors import InvalidInput
+
+    if x.arm is not None:
+        return load_arm(
+            x.arm,
+            tip=x.tip,
+            base=x.base,
+            joint_limits=x.joint_limits,
+            trust_xacro=x.trust_xacro,
+        )
+    if job is None:
         raise InvalidInput("Name the arm with --arm, or with --path a job that has one.")
-    elif any(x is not None for x in (tip, base, joint_limits)):
+    if any(y is not None for y in (x.tip, x.base, x.joint_limits)):
         raise InvalidInput(
             "--tip, --base and --joint-limits go with --arm: the job's arm has its own."
         )
-    else:
-        arm = job.arm
-    limits, deviation, turned = arm.limits, None, None
-    path = None
-    if job is not None:
-        run = _run(job, run_name, limited=limits_file is None)
-        path, limits = path_of(job, run), run.limits
-        if run.ignore_jerk:
-            limits = limits.replace(joint_jerk=None)
-    if limits_file is not None:
-        limits, deviation, turned = read_limits(limits_file, arm)
-    if (deviation is not None or turned is not None) and path is None:
-        raise InvalidInput(
-            f"{limits_file} limits the deviation from a path: name its job with --path."
-        )
+    return job.arm
+
+
+def _samples(trajectory: FilePath, arm: Arm) -> TrajectoryFile:
+    """A trajectory file with as many joints as the arm."""
+    from armcontour.errors import InvalidInput
+    from armcontour.io import read_trajectory
+
     samples = read_trajectory(trajectory, arm.joint_names)
     if samples.q.shape[1] != arm.dof:
         raise InvalidInput(
             f"{samples.source} has positions of {samples.q.shape[1]} joints, but the arm "
             f"{arm.name} has {arm.dof}: give all of them, or the arm of the file with --arm."
         )
-    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=turned)
-    if not found.uses and found.path_deviation is None:
-        raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
-    if as_json:
-        print(json.dumps(_plain(found), indent=2, allow_nan=False))
-    else:
-        _print(found)
-    return EXIT_CODES[found.verdict]
+    return samples
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:

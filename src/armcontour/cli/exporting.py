@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from armcontour.cli.options import ExportOptions
     from armcontour.io import ResultFolder
     from armcontour.io.exports.table import Table
     from armcontour.jobs import Job, RunPlan
@@ -67,8 +68,11 @@ class Target:
         }
 
 
-def exports_of(formats: list[str], templates: list[str], outputs: list[str]) -> Exports:
+def exports_of(x: ExportOptions) -> Exports:
     """What a command line asks for.
+
+    Args:
+        x: As text.
 
     Raises:
         InvalidInput: An unknown format, or an output that is not "event=number".
@@ -76,6 +80,7 @@ def exports_of(formats: list[str], templates: list[str], outputs: list[str]) -> 
     from armcontour.errors import InvalidInput
     from armcontour.io.exports import chosen_format
 
+    formats, templates, outputs = x.export or [], x.template or [], x.output or []
     for name in formats:
         chosen_format(FilePath(), name, "given" if name == "template" else None)
         if name == "template":

@@ -9,39 +9,19 @@ from typing import TYPE_CHECKING
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
+    from armcontour.cli.options import IdentifyOptions
     from armcontour.identification import Estimate, Identification
 
 QUALITIES = ("value", "standard deviation", "95 % interval")
 
 
-def identify_file(
-    log: FilePath,
-    out: FilePath | None = None,
-    *,
-    model: str = "auto",
-    interpolation: str | None = None,
-    start: float | None = None,
-    end: float | None = None,
-    longest_dead_time: float = 0.25,
-    unwrap: bool = False,
-    force: bool = False,
-    open_report: bool = False,
-    as_json: bool = False,
-) -> bool:
+def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     """Identify from a log, print what was found, and say whether the servo is determined.
 
     Args:
         log: CSV file.
-        out: Folder for servo.yaml (if it is determined), report.html and summary.json.
-        model: "auto", "second" or "first".
-        interpolation: "linear" or "step"; by default what the log says, else linear.
-        start: First time to use [s].
-        end: Last time to use [s].
-        longest_dead_time: Dead times are looked for up to this [s].
-        unwrap: Whether to undo jumps of whole turns.
-        force: Whether to replace an earlier result.
-        open_report: Whether to open the report in a browser.
-        as_json: Whether to print JSON and not a table.
+        x: What is identified; its folder gets servo.yaml (if the servo is determined), report.html
+            and summary.json.
 
     Raises:
         InvalidInput: A file or option that cannot be used.
@@ -51,26 +31,24 @@ def identify_file(
     from armcontour.io.log_file import read_log
     from armcontour.io.servo_file import identification_json
 
-    if out is None and (open_report or force):
+    if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
+    start = -math.inf if x.start is None else x.start
+    end = math.inf if x.end is None else x.end
+    samples = read_log(log, start=start, end=end, unwrap=x.unwrap)
     found = identify(
-        read_log(
-            log,
-            start=-math.inf if start is None else start,
-            end=math.inf if end is None else end,
-            unwrap=unwrap,
-        ),
-        model=model,
-        interpolation=interpolation,
-        longest_dead_time=longest_dead_time,
+        samples,
+        model=x.model,
+        interpolation=x.interpolation,
+        longest_dead_time=x.longest_dead_time,
     )
-    refusal = _write(found, out, force=force) if out is not None else ""
-    if as_json:
+    refusal = _write(found, x.out, force=x.force) if x.out is not None else ""
+    if x.as_json:
         print(identification_json(found), end="")
     else:
-        _print(found, out, refusal)
-    if out is not None and open_report:
-        open_page(out / "report.html")
+        _print(found, x.out, refusal)
+    if x.out is not None and x.open_report:
+        open_page(x.out / "report.html")
     return found.determined
 
 

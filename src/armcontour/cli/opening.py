@@ -3,55 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
+    from armcontour.cli.options import JobOptions
+    from armcontour.io.job_overrides import JobOverrides
     from armcontour.jobs import Job
 
-Told = Callable[[float], None]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Overrides:
-    """What the command line says of a job in the place of its file; None says nothing.
+def read_overrides(x: JobOptions) -> JobOverrides:
+    """What the command line says of a job in the place of its file.
 
     Args:
-        units: Of the drawing's lengths.
-        scale: Factor of them.
-        at: Where the drawing's origin lies, such as "0.3, 0.1, 0.2" or "300 mm, 100 mm".
-        turn: Roll, pitch and yaw of the drawing, such as "0, 0, 90 deg".
-        layers: Layers to run.
-        names: Contours to run.
-        flat: Leave z out.
-        skip: Skip what the reader does not know.
-        speed: Assigned velocity where the drawing gives none, of runs with one of their own too.
-        tolerance: Largest corner error where the drawing gives none, of runs with one of their own
-            too; runs without rounding keep sharp corners.
-        from_s: Where to resume.
-        memory: What the program may take.
-    """
+        x: As text.
 
-    units: str | None = None
-    scale: float | None = None
-    at: str | None = None
-    turn: str | None = None
-    layers: list[str] | None = None
-    names: list[str] | None = None
-    flat: bool = False
-    skip: bool = False
-    speed: str | None = None
-    tolerance: str | None = None
-    from_s: str | None = None
-    memory: str | None = None
+    Raises:
+        InvalidInput: Text that is no such quantity.
+    """
+    from armcontour import _quantities as kinds
+    from armcontour.io.job_overrides import JobOverrides
+
+    place = read_option_list(
+        "--at", x.at, kinds.Length, counts=(2, 3), example="300 mm, 0 mm, 100 mm"
+    )
+    turn = read_option_list("--turn", x.turn, kinds.Angle, counts=(3,), example="0, 0, 90 deg")
+    return JobOverrides(
+        units=x.units,
+        scale=x.scale,
+        position=None if place is None else (*place, 0.0)[:3],
+        turn=turn,
+        layers=tuple(x.layer) if x.layer else None,
+        names=None if x.contour is None else tuple(x.contour),
+        flat=x.flat,
+        skip_unknown=x.skip_unknown,
+        speed=read_option("--speed", x.speed, kinds.Speed),
+        corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
+        from_s=read_option("--from-s", x.from_s, kinds.Distance),
+        memory=read_option("--memory", x.memory, kinds.Memory),
+    )
 
 
 def open_job(
     file: FilePath,
     cell: str | None,
-    overrides: Overrides,
-    told: Told,
+    overrides: JobOverrides,
+    told: Callable[[float], None],
     *,
     trust_xacro: bool = False,
 ) -> Job:
@@ -68,124 +67,18 @@ def open_job(
         InvalidInput: A drawing without a cell, a job file with one, or what reading finds.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io import parse_job
+    from armcontour.io import read_job
     from armcontour.io.cell import YAML, cell_names, read_cell
-    from armcontour.io.job_file import job_text
-
-    def changes(data: dict[str, Any]) -> dict[str, Any]:
-        return apply_overrides(data, overrides)
 
     if file.suffix.lower() in YAML or not file.suffix:
         if cell is not None:
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
-        text = job_text(file)
-        return parse_job(
-            text,
-            source=file.name,
-            folder=file.parent,
-            changes=changes,
-            reading=told,
-            trust_xacro=trust_xacro,
-        )
+        return read_job(file, overrides=overrides, reading=told, trust_xacro=trust_xacro)
     if cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
-    return read_cell(cell, file, changes=changes, reading=told, trust_xacro=trust_xacro)
-
-
-def apply_overrides(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
-    """A job's data, with the values from the command line in place of its own."""
-    path = _merged(data.get("path"), _path_keys(x, data.get("path")))
-    found = {**data, "path": path} if path is not None else dict(data)
-    if x.speed is not None:
-        found["limits"] = _merged(data.get("limits"), {"speed": _quantity(x.speed)})
-    if x.tolerance is not None:
-        corners = data.get("corners")
-        old = corners if isinstance(corners, dict) else {}
-        found["corners"] = {**old, "tolerance": _quantity(x.tolerance)}
-    found |= _changed_runs(data, x)
-    if x.from_s is not None:
-        found["process"] = _merged(data.get("process"), {"from_s": _quantity(x.from_s)})
-    if x.memory is not None:
-        found["memory"] = _quantity(x.memory)
-    return found
-
-
-def _changed_runs(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
-    """The runs of a job without speeds and tolerances of their own where the command line has one.
-
-    What is no mapping is left for the reader of jobs to refuse.
-    """
-    runs = data.get("runs")
-    if not isinstance(runs, dict):
-        return {}
-    overridden = [("limits", "speed", x.speed), ("corners", "tolerance", x.tolerance)]
-    changed = {}
-    for name, run in runs.items():
-        found = run
-        for part, key, text in overridden:
-            own = found.get(part) if isinstance(found, dict) else None
-            if text is not None and isinstance(own, dict) and key in own:
-                found = {**found, part: {**own, key: _quantity(text)}}
-        changed[name] = found
-    return {"runs": changed}
-
-
-def _path_keys(x: Overrides, path: Any) -> dict[str, Any]:
-    keys: dict[str, Any] = {
-        "units": x.units,
-        "scale": x.scale,
-        "names": x.names,
-        "flat": x.flat or None,
-        "unknown": "skip" if x.skip else None,
-    }
-    if x.layers:
-        own = path.get("layers") if isinstance(path, dict) else None
-        known = own if isinstance(own, dict) else {}
-        keys["layers"] = {name: known.get(name, {}) for name in x.layers}
-    frame: dict[str, list[float | str]] = {}
-    if x.at is not None:
-        position = _quantities("--at", x.at, (2, 3), "300 mm, 0 mm, 100 mm")
-        frame["position"] = [*position, 0.0][:3]
-    if x.turn is not None:
-        frame["rpy"] = _quantities("--turn", x.turn, (3,), "0, 0, 90 deg")
-    if frame:
-        own = path.get("frame") if isinstance(path, dict) else None
-        keys["frame"] = _merged(own, frame)
-    return {key: value for key, value in keys.items() if value is not None}
-
-
-def _merged(old: Any, new: dict[str, Any]) -> Any:
-    """New keys over old ones; what is no mapping is left for the reader of jobs to refuse."""
-    if old is None:
-        return new or None
-    return {**old, **new} if isinstance(old, dict) else old
-
-
-def _quantities(option: str, text: str, counts: tuple[int, ...], example: str) -> list[float | str]:
-    """Quantities with commas between.
-
-    Raises:
-        InvalidInput: More or fewer than there should be.
-    """
-    from armcontour.errors import InvalidInput
-
-    parts = text.split(",")
-    if len(parts) not in counts:
-        wanted = " or ".join(str(n) for n in counts)
-        raise InvalidInput(f"{option} takes {wanted} values, such as '{example}', not {text!r}.")
-    return [_quantity(part) for part in parts]
-
-
-def _quantity(text: str) -> float | str:
-    """A plain number in SI, or text with a unit for the reader of jobs to understand."""
-    from armcontour._numbers import parse_number
-
-    try:
-        return parse_number(text)
-    except ValueError:
-        return text.strip()
+    return read_cell(cell, file, overrides=overrides, reading=told, trust_xacro=trust_xacro)

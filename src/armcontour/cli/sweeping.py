@@ -6,69 +6,45 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
+from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
     from armcontour.certification import Sweep, SweepPoint
+    from armcontour.cli.options import SweepOptions
 
 
-def sweep_file(
-    job_file: FilePath,
-    run: str | None,
-    out: FilePath,
-    *,
-    tolerances: str | None = None,
-    speeds: str | None = None,
-    memory: str | None = None,
-    force: bool = False,
-    open_report: bool = False,
-    trust_xacro: bool = False,
-) -> None:
+def sweep_file(job_file: FilePath, out: FilePath, x: SweepOptions) -> None:
     """Sweep a job, print its points, and write them with their plot.
 
     Args:
         job_file: The job.
-        run: Name of the run; by default the certificate's.
         out: Folder for summary.json and report.html.
-        tolerances: Corner tolerances as text with units, separated by commas.
-        speeds: Assigned velocities as text with units, separated by commas.
-        memory: What the program may take, in the place of the job's.
-        force: Whether an earlier result there may be replaced.
-        open_report: Whether to open the report in a browser.
-        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
+        x: What is swept.
 
     Raises:
         ArmContourError: A job that cannot be used; nothing is written then.
     """
-    from armcontour.cli.certifying import with_memory
+    from armcontour._quantities import Length, Memory, Speed
     from armcontour.cli.progress import shown
     from armcontour.io import ResultFolder, read_job, sweep_json
+    from armcontour.io.job_overrides import JobOverrides
 
-    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
-    asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
-    with ResultFolder(out, force=force) as folder:
+    corners = read_option_list("--tolerances", x.tolerances, Length)
+    speeds = read_option_list("--speeds", x.speeds, Speed)
+    memory = JobOverrides(memory=read_option("--memory", x.memory, Memory))
+    job = read_job(job_file, overrides=memory, trust_xacro=x.trust_xacro)
+    with ResultFolder(out, force=x.force) as folder:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
         with shown("sweeping") as progress:
-            found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress)
+            found = sweep(job, x.run_name, tolerances=corners, speeds=speeds, progress=progress)
         folder.write("report.html", render_sweep(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()
     _print(found, report)
-    if open_report:
+    if x.open_report:
         open_page(report)
-
-
-def _listed(name: str, text: str | None, unit: str) -> list[float] | None:
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    if text is None:
-        return None
-    try:
-        return [parse(x.strip(), unit) for x in text.split(",")]
-    except ValueError as error:
-        raise InvalidInput(f"--{name}: {error}.") from None
 
 
 def _print(found: Sweep, report: FilePath) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray, number, numbers, positive
+from armcontour._quantities import Distance, Speed
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
 
@@ -23,8 +24,8 @@ class Demand:
         tag: Free text that results carry along.
     """
 
-    speed: float | None = None
-    tolerance: float | None = None
+    speed: Speed | None = None
+    tolerance: Distance | None = None
     tag: str | None = None
 
     def __post_init__(self) -> None:

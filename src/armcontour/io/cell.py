@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path as FilePath
@@ -10,12 +11,15 @@ from typing import Any
 from armcontour._checks import LONGEST_NAME
 from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
-from armcontour.io.job_file import Changes, job_text, parse_job
+from armcontour.io.job_file import job_of, job_text, read_model
+from armcontour.io.job_model import CellModel, PathModel
+from armcontour.io.job_overrides import JobOverrides, override
+from armcontour.io.keys import Given, read_keys
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
 
 # Keys of a job's path that say what it is, and that a drawing takes the place of.
-OWN_PATH = ("points", "start", "segments", "spline", "file")
+OWN_PATH = ("points", "start", "segments", "spline")
 YAML = (".yaml", ".yml")
 
 
@@ -30,7 +34,7 @@ def read_cell(
     drawing: str | FilePath,
     *,
     path: Mapping[str, Any] | None = None,
-    changes: Changes | None = None,
+    overrides: JobOverrides | None = None,
     reading: Callable[[float], None] | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -41,7 +45,7 @@ def read_cell(
             one, gives way to the drawing, but for its frame and what else it says of files.
         drawing: The file of the drawing.
         path: Keys of the path that differ from the cell's, as in a job file.
-        changes: Applied to all of the data.
+        overrides: What is to stand in the place of the cell's own values.
         reading: Called with the share of the drawing that is read.
         trust_xacro: As in `read_job`.
 
@@ -50,32 +54,21 @@ def read_cell(
     """
     text, source, folder = _text(str(cell))
     place = FilePath(drawing)
-
-    def drawn(data: dict[str, Any]) -> dict[str, Any]:
-        own = data.get("path") or {}
-        if not isinstance(own, dict):
-            raise InvalidInput(f"{source}: path must be a mapping of keys.")
-        kept = {key: value for key, value in own.items() if key not in OWN_PATH}
-        title = data.get("title")
-        found = {
-            **data,
-            # A name of a file may be longer than that of a job, and hold what is not printable.
-            "name": _fitted(place.stem, LONGEST_NAME),
-            "title": _fitted(
-                f"{place.name} on {title}" if isinstance(title, str) else place.name, LONGEST_TITLE
-            ),
-            "path": {**kept, **(path or {}), "file": str(place.absolute())},
-        }
-        return found if changes is None else changes(found)
-
-    return parse_job(
-        text,
-        source=source,
-        folder=folder,
-        changes=drawn,
-        reading=reading,
-        trust_xacro=trust_xacro,
+    found = read_model(CellModel, text, source)
+    title = f"{place.name} on {found.title}" if found.title is not None else place.name
+    drawn = {
+        **dict.fromkeys(OWN_PATH),
+        **read_keys(Given(PathModel), path or {}, f"{source}: path"),
+        "file": str(place.absolute()),
+    }
+    model = dataclasses.replace(
+        found,
+        # A name of a file may be longer than that of a job, and hold what is not printable.
+        name=_fitted(place.stem, LONGEST_NAME),
+        title=_fitted(title, LONGEST_TITLE),
+        path=dataclasses.replace(found.path, **drawn),
     )
+    return job_of(override(model, overrides), source, folder, reading, trust_xacro)
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:

@@ -9,18 +9,15 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, load_arm
-from armcontour.arms.chain import Payload
 from armcontour.arms.loading import equip
 from armcontour.arms.tree import Tree
 from armcontour.arms.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy, rotations
-from armcontour.io.job_model import ArmModel, FrameModel, PayloadModel, RotationModel
+from armcontour.io.job_model import ArmModel, FrameModel, RotationModel
 from armcontour.io.units import parse
 
 ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
-# Where xx, xy, xz, yy, yz and zz stand in a symmetric matrix.
-TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
@@ -50,7 +47,7 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
     if model.work is not None:
         equipment["work"] = frame_of("arm.work", model.work)
     if model.payload is not None:
-        equipment["payload"] = _payload(model.payload)
+        equipment["payload"] = model.payload
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
     if model.file is not None and is_description(model.file):
@@ -110,15 +107,3 @@ def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
         except ValueError as error:
             raise InvalidInput(f"arm.locked.{name}: {error}.") from None
     return found
-
-
-def _payload(model: PayloadModel) -> Payload:
-    values: dict[str, Any] = {}
-    if model.center is not None:
-        values["center"] = np.array(model.center)
-    if model.inertia is not None:
-        values["inertia"] = np.array(model.inertia)[TENSOR]
-    try:
-        return Payload(mass=model.mass, **values)
-    except InvalidInput as error:
-        raise InvalidInput(f"arm.payload: {error}") from None

@@ -2,59 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import ValidationError
 
 from armcontour._files import read_text
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import arm_of
-from armcontour.io.job_model import (
-    BoxModel,
-    CertificateModel,
-    CornersModel,
-    ExperimentModel,
-    JobModel,
-    LimitsModel,
-    PlantModel,
-    PublishedModel,
-    RunModel,
-    ServoModelModel,
-    given,
-    given_limits,
-)
+from armcontour.io.job_model import ExperimentModel, JobModel, PublishedModel, RunModel
+from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import Told, path_of
 from armcontour.io.job_process import with_process
-from armcontour.io.problems import first_problem
-from armcontour.io.units import parse
-from armcontour.jobs import Experiment, Goal, Job, Published, Rounding, Run
-from armcontour.robustness.monte_carlo import Box
+from armcontour.io.keys import Keys, read_keys, schema_of
+from armcontour.jobs import Experiment, Job, Published, Rounding, Run
 from armcontour.servo import ServoModel
 
-Changes = Callable[[dict[str, Any]], dict[str, Any]]
+Model = TypeVar("Model", bound=JobModel)
 # Which method takes which option.
 TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
 COMPENSATION_OPTIONS = {"poles": "pole_placement"}
-PUBLISHED_UNITS = {
-    "contour_error_rms": "m",
-    "contour_error_max": "m",
-    "duration": "s",
-    "settled": "s",
-}
 
 
 def read_job(
-    file: str | FilePath, *, reading: Told | None = None, trust_xacro: bool = False
+    file: str | FilePath,
+    *,
+    overrides: JobOverrides | None = None,
+    reading: Told | None = None,
+    trust_xacro: bool = False,
 ) -> Job:
     """The job in a YAML file.
 
     Args:
         file: The file.
+        overrides: What is to stand in the place of the file's own values.
         reading: Called with the share that is read of the drawing it names.
         trust_xacro: Whether its arm may be a .xacro file, which is a program; no job can say so.
 
@@ -67,6 +52,7 @@ def read_job(
         job_text(place),
         source=place.name,
         folder=place.parent,
+        overrides=overrides,
         reading=reading,
         trust_xacro=trust_xacro,
     )
@@ -86,7 +72,7 @@ def parse_job(
     *,
     source: str = "job",
     folder: FilePath | None = None,
-    changes: Changes | None = None,
+    overrides: JobOverrides | None = None,
     reading: Told | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -96,34 +82,61 @@ def parse_job(
         text: The text.
         source: What to call it in errors.
         folder: Where relative files are looked for.
-        changes: Applied to the data before it is looked at, such as what a command line overrides.
+        overrides: As in `read_job`.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: As in `read_job`.
     """
+    model = override(read_model(JobModel, text, source), overrides)
+    return job_of(model, source, folder or FilePath(), reading, trust_xacro)
+
+
+def read_model(of: type[Model], text: str, source: str) -> Model:
+    """What a job file says, before it names an arm or a drawing that are read.
+
+    Args:
+        of: JobModel, or CellModel of a job without a path.
+        text: YAML.
+        source: What to call it in errors.
+
+    Raises:
+        InvalidInput: Not YAML, an unknown key, or a value that is none.
+    """
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(
             f"{source} must hold a mapping of keys such as name, arm, path and runs."
         )
-    if changes is not None:
-        data = changes(data)
-    try:
-        model = JobModel.model_validate(data)
-    except ValidationError as error:
-        raise InvalidInput(f"{source}: {first_problem(error, JobModel)}") from None
-    try:
-        return _job(model, folder or FilePath(), reading, trust_xacro)
-    except InvalidInput as error:
-        raise InvalidInput(f"{source}: {error}") from None
+    model: Model = read_keys(Keys(of), data, source)
+    return model
 
 
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of job files."""
-    schema = JobModel.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema_of(Keys(JobModel))}
+
+
+def job_of(
+    model: JobModel, source: str, folder: FilePath, reading: Told | None, trust_xacro: bool
+) -> Job:
+    """The job that a file says.
+
+    Args:
+        model: What it says.
+        source: What to call it in errors.
+        folder: Where its files are looked for.
+        reading: As in `read_job`.
+        trust_xacro: As in `read_job`.
+
+    Raises:
+        InvalidInput: Values that do not make a job.
+    """
+    try:
+        return _job(model, folder, reading, trust_xacro)
+    except InvalidInput as error:
+        raise InvalidInput(f"{source}: {error}") from None
 
 
 def _job(model: JobModel, folder: FilePath, reading: Told | None, trust_xacro: bool) -> Job:
@@ -134,7 +147,8 @@ def _job(model: JobModel, folder: FilePath, reading: Told | None, trust_xacro: b
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
         _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
-    runs = tuple(_run(name, run, model, arm) for name, run in model.runs.items())
+    if model.certificate is not None and model.certificate.run is not None:
+        _refuse_unknown("certificate.run", [model.certificate.run], model)
     return Job(
         name=model.name,
         title=model.title or model.name,
@@ -145,32 +159,27 @@ def _job(model: JobModel, folder: FilePath, reading: Told | None, trust_xacro: b
         start=None if model.start is None else np.array(model.start),
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
-        runs=runs,
+        runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         published=None if model.published is None else _published(model.published, model),
-        certificate=None if model.certificate is None else _goal(model.certificate, model),
+        certificate=model.certificate,
         memory=model.memory,
     )
 
 
-def _servo(key: str, model: ServoModelModel, arm: Arm) -> ServoModel:
+def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
+    """A servo with what differs of it, one value per joint."""
     try:
-        return ServoModel(
-            kp=np.array(model.kp),
-            kv=None if model.kv is None else np.array(model.kv),
-            interpolation=model.interpolation,
-            dead_time=np.array(model.dead_time),
-            order=model.order,
-        ).for_joints(arm.dof)
+        return dataclasses.replace(servo, **differs).for_joints(arm.dof)
     except InvalidInput as error:
         raise InvalidInput(f"{key}: {error}") from None
 
 
-def _plant(model: PlantModel, nominal: ServoModelModel, arm: Arm) -> ServoModel:
-    """The real servo: the nominal one but for what the job says of it."""
-    differs = given(model)
-    if model.order == "first" and model.kv is None:
-        differs["kv"] = None
-    return _servo("plant", nominal.model_copy(update=differs), arm)
+def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
+    """The real servo: the nominal one but for what the job says of it; null says nothing."""
+    differs = {key: value for key, value in given.items() if value is not None}
+    if differs.get("order") == "first":
+        differs.setdefault("kv", None)
+    return _servo("plant", nominal, arm, **differs)
 
 
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
@@ -182,40 +191,37 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     if not isinstance(corners, str) and corners.tolerance is None:
         _refuse_no_speed(f"runs.{name}." if model.corners else "", corners, limits)
-    options: dict[str, Any] = given(model.timing)
-    method = options.pop("method")
     _refuse_options(f"runs.{name}", model)
+    timing, poles = model.timing, model.compensation.poles
     period = job.command_interval if model.command_interval is None else model.command_interval
-    reserve = options.pop("reserve")
-    if method == "mac":
+    options: dict[str, float | None] = {"knots": timing.knots, "intervals": timing.intervals}
+    if timing.method == "mac":
         options["period"] = period
     return Run(
         name=name,
-        timing=method,
+        timing=timing.method,
         compensation=model.compensation.method,
         limits=limits,
-        rounding=None if isinstance(corners, str) else Rounding(**given(corners)),
+        rounding=None if isinstance(corners, str) else corners,
         period=period,
-        timing_options=options,
-        compensation_options=(
-            {} if model.compensation.poles is None else {"poles": model.compensation.poles}
-        ),
+        timing_options={key: value for key, value in options.items() if value is not None},
+        compensation_options={} if poles is None else {"poles": poles},
         until=model.until,
-        reserve=reserve,
+        reserve=timing.reserve,
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
         experiment=_experiment(name, job.experiment),
     )
 
 
-def _limits(key: str, model: LimitsModel, limits: Limits, arm: Arm) -> Limits:
+def _limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:
     """Limits with some of them replaced or lifted, one value per joint."""
     try:
-        return limits.replace(**given_limits(model)).for_joints(arm.dof)
+        return limits.replace(**given).for_joints(arm.dof)
     except InvalidInput as error:
         raise InvalidInput(f"{key}: {error}") from None
 
 
-def _refuse_no_speed(where: str, corners: CornersModel, limits: Limits) -> None:
+def _refuse_no_speed(where: str, corners: Rounding, limits: Limits) -> None:
     """Refuse corners that nothing says the size of."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
@@ -238,45 +244,18 @@ def _experiment(run: str, model: ExperimentModel | None) -> Experiment | None:
     """The experiment of a run, if it has one."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
-    return Experiment(**model.model_dump(exclude={"runs"}))
+    return Experiment(**{x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)})
 
 
 def _published(model: PublishedModel, job: JobModel) -> Published:
-    named = [*model.runs, *([model.time_stamps.run] if model.time_stamps else [])]
-    _refuse_unknown("published", named, job)
-    try:
-        runs: dict[str, dict[str, float]] = {
-            name: {str(key): parse(value, PUBLISHED_UNITS[key]) for key, value in figures.items()}
-            for name, figures in model.runs.items()
-        }
-    except ValueError as error:
-        raise InvalidInput(f"published: a figure {error}.") from None
+    stamps = model.time_stamps
+    _refuse_unknown("published", [*model.runs, *([stamps.run] if stamps else [])], job)
     return Published(
         source=model.source,
-        runs=runs,
-        time_stamps=tuple(model.time_stamps.values) if model.time_stamps else (),
-        time_stamps_of=model.time_stamps.run if model.time_stamps else None,
+        runs=model.runs,
+        time_stamps=tuple(stamps.values) if stamps else (),
+        time_stamps_of=stamps.run if stamps else None,
         notes=tuple(model.notes),
-    )
-
-
-def _goal(model: CertificateModel, job: JobModel) -> Goal:
-    if model.run is not None:
-        _refuse_unknown("certificate.run", [model.run], job)
-    values = model.model_dump(exclude={"box"})
-    try:
-        return Goal(box=None if model.box is None else _box(model.box), **values)
-    except InvalidInput as error:
-        raise InvalidInput(f"certificate: {error}") from None
-
-
-def _box(model: BoxModel) -> Box:
-    return Box(
-        gains=np.array(model.gains),
-        dead_time=np.array(model.dead_time),
-        dead_time_shared=model.shared,
-        payload=model.payload,
-        jitter=model.jitter,
     )
 
 

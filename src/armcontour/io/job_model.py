@@ -1,434 +1,389 @@
-"""What a job file may say: these models are the published schema."""
+"""What a job file may say: the core's dataclasses, and what is written in another form."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictInt
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from armcontour._memory import DEFAULT
-from armcontour.io.units import (
-    Acceleration,
+from armcontour._quantities import (
     Angle,
-    AngularAcceleration,
-    AngularDistance,
-    AngularSpeed,
+    AtLeast,
+    Choice,
     Distance,
     Duration,
-    Gain,
-    Inertia,
     Interval,
-    JointAcceleration,
-    JointJerk,
-    JointPosition,
-    JointVelocity,
     Length,
-    Mass,
     Memory,
     Pole,
     Ratio,
-    Speed,
-    Torque,
-    quantity,
+    Time,
 )
+from armcontour.arms import Limits
+from armcontour.arms.chain import Payload
+from armcontour.compensation import compensator
+from armcontour.geometry import Demand
+from armcontour.io.drawings.reading import UNKNOWN
+from armcontour.io.forms import Place, Point
+from armcontour.io.keys import Given, Number
+from armcontour.io.units import parse
+from armcontour.jobs import Experiment, Goal, Rounding
+from armcontour.program import Process
+from armcontour.servo import ServoModel
+from armcontour.timing import planner
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
-Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Triple = Annotated[list[Pole], Field(min_length=3, max_length=3)]
+Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
-PublishedName = Literal["contour_error_rms", "contour_error_max", "duration", "settled"]
 
 
-class Model(BaseModel):
-    """What all parts of a file share: no unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RotationModel(Model):
-    """Either `rpy` or `quaternion`."""
-
-    rpy: Angles | None = Field(
-        default=None, description="roll, pitch and yaw about fixed x, y and z"
-    )
-    quaternion: Quaternion | None = Field(default=None, description="x, y, z, w")
+def _joint_position(value: Any) -> Any:
+    """The position of a joint as it is written, refused if it is neither an angle nor a length."""
+    if isinstance(value, str):
+        try:
+            parse(value, "m")
+            return value
+        except ValueError:
+            pass
+    parse(value, "rad")
+    return value
 
 
+# Which of the two it must be is up to its joint.
+JointPosition = Annotated[
+    float | str,
+    BeforeValidator(_joint_position),
+    WithJsonSchema(
+        {
+            "description": "A number in rad (in m of a joint that slides), or text with a unit.",
+            "anyOf": [{"type": "number"}, {"type": "string"}],
+            "examples": ["10 deg", "20 mm"],
+        }
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotationModel:
+    """Either `rpy` or `quaternion`.
+
+    Args:
+        rpy: Roll, pitch and yaw about fixed x, y and z [rad].
+        quaternion: As x, y, z, w.
+    """
+
+    rpy: Angles | None = None
+    quaternion: Quaternion | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FrameModel(RotationModel):
-    """A place and how it is turned; what is not given is zero."""
+    """A place and how it is turned; what is not given is zero.
+
+    Args:
+        position: The place [m].
+    """
 
     position: Place | None = None
 
 
-class PayloadModel(Model):
-    """What the tip carries, in the frame of the tip."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmModel:
+    """An arm by `name` or `file`, and how it is equipped. Files are looked for beside the job.
 
-    mass: Mass
-    center: Place | None = Field(default=None, description="centre of mass")
-    inertia: Annotated[list[Inertia], Field(min_length=6, max_length=6)] | None = Field(
-        default=None, description="xx, xy, xz, yy, yz, zz about the centre of mass; else a point"
-    )
+    Args:
+        name: A built-in arm: `armcontour arms` lists them.
+        file: A .urdf, .xacro or .yaml file; .xacro only if `--trust-xacro` allows it.
+        tip: Link at the end; .urdf and .xacro only.
+        base: Link that stands still; .urdf and .xacro only.
+        joint_limits: A joint_limits.yaml of MoveIt; goes before what the arm's file says.
+        tool: The tool in the frame of the tip.
+        work: The frame of the path in the frame of the base.
+        payload: What the tip carries.
+        locked: Joints that are held still, and where; .urdf and .xacro only.
+    """
 
-
-class ArmModel(Model):
-    """An arm by `name` or `file`, and how it is equipped. Files are looked for beside the job."""
-
-    name: str | None = Field(default=None, description="a built-in arm")
-    file: str | None = Field(default=None, description="a .urdf, .xacro or .yaml file")
-    tip: str | None = Field(default=None, description="link at the end; .urdf and .xacro only")
-    base: str | None = Field(
-        default=None, description="link that stands still; .urdf and .xacro only"
-    )
-    joint_limits: str | None = Field(default=None, description="a joint_limits.yaml of MoveIt")
-    tool: FrameModel | None = Field(default=None, description="the tool in the frame of the tip")
-    work: FrameModel | None = Field(
-        default=None, description="the frame of the path in the frame of the base"
-    )
-    payload: PayloadModel | None = None
-    locked: dict[str, JointPosition] | None = Field(
-        default=None, description="joints that are held still, and where; .urdf and .xacro only"
-    )
+    name: str | None = None
+    file: str | None = None
+    tip: str | None = None
+    base: str | None = None
+    joint_limits: str | None = None
+    tool: FrameModel | None = None
+    work: FrameModel | None = None
+    payload: Payload | None = None
+    locked: dict[str, JointPosition] | None = None
 
 
-class SegmentModel(Model):
-    """A line `to` a point, an arc `via` a point `to` another, or one around a `center`."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentModel(Demand):
+    """A line `to` a point, an arc `via` a point `to` another, or one around a `center`.
+
+    Args:
+        to: End of a line or an arc [m].
+        via: A point on an arc [m].
+        center: Centre of an arc [m].
+        angle: Angle of that arc, counter-clockwise positive; a full circle has 360 deg [rad].
+        normal: Axis of that arc, in space.
+    """
 
     to: Point | None = None
     via: Point | None = None
     center: Point | None = None
     angle: Angle | None = None
-    normal: list[Number] | None = None
-    speed: Speed | None = None
-    tolerance: Distance | None = None
-    tag: str | None = None
+    normal: list[float] | None = None
 
 
-class SplineModel(Model):
-    """A cubic spline through `points`, run as arcs within `tolerance` of it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplineModel:
+    """A cubic spline through `points`, run as arcs within `tolerance` of it.
+
+    Args:
+        points: What it leads through [m].
+        closed: Whether it is closed: the last point repeats the first.
+        tolerance: Largest distance of the arcs from it [m].
+    """
 
     points: list[Point]
-    closed: StrictBool = Field(default=False, description="the last point repeats the first")
+    closed: bool = False
     tolerance: Distance = 1e-6
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FollowModel(RotationModel):
     """The tool at a fixed angle to the tangent: x of the path's frame is the tangent, z is `up`.
 
     `rpy` or `quaternion` hold the tool in that frame; by default its axis points against `up`.
+
+    Args:
+        up: Direction of z.
     """
 
     up: Direction
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OrientationModel(RotationModel):
-    """How the tool is held: one of `rpy`, `quaternion`, `axis` and `follow_tangent`."""
+    """How the tool is held: one of `rpy`, `quaternion`, `axis` and `follow_tangent`.
 
-    axis: Direction | None = Field(
-        default=None, description="direction of the tool axis; turning about it is free"
-    )
+    Args:
+        axis: Direction of the tool axis; turning about it is free.
+        follow_tangent: A fixed angle to the tangent.
+        axis_only: Whether only the tool axis counts; turning about it is free.
+    """
+
+    axis: Direction | None = None
     follow_tangent: FollowModel | None = None
-    axis_only: StrictBool = Field(
-        default=False, description="only the tool axis counts; turning about it is free"
-    )
+    axis_only: bool = False
 
 
-class LayerModel(Model):
-    """What contours on a layer are run with, where the drawing itself says nothing."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathModel:
+    """One of `points`, `start` and `segments`, `spline`, and `file`; the rest says how to read it.
 
-    speed: Speed | None = Field(default=None, description="assigned velocity")
-    tolerance: Distance | None = Field(default=None, description="largest corner error")
-
-
-class PathModel(Model):
-    """One of `points` of a polyline, `start` and `segments`, `spline`, and a `file`.
-
-    What stands after `file` here says how that is read.
+    Args:
+        points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
+        start: Where the first segment starts [m].
+        segments: A chain of lines and arcs.
+        spline: A cubic spline.
+        file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv,
+            .parquet), beside the job.
+        units: Unit of the file's lengths, such as mm, where it gives none; of a drawing also in
+            the place of what it gives.
+        scale: Factor of its lengths.
+        frame: Where its origin lies, and how it is turned.
+        layers: Only contours on these; or a mapping to what contours on them are run with where
+            their segments have nothing of their own, of which a drawing need not have all.
+        names: Only contours with these names: the report lists them.
+        flat: Whether to leave z out, and with it how the file has the tool held.
+        chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
+        join_tolerance: Ends nearer than this are one point [m].
+        unknown: Whether to refuse what the reader does not know, or to skip it with a note.
+        orientation: How the tool is held in space: once for the whole path, or one per waypoint;
+            of a file, in the coordinates of the drawing.
     """
 
     points: list[Point] | None = None
     start: Point | None = None
     segments: list[SegmentModel] | None = None
     spline: SplineModel | None = None
-    file: str | None = Field(
-        default=None,
-        description="a drawing (.dxf, .svg), G-code (.ngc, ...), or waypoints (.csv, "
-        ".parquet); it is looked for beside the job",
-    )
-    units: str | None = Field(
-        default=None, description="unit of the file's lengths, such as mm, where it does not say"
-    )
+    file: str | None = None
+    units: str | None = None
     scale: Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)] = 1.0
-    frame: FrameModel | None = Field(default=None, description="where the drawing lies")
-    layers: list[str] | dict[str, LayerModel] | None = Field(
-        default=None, description="only contours on these; or what those on them are run with"
-    )
-    names: list[str] | None = Field(default=None, description="only contours with these names")
-    flat: StrictBool = Field(default=False, description="leave z out")
-    chord_tolerance: Distance = Field(
-        default=1e-5, description="largest distance between a curve and the arcs it becomes"
-    )
-    join_tolerance: Distance = Field(
-        default=1e-5, description="ends nearer than this are one point"
-    )
-    unknown: Literal["refuse", "skip"] = "refuse"
-    orientation: OrientationModel | list[OrientationModel] | None = Field(
-        default=None,
-        description="in space: once for the whole path, or one per waypoint; of a file, in the "
-        "coordinates of the drawing",
-    )
+    frame: FrameModel | None = None
+    layers: list[str] | dict[str, Demand] | None = None
+    names: list[str] | None = None
+    flat: bool = False
+    chord_tolerance: Distance = 1e-5
+    join_tolerance: Distance = 1e-5
+    unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
+    orientation: OrientationModel | list[OrientationModel] | None = None
 
 
-class LeadModel(Model):
-    """A piece of path along which the tool is off."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentModel(Experiment):
+    """Runs executed on the arm's rigid bodies too, with default drive gains.
 
-    length: Annotated[Literal["auto"] | Distance, Field(union_mode="left_to_right")] = Field(
-        default="auto", description="as long as the arm needs for the assigned velocity"
-    )
-    shape: Literal["line", "arc"] = "line"
-    side: Literal["left", "right", "waste"] = Field(
-        default="waste",
-        description="of an arc: inside of holes and outside of outlines, or seen along the contour",
-    )
+    Args:
+        runs: Names of runs; all by default.
+    """
+
+    runs: list[str] | None = None
 
 
-class SwitchModel(Model):
-    """Events that turn the process on where a contour begins, and off where it ends."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimingModel:
+    """How the path is timed.
 
-    name: str = "tool"
-    on_lead: Duration = Field(default=0.0, description="on so much earlier")
-    off_lead: Duration = Field(default=0.0, description="off so much earlier")
+    Args:
+        method: The fastest timing, the paper's, or uniform speed.
+        knots: Laps per line, of the method mac.
+        intervals: Intervals of the grid, about, of the method optimal.
+        reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
+            servo. Without one a servo that has fallen back cannot catch up.
+    """
 
-
-class EventModel(Model):
-    """Something that is switched at a place of every contour."""
-
-    name: Annotated[str, Field(min_length=1)]
-    value: StrictBool | Number | str = True
-    at: Distance = 0.0
-    lead_time: Annotated[float, *quantity("s", "20 ms")] = 0.0
-    lead_distance: Length = 0.0
-
-
-class ProcessModel(Model):
-    """What is added to contours."""
-
-    begin: Annotated[
-        Literal["auto", "drawn"] | Distance | Point, Field(union_mode="left_to_right")
-    ] = Field(
-        default="auto",
-        description="where closed contours begin: off a corner, as drawn, at an arc length, or at "
-        "the place nearest to a point",
-    )
-    overlap: Distance = Field(default=0.0, description="of closed contours")
-    lead_in: LeadModel | None = None
-    lead_out: LeadModel | None = None
-    approach: Distance = Field(default=0.0, description="straight down from so high")
-    retract: Distance = Field(default=0.0, description="straight up so high")
-    dwell: Duration = Field(default=0.0, description="standing still before every contour")
-    switch: SwitchModel | None = None
-    off_between: list[str] = Field(
-        default=[], description="what is on over rapids of the file and shall not be, as a laser"
-    )
-    events: list[EventModel] = []
-    order: Literal["drawn", "nearest"] = "drawn"
-    from_s: Distance = Field(
-        default=0.0, description="where to resume: arc length of all contours together"
-    )
+    method: Annotated[str, Choice(planner.METHODS)] = "optimal"
+    knots: Annotated[int, AtLeast(8)] | None = None
+    intervals: Annotated[int, AtLeast(2)] | None = None
+    reserve: Ratio = 0.0
 
 
-class LimitsModel(Model):
-    """Limits; those of the joints are the arm's own unless given here, and null lifts one."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompensationModel:
+    """How the servo's delay is compensated.
 
-    speed: Speed | None = None
-    tool_acceleration: Acceleration | None = None
-    centripetal_acceleration: Acceleration | None = None
-    angular_speed: AngularSpeed | None = None
-    angular_acceleration: AngularAcceleration | None = None
-    joint_acceleration: JointAcceleration | list[JointAcceleration] | None = None
-    joint_deceleration: JointAcceleration | list[JointAcceleration] | None = Field(
-        default=None, description="in the negative direction, where it differs"
-    )
-    joint_velocity: JointVelocity | list[JointVelocity] | None = None
-    joint_torque: Torque | list[Torque] | None = None
-    joint_jerk: JointJerk | list[JointJerk] | None = None
-    joint_lower: Angle | list[Angle] | None = None
-    joint_upper: Angle | list[Angle] | None = None
+    Args:
+        method: The servo's exact inverse, or pole placement, for a servo of order second only.
+        poles: Two regulator poles and the observer pole of pole_placement [1/s], or one such triple
+            per joint.
+    """
+
+    method: Annotated[str, Choice(compensator.METHODS)] = "pole_placement"
+    poles: Poles | list[Poles] | None = None
 
 
-class CornersModel(Model):
-    """Case II: `tolerance`. Case I: `speed` and `acceleration`."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunModel:
+    """A run; what it does not say it takes from the job.
 
-    tolerance: Distance | None = None
-    speed: Speed | None = None
-    acceleration: Acceleration | None = None
-    angular_tolerance: AngularDistance | None = Field(
-        default=None, description="largest angle by which the tool's orientation may be off"
-    )
-
-
-class ServoModelModel(Model):
-    """The joint servo; gains and dead time are one for all joints or one per joint."""
-
-    kp: Gain | list[Gain]
-    kv: Gain | list[Gain] | None = Field(default=None, description="for the order second only")
-    order: Literal["second", "first"] = "second"
-    dead_time: Duration | list[Duration] = 0.0
-    interpolation: Literal["linear", "step", "cubic"] = "linear"
-
-
-class PlantModel(Model):
-    """The real servo, where it differs from the nominal one; the rest is as in `servo`."""
-
-    kp: Gain | list[Gain] | None = None
-    kv: Gain | list[Gain] | None = None
-    order: Literal["second", "first"] | None = None
-    dead_time: Duration | list[Duration] | None = None
-    interpolation: Literal["linear", "step", "cubic"] | None = None
-
-
-class ExperimentModel(Model):
-    """Runs executed on the arm's rigid bodies too, by drives that nobody tuned to the job."""
-
-    step: Interval = Field(default=2.5e-4, description="cycle of the drives")
-    gravity_feedforward: StrictBool = True
-    friction: StrictBool = True
-    noise: AngularDistance = Field(
-        default=0.0, description="standard deviation of measured positions"
-    )
-    seed: Annotated[StrictInt, Field(ge=0)] = 0
-    runs: list[str] | None = Field(default=None, description="names of runs; all by default")
-
-
-class TimingModel(Model):
-    """How the path is timed."""
-
-    method: Literal["optimal", "mac", "conventional"] = "optimal"
-    knots: Annotated[StrictInt, Field(ge=8)] | None = Field(
-        default=None, description="mac: laps per line"
-    )
-    intervals: Annotated[StrictInt, Field(ge=2)] | None = Field(
-        default=None, description="optimal: intervals of the grid, about"
-    )
-    reserve: Ratio = Field(
-        default=0.0, description="share of joint acceleration and torque left to the servo"
-    )
-
-
-class CompensationModel(Model):
-    """How the servo's delay is compensated."""
-
-    method: Literal["inverse", "pole_placement", "none"] = Field(
-        default="pole_placement", description="for a servo of the order first: inverse or none"
-    )
-    poles: Triple | list[Triple] | None = Field(
-        default=None,
-        description="pole_placement: two regulator poles and the observer pole, or one such "
-        "triple per joint",
-    )
-
-
-class RunModel(Model):
-    """One way to do the job; what it does not say it takes from the job."""
+    Args:
+        timing: How the path is timed.
+        compensation: How the servo's delay is compensated.
+        limits, corners, command_interval, ignore_jerk: As of the job, for this run only.
+        until: End of the time that errors cover [s]; by default when the tool has come to rest.
+    """
 
     timing: TimingModel = TimingModel()
     compensation: CompensationModel = CompensationModel()
-    limits: LimitsModel = LimitsModel()
-    corners: CornersModel | Literal["sharp"] | None = None
+    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
+    corners: Rounding | Literal["sharp"] | None = None
     command_interval: Interval | None = None
-    ignore_jerk: StrictBool | None = None
-    until: Interval | None = Field(default=None, description="end of the time that errors cover")
+    ignore_jerk: bool | None = None
+    until: Interval | None = None
 
 
-class TimeStampsModel(Model):
-    """Published times of a run's switching points."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeStampsModel:
+    """Published times of a run's switching points.
+
+    Args:
+        run: Name of the run.
+        values: The times [s].
+    """
 
     run: str
     values: list[Duration]
 
 
-class PublishedModel(Model):
-    """Published figures of the same job, to stand beside ours."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FiguresModel:
+    """Published figures of a run.
+
+    Args:
+        contour_error_rms: Root mean square of the contour error [m].
+        contour_error_max: Largest contour error [m].
+        duration: Duration of the motion [s].
+        settled: Time until the tool rests [s].
+    """
+
+    contour_error_rms: Length
+    contour_error_max: Length
+    duration: Time
+    settled: Time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublishedModel:
+    """Published figures of the same job, to stand beside ours.
+
+    Args:
+        source: Where they stand.
+        runs: Figures by the names of the job's runs.
+        time_stamps: Published times of switching points.
+        notes: Sentences on what to make of the differences.
+    """
 
     source: str
-    runs: dict[str, dict[PublishedName, float | str]] = {}
+    runs: dict[str, Annotated[dict[str, Any], Given(FiguresModel)]] = field(default_factory=dict)
     time_stamps: TimeStampsModel | None = None
-    notes: list[str] = []
+    notes: list[str] = field(default_factory=list)
 
 
-class BoxModel(Model):
-    """How far the real robot may be from its model, in plus and minus."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobModel:
+    """A job file.
 
-    gains: Ratio | list[Ratio] | list[list[Ratio]] = Field(
-        default=0.0, description="of servo gains; one, one per joint, or two rows for kp and kv"
-    )
-    dead_time: Duration | list[Duration] = 0.0
-    shared: StrictBool = Field(
-        default=True, description="all joints' dead times err together, and not each by itself"
-    )
-    payload: Mass = 0.0
-    jitter: Duration = Field(default=0.0, description="of the time at which a set-point arrives")
-
-
-class CertificateModel(Model):
-    """What `armcontour certify` is to hold: `tolerance`, `servo` or both."""
-
-    tolerance: Length | None = Field(
-        default=None, description="largest distance of the tool from the objective path"
-    )
-    servo: Length | None = Field(
-        default=None, description="largest contour error that servo and command interval may make"
-    )
-    rms: Length | None = Field(default=None, description="largest root mean square of that error")
-    saturation: Literal["refuse", "report"] = "refuse"
-    box: BoxModel | None = None
-    samples: StrictInt = Field(default=10_000, description="robots drawn from the box")
-    seed: StrictInt = 0
-    run: str | None = Field(
-        default=None, description="the run to certify; by default the only optimal one"
-    )
-    slowest: Number = Field(
-        default=2.0, description="as a ratio to the uncertified optimum; slower plans are refused"
-    )
-
-
-class JobModel(Model):
-    """A job file."""
+    Args:
+        name: Short name, printable, of at most 80 characters.
+        title: For people, of at most 200 characters; the name by default.
+        arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file beside the
+            job, or a mapping.
+        branch: Branch of the inverse kinematics of an arm in the plane: `positive` (default) or
+            `negative`, the sign of theta2.
+        start: Joint positions near to those to start in [rad], of an arm in space; by default the
+            configuration that is fastest along the path.
+        path: The objective path.
+        process: What is added to contours: leads, overlaps, events.
+        limits: Limits; those of the joints are the arm's own unless given here, and null lifts one.
+        ignore_jerk: Whether to plan in spite of limits of jerk, which no method keeps yet.
+        corners: How corners are rounded; `sharp` leaves them as they are.
+        servo: The nominal servo.
+        plant: The real servo, where it differs from the nominal one.
+        experiment: Runs that are executed on the arm's rigid bodies too.
+        command_interval: Time between set-points [s].
+        runs: The runs to compare, by name.
+        published: Published figures of the same job.
+        certificate: What `armcontour certify` and `armcontour sweep` hold.
+        memory: What the program may take for the job [bytes].
+    """
 
     name: str
     title: str | None = None
-    arm: str | ArmModel = Field(
-        description="a built-in arm, or a .yaml, .urdf or .xacro file; or a mapping"
-    )
-    branch: str | None = Field(default=None, description="of an arm in the plane")
-    start: list[Angle] | None = Field(
-        default=None, description="joint positions near to those to start in, of an arm in space"
-    )
+    arm: str | ArmModel
+    branch: str | None = None
+    start: list[Angle] | None = None
     path: PathModel
-    process: ProcessModel | None = Field(
-        default=None, description="what is added to contours: leads, overlaps, events"
-    )
-    limits: LimitsModel = LimitsModel()
-    ignore_jerk: StrictBool = Field(default=False, description="plan in spite of limits of jerk")
-    corners: CornersModel | Literal["sharp"] = "sharp"
-    servo: ServoModelModel
-    plant: PlantModel | None = None
+    process: Process | None = None
+    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
+    ignore_jerk: bool = False
+    corners: Rounding | Literal["sharp"] = "sharp"
+    servo: ServoModel
+    plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
     command_interval: Interval = 4e-3
-    runs: dict[RunName, RunModel] = Field(min_length=1)
+    runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     published: PublishedModel | None = None
-    certificate: CertificateModel | None = None
-    memory: Memory = Field(default=DEFAULT, description="what the program may take for the job")
+    certificate: Goal | None = None
+    memory: Memory = DEFAULT
 
 
-def given(model: BaseModel) -> dict[str, Any]:
-    """What a model says, without what it leaves out; null says nothing."""
-    return model.model_dump(exclude_none=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellModel(JobModel):
+    """A job file into which a drawing is put: its name and its path may be left out."""
 
-
-def given_limits(model: LimitsModel) -> dict[str, Any]:
-    """The limits that a model gives, None where it lifts one."""
-    return model.model_dump(exclude_unset=True)
+    name: str = ""
+    path: PathModel = field(default_factory=PathModel)

@@ -20,19 +20,10 @@ from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
 from armcontour.io.problems import place
 from armcontour.program import Contour, Program, contour_called
 
-# What says how a file is read.
-ONLY_OF_FILES = frozenset(
-    {
-        "units",
-        "scale",
-        "frame",
-        "layers",
-        "names",
-        "flat",
-        "chord_tolerance",
-        "join_tolerance",
-        "unknown",
-    }
+# What says how a file is read: arguments of `read_path`.
+READING = (
+    *("units", "scale", "layers", "names", "flat"),
+    *("chord_tolerance", "join_tolerance", "unknown"),
 )
 Told = Callable[[float], None]
 WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
@@ -54,11 +45,12 @@ def path_of(
     """
     if model.file is not None:
         return _drawn(model, model.file, folder, dimension, progress)
-    for name in ONLY_OF_FILES & model.model_fields_set:
-        raise InvalidInput(
-            f"path.{name} says how a file is read: it goes with path.file; or this is a cell, "
-            "which takes a drawing (armcontour run DRAWING --cell CELL)."
-        )
+    for x in dataclasses.fields(model):
+        if x.name in (*READING, "frame") and getattr(model, x.name) != x.default:
+            raise InvalidInput(
+                f"path.{x.name} says how a file is read: it goes with path.file; or this is a "
+                "cell, which takes a drawing (armcontour run DRAWING --cell CELL)."
+            )
     path = _positions(model)
     if model.orientation is None:
         return path
@@ -77,18 +69,8 @@ def _drawn(
     """The program in a file, where it is to lie."""
     if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
         raise InvalidInput("path takes either a file, or points, start and segments, or spline.")
-    program = read_path(
-        folder / file,
-        units=model.units,
-        scale=model.scale,
-        layers=model.layers,
-        names=model.names,
-        flat=model.flat,
-        chord_tolerance=model.chord_tolerance,
-        join_tolerance=model.join_tolerance,
-        unknown=model.unknown,
-        progress=progress,
-    )
+    options = {name: getattr(model, name) for name in READING}
+    program = read_path(folder / file, **options, progress=progress)
     frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)
     if dimension == 2:
         if program.dimension == 3:
@@ -194,7 +176,7 @@ def _end(segments: list[Line | Arc]) -> list[float]:
 
 
 def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
-    demand = Demand(speed=x.speed, tolerance=x.tolerance, tag=x.tag)
+    demand = Demand(**{y.name: getattr(x, y.name) for y in dataclasses.fields(Demand)})
     around = (x.center, x.angle, x.normal)
     if x.to is not None and all(y is None for y in around):
         if x.via is None:

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-from pydantic import ValidationError
-
 from armcontour._files import read_text
+from armcontour._quantities import Angle, Length
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
-from armcontour.io.job_model import LimitsModel
-from armcontour.io.problems import first_problem
-from armcontour.io.units import Angle, Length
-
-DEVIATIONS = {"deviation", "orientation_deviation"}
+from armcontour.io.keys import Given, read_keys
 
 
-class LimitsFileModel(LimitsModel):
-    """A limits file, with the tool's largest distance and angle from its path."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitsFile(Limits):
+    """A limits file.
+
+    Args:
+        deviation: Largest distance of the tool from its path [m].
+        orientation_deviation: Largest angle of the tool from its orientation along the path [rad].
+    """
 
     deviation: Length | None = None
     orientation_deviation: Angle | None = None
@@ -38,13 +40,10 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
     data = load(text, place.name)
     if not isinstance(data, dict):
         raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")
-    try:
-        model = LimitsFileModel.model_validate(data)
-    except ValidationError as error:
-        raise InvalidInput(f"{place.name}: {first_problem(error, LimitsFileModel)}") from None
-    given = model.model_dump(exclude_unset=True, exclude=DEVIATIONS)
+    given = read_keys(Given(LimitsFile), data, place.name)
+    deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
     try:
         limits = arm.limits.replace(**given).for_joints(arm.dof)
     except InvalidInput as error:
         raise InvalidInput(f"{place.name}: {error}") from None
-    return limits, model.deviation, model.orientation_deviation
+    return limits, *deviations

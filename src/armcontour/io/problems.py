@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import difflib
-import types
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Union, get_args, get_origin
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from armcontour._text import shorten, show
 
 # Parts of an error's place that name the type that was tried, and not a key.
 TYPE_NAMES = {
-    "ArmModel",
-    "CornersModel",
-    "OrientationModel",
     "bool",
     "float",
     "function-before",
@@ -34,6 +30,7 @@ WANTED = {
     "list_type": "a list",
     "model_type": "a mapping of keys",
     "string_type": "text",
+    "tuple_type": "a list",
 }
 # These say what is wrong with a value of the right kind.
 SAYING = ("value_error", "too_short", "too_long", "greater_than_equal")
@@ -42,19 +39,19 @@ NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit fir
 SHOWN = 80
 
 
-def first_problem(error: ValidationError, model: type[BaseModel]) -> str:
+def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
     """The first problem as a sentence, and how many more there are.
 
     Args:
         error: What the checks found.
-        model: The model of the whole file.
+        schema: JSON Schema of the whole file.
     """
     problems = error.errors()
     # Where a key may hold one of two things, the message of the one that came closest says most.
     first = max(problems, key=_says)
     keys = _keys(first)
     if first["type"] == "extra_forbidden":
-        sentence = f"unknown key {place(keys)}: {_instead(keys, model)}"
+        sentence = f"unknown key {place(keys)}: {_instead(keys, schema)}"
     elif first["type"] == "missing":
         sentence = f"the key {place(keys)} is missing"
     else:
@@ -102,7 +99,9 @@ def _words(problem: Any, alike: Sequence[Any]) -> str:
         return f"must be at least {facts['ge']:g}, but is {given:g}"
     if _expected(problem) is not None:
         return f"must be {' or '.join(dict.fromkeys(wanted))}, not {show(given)}"
-    return _lower(problem["msg"].removeprefix("Value error, ")).rstrip(".")
+    if kind == "value_error":
+        return str(facts["error"]).rstrip(".")
+    return _lower(problem["msg"]).rstrip(".")
 
 
 def _expected(problem: Any) -> str | None:
@@ -116,41 +115,34 @@ def _ordinal(number: int) -> str:
     return "one entry" if number == 1 else f"{number} entries"
 
 
-def _instead(keys: tuple[Any, ...], model: type[BaseModel]) -> str:
+def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     """What may have been meant by an unknown key."""
     *outer, name = keys
-    kinds: list[Any] = [model]
+    kinds = list(_alternatives(schema, schema))
     for key in outer:
-        kinds = [x for kind in kinds for x in _inside(kind, key)]
-    known = [
-        x
-        for kind in kinds
-        for inner in _alternatives(kind)
-        if isinstance(inner, type) and issubclass(inner, BaseModel)
-        for x in inner.model_fields
-    ]
+        kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, key))]
+    known = [x for kind in kinds for x in kind.get("properties", ())]
     near = difflib.get_close_matches(str(name), known, n=1)
     return f"did you mean {near[0]}?" if near else f"the keys there are {', '.join(known)}"
 
 
-def _inside(kind: Any, key: int | str) -> Iterator[Any]:
-    """The types that a key of a type, or an item of it, may have."""
-    for x in _alternatives(kind):
-        if get_origin(x) in (dict, list):
-            yield get_args(x)[-1]
-        elif isinstance(x, type) and issubclass(x, BaseModel) and key in x.model_fields:
-            yield x.model_fields[str(key)].annotation
+def _inside(kind: Mapping[str, Any], key: int | str) -> Any:
+    """The schema of a key, or of an item."""
+    if isinstance(key, int):
+        return kind.get("items", {})
+    others = next(
+        iter(kind.get("patternProperties", {}).values()), kind.get("additionalProperties")
+    )
+    return kind.get("properties", {}).get(key, others or {})
 
 
-def _alternatives(kind: Any) -> Iterator[Any]:
-    """A type, or those that a union is of."""
-    if get_origin(kind) is Annotated:
-        yield from _alternatives(get_args(kind)[0])
-    elif get_origin(kind) in (Union, types.UnionType):
-        for x in get_args(kind):
-            yield from _alternatives(x)
-    else:
-        yield kind
+def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
+    """A part of a schema, or those that it is one of."""
+    if "$ref" in kind:
+        kind = schema["$defs"][kind["$ref"].rpartition("/")[2]]
+    for x in kind.get("anyOf", ()):
+        yield from _alternatives(schema, x)
+    yield kind
 
 
 def _keys(problem: Any) -> tuple[Any, ...]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from armcontour import _checks
+from armcontour._quantities import Choice, Length
 from armcontour.errors import InvalidInput
 from armcontour.robustness.monte_carlo import Box
 
@@ -26,7 +28,7 @@ class Goal:
             executes them with the saturation and says how long it lasts.
         box: How far the robot may be from its model; None is exactly as the model.
         samples: Robots drawn from the box to judge a plan by, beside its corners.
-        seed: Of these.
+        seed: Seed of these robots.
         run: Name of the run of the job; None is the only one with the method "optimal".
         slowest: A plan that takes this many times as long as the uncertified optimum is none.
 
@@ -34,10 +36,10 @@ class Goal:
         InvalidInput: Nothing to hold, or a number that is not above zero.
     """
 
-    tolerance: float | None = None
-    servo: float | None = None
-    rms: float | None = None
-    saturation: str = "refuse"
+    tolerance: Length | None = None
+    servo: Length | None = None
+    rms: Length | None = None
+    saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Box | None = None
     samples: int = 10_000
     seed: int = 0

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
+from armcontour._quantities import (
+    Acceleration,
+    AngularDistance,
+    AtLeast,
+    Distance,
+    Interval,
+    Speed,
+)
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.execution.rigid_body_plant import check_noise, check_step
@@ -24,12 +32,20 @@ LONGEST_TITLE = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding:
-    """How corners are rounded: the arguments of `round_corners`, one value for all corners."""
+    """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
 
-    tolerance: float | None = None
-    speed: float | None = None
-    acceleration: float | None = None
-    angular_tolerance: float | None = None
+    Args:
+        tolerance: Largest corner error [m] (case II).
+        speed: Lowest corner speed [m/s] (case I).
+        acceleration: Centripetal acceleration at that speed [m/s²]; without a
+            `centripetal_acceleration` in the limits it limits the corner speed too.
+        angular_tolerance: Largest angle by which the tool's orientation may be off [rad].
+    """
+
+    tolerance: Distance | None = None
+    speed: Speed | None = None
+    acceleration: Acceleration | None = None
+    angular_tolerance: AngularDistance | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,17 +57,17 @@ class Experiment:
         gravity_feedforward: Whether the controller adds the torque against gravity.
         friction: Whether the arm's friction acts.
         noise: Standard deviation of measured joint positions [rad].
-        seed: Of the noise.
+        seed: Seed of the noise.
 
     Raises:
         InvalidInput: A step or a noise that no drive has.
     """
 
-    step: float = 2.5e-4
+    step: Interval = 2.5e-4
     gravity_feedforward: bool = True
     friction: bool = True
-    noise: float = 0.0
-    seed: int = 0
+    noise: AngularDistance = 0.0
+    seed: Annotated[int, AtLeast(0)] = 0
 
     def __post_init__(self) -> None:
         check_step(self.step)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import Distance, Length, Time
 from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
@@ -47,9 +48,9 @@ class Event:
 
     name: str
     value: Value = True
-    s: float = 0.0
-    lead_time: float = 0.0
-    lead_distance: float = 0.0
+    s: Distance = 0.0
+    lead_time: Time = 0.0
+    lead_distance: Length = 0.0
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):

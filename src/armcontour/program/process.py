@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import Choice, Distance, Duration, Length
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.program.leads import SHAPES, SIDES, WASTE
@@ -27,15 +29,15 @@ class Lead:
     """A piece of path before or after a contour, along which the tool is off.
 
     Args:
-        length: Its length [m]; None is as long as the arm needs for the assigned velocity.
+        length: Its length [m]; by default as long as the arm needs for the assigned velocity.
         shape: "line", along the tangent, or "arc", a quarter of a circle that touches it.
         side: On which an arc lies: "left" or "right", seen along the contour; or "waste", which is
             inside of holes and outside of what they are in, and "left" of open contours.
     """
 
-    length: float | None = None
-    shape: str = "line"
-    side: str = WASTE
+    length: Length | None = None
+    shape: Annotated[str, Choice(SHAPES)] = "line"
+    side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
 
     def __post_init__(self) -> None:
         if self.length is not None:
@@ -55,8 +57,8 @@ class Switch:
     """
 
     name: str = "tool"
-    on_lead: float = 0.0
-    off_lead: float = 0.0
+    on_lead: Duration = 0.0
+    off_lead: Duration = 0.0
 
     def __post_init__(self) -> None:
         # Refused here, and not where a contour gets them.
@@ -95,19 +97,19 @@ class Process:
     """
 
     begin: str | float | Sequence[float] = AUTO
-    overlap: float = 0.0
+    overlap: Distance = 0.0
     lead_in: Lead | None = None
     lead_out: Lead | None = None
-    approach: float = 0.0
-    retract: float = 0.0
+    approach: Distance = 0.0
+    retract: Distance = 0.0
     up: FloatArray = field(default_factory=lambda: UP)
-    dwell: float = 0.0
+    dwell: Duration = 0.0
     switch: Switch | None = None
     off_between: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
     layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
-    order: str = "drawn"
-    from_s: float = 0.0
+    order: Annotated[str, Choice(ORDERS)] = "drawn"
+    from_s: Distance = 0.0
 
     def __post_init__(self) -> None:
         for name in ("overlap", "approach", "retract", "from_s"):

@@ -6,11 +6,13 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks, _memory
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._quantities import DEAD_TIME, Duration, Mass
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.arms._tool_point import Robot
 from armcontour.errors import ExecutionError, InvalidInput
@@ -80,10 +82,10 @@ class Box:
     """
 
     gains: FloatArray | float = 0.0
-    dead_time: FloatArray | float = 0.0
+    dead_time: Annotated[FloatArray | float, DEAD_TIME] = 0.0
     dead_time_shared: bool = True
-    payload: float = 0.0
-    jitter: float = 0.0
+    payload: Mass = 0.0
+    jitter: Duration = 0.0
 
     def __post_init__(self) -> None:
         gains = _checks.lock_floats(_checks.numbers("gains of a box", self.gains))

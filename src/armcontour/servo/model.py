@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import Choice, DeadTimes, Gains
 from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -25,7 +27,7 @@ MOST_TIME_CONSTANTS = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel:
-    """What a joint makes of its command u, `tau` being the dead time.
+    """The joint servo: what a joint makes of its command u, `tau` being the dead time.
 
     - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
       position loop;
@@ -56,11 +58,11 @@ class ServoModel:
             negative or above LONGEST_DEAD_TIME; an unknown interpolation or order.
     """
 
-    kp: FloatArray
-    kv: FloatArray | None
-    interpolation: str
-    dead_time: FloatArray
-    order: str
+    kp: Gains
+    kv: Gains | None
+    order: Annotated[str, Choice(ORDERS)]
+    dead_time: DeadTimes
+    interpolation: Annotated[str, Choice(INTERPOLATIONS)]
 
     def __init__(
         self,

@@ -1,0 +1,76 @@
+"""Kinds of quantities, as annotations of the fields that hold them: unit, example, range.
+
+Data only: `io/units.py` reads what users write for them, `io/keys.py` makes keys of files of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from armcontour._checks import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a number is: annotates a float, or an array with one value for all joints or each.
+
+    Args:
+        unit: Its SI unit; "1" is a share, which users may write in percent.
+        example: How users write it.
+        sign: Where it lies.
+    """
+
+    unit: str
+    example: str
+    sign: Literal["any", "positive", "not negative", "negative"] = "any"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Words of which a text is one: annotates a str.
+
+    Args:
+        known: The words.
+    """
+
+    known: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AtLeast:
+    """The least value of a whole number: annotates an int.
+
+    Args:
+        least: That value.
+    """
+
+    least: int
+
+
+Length = Annotated[float, Quantity("m", "5 mm")]
+Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
+Speed = Annotated[float, Quantity("m/s", "0.15 m/s", "positive")]
+Acceleration = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive")]
+Angle = Annotated[float, Quantity("rad", "90 deg")]
+AngularDistance = Annotated[float, Quantity("rad", "2 deg", "not negative")]
+AngularRate = Annotated[float, Quantity("rad/s", "90 deg/s", "positive")]
+AngularRateChange = Annotated[float, Quantity("rad/s^2", "720 deg/s^2", "positive")]
+Time = Annotated[float, Quantity("s", "20 ms")]
+Duration = Annotated[float, Quantity("s", "4 ms", "not negative")]
+Interval = Annotated[float, Quantity("s", "4 ms", "positive")]
+Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
+Mass = Annotated[float, Quantity("kg", "2 kg")]
+Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
+Memory = Annotated[float, Quantity("byte", "4 GB", "positive")]
+Ratio = Annotated[float, Quantity("1", "10 %")]
+
+DEAD_TIME = Quantity("s", "4 ms", "not negative")
+# One value for all joints, or one per joint.
+JointAngles = Annotated[FloatArray, Quantity("rad", "90 deg")]
+JointVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "positive")]
+JointAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive")]
+JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive")]
+JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive")]
+Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive")]
+DeadTimes = Annotated[FloatArray, DEAD_TIME]

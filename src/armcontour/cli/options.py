@@ -1,0 +1,253 @@
+"""Options that commands take together: dataclasses whose fields are options."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from pathlib import Path as FilePath
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+
+def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command that takes the fields of its parameters that are dataclasses as options.
+
+    Args:
+        command: A function; its parameters are annotated as typer wants them, or dataclasses whose
+            fields are.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
+
+    @wraps(command)
+    def call(**options: Any) -> Any:
+        for name, of in groups.items():
+            options[name] = of(**{x.name: options.pop(x.name) for x in fields(of)})
+        return command(**options)
+
+    found: list[inspect.Parameter] = []
+    for x in inspect.signature(command).parameters.values():
+        of = groups.get(x.name)
+        known = hints if of is None else get_type_hints(of, include_extras=True)
+        found += [
+            y.replace(annotation=known[y.name], kind=inspect.Parameter.KEYWORD_ONLY)
+            for y in ([x] if of is None else inspect.signature(of).parameters.values())
+        ]
+    call.__annotations__ = {x.name: x.annotation for x in found}
+    call.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+    return call
+
+
+Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+Memory = Annotated[
+    str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
+]
+Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
+TrustXacro = Annotated[
+    bool,
+    typer.Option(
+        "--trust-xacro",
+        help="Load an arm from a .xacro file: such a file is a program that can run anything.",
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a job is run, and where a drawing is."""
+
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
+        ),
+    ] = None
+    simulate: Annotated[
+        bool,
+        typer.Option(
+            "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
+        ),
+    ] = True
+    force: Force = False
+    open_report: Open = False
+    trust_xacro: TrustXacro = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobOptions:
+    """What the command line says of a job and its drawing in the place of the file."""
+
+    units: Annotated[
+        str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
+    ] = None
+    scale: Annotated[
+        float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
+    ] = None
+    at: Annotated[
+        str | None,
+        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
+    ] = None
+    turn: Annotated[
+        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
+    ] = None
+    layer: Annotated[
+        list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
+    ] = None
+    contour: Annotated[
+        list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
+    ] = None
+    flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False
+    skip_unknown: Annotated[
+        bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
+    ] = False
+    speed: Annotated[
+        str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
+    ] = None
+    tolerance: Annotated[
+        str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
+    ] = None
+    from_s: Annotated[
+        str | None,
+        typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
+    ] = None
+    memory: Memory = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """What is to be exported of every run."""
+
+    export: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            help="Format of taught data: csv, parquet, npz, ros-yaml, mcap, urscript; may be "
+            "repeated.",
+        ),
+    ] = None
+    template: Annotated[
+        list[str] | None,
+        typer.Option("--template", help="Export by a template: kuka, abb, or a .j2 file."),
+    ] = None
+    output: Annotated[
+        list[str] | None,
+        typer.Option("--output", help="Digital output of an event in exports: tool=0."),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOptions:
+    """What a trajectory is judged by."""
+
+    arm: Annotated[
+        str | None,
+        typer.Option(
+            "--arm",
+            help="Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by "
+            "default the job's.",
+        ),
+    ] = None
+    limits: Annotated[
+        FilePath | None,
+        typer.Option("--limits", help="Limits file (YAML); else the job's, or the arm's own."),
+    ] = None
+    path: Annotated[
+        FilePath | None,
+        typer.Option("--path", help="Job file (YAML) whose path the tool was to follow."),
+    ] = None
+    run_name: Annotated[
+        str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
+    ] = None
+    tip: Annotated[
+        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
+    ] = None
+    base: Annotated[
+        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
+    ] = None
+    joint_limits: Annotated[
+        FilePath | None,
+        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
+    ] = None
+    as_json: AsJson = False
+    trust_xacro: TrustXacro = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifyOptions:
+    """What is identified of a log, and what is written of it."""
+
+    out: Annotated[
+        FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
+    ] = None
+    model: Annotated[
+        str, typer.Option("--model", help="Model of the servo: auto, second or first.")
+    ] = "auto"
+    interpolation: Annotated[
+        str | None,
+        typer.Option(
+            "--interpolation",
+            help="Command between set-points: linear or step; by default as the log says.",
+        ),
+    ] = None
+    start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None
+    end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None
+    longest_dead_time: Annotated[
+        float, typer.Option("--longest-dead-time", help="Dead times are looked for up to this [s].")
+    ] = 0.25
+    unwrap: Annotated[
+        bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
+    ] = False
+    force: Force = False
+    open_report: Open = False
+    as_json: AsJson = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertifyOptions:
+    """What is certified of a job, and what is written of it."""
+
+    run_name: Name = None
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            "--total-tolerance",
+            help="Tolerance of rounding and execution together, such as '1 mm'; else the job's.",
+        ),
+    ] = None
+    servo: Annotated[
+        str | None,
+        typer.Option(
+            "--servo", help="Contour error of the execution, such as '2 um'; else the job's."
+        ),
+    ] = None
+    out: Annotated[
+        FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
+    ] = None
+    force: Force = False
+    open_report: Open = False
+    as_json: AsJson = False
+    memory: Memory = None
+    trust_xacro: TrustXacro = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepOptions:
+    """What a job is swept over."""
+
+    run_name: Name = None
+    tolerances: Annotated[
+        str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
+    ] = None
+    speeds: Annotated[str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")] = (
+        None
+    )
+    memory: Memory = None
+    force: Force = False
+    open_report: Open = False
+    trust_xacro: TrustXacro = False

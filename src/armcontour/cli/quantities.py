@@ -1,0 +1,58 @@
+"""Quantities that options of the command line give."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+
+def read_option(option: str, text: str | None, kind: Any) -> float | None:
+    """The quantity that an option gives in SI units; None without the option.
+
+    Args:
+        option: The option, such as "--speed".
+        text: A plain number in SI units, or a number with its unit.
+        kind: The annotated type of the quantity, such as `Speed`.
+
+    Raises:
+        InvalidInput: The text is no such quantity.
+    """
+    return None if text is None else _read(option, text, kind)
+
+
+def read_option_list(
+    option: str, text: str | None, kind: Any, *, counts: tuple[int, ...] = (), example: str = ""
+) -> tuple[float, ...] | None:
+    """The quantities that an option gives, with commas between; None without the option.
+
+    Args:
+        option: The option.
+        text: As in `read_option`, for each of them.
+        kind: As in `read_option`.
+        counts: How many there may be; any number by default.
+        example: Such a text, for the message.
+
+    Raises:
+        InvalidInput: More or fewer than there may be, or one that is no such quantity.
+    """
+    from armcontour.errors import InvalidInput
+
+    if text is None:
+        return None
+    parts = text.split(",")
+    if counts and len(parts) not in counts:
+        wanted = " or ".join(str(n) for n in counts)
+        raise InvalidInput(f"{option} takes {wanted} values, such as '{example}', not {text!r}.")
+    return tuple(_read(option, part, kind) for part in parts)
+
+
+def _read(option: str, text: str, kind: Any) -> float:
+    from armcontour._numbers import parse_number
+    from armcontour.errors import InvalidInput
+    from armcontour.io.units import is_number, read_quantity
+
+    plain = text.strip()
+    value = parse_number(plain) if is_number(plain) else plain
+    try:
+        return read_quantity(value, get_args(kind)[1])
+    except ValueError as error:
+        raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None

@@ -1,0 +1,83 @@
+"""How dataclasses are written in files, where that differs from their fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from armcontour._quantities import Distance, Inertia, Length, Ratio
+from armcontour.arms.chain import Payload
+from armcontour.geometry import Demand
+from armcontour.program import Event, Lead, Process
+from armcontour.robustness.monte_carlo import Box
+
+Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
+Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
+# Where xx, xy, xz, yy, yz and zz stand in a symmetric matrix.
+TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """How a dataclass is written in files, where that differs from its fields.
+
+    Args:
+        names: Keys by the fields that have another name.
+        types: Annotations by the fields that are written in another form.
+        defaults: Defaults in that form.
+        texts: Descriptions in that form.
+        omit: Fields that no key gives.
+    """
+
+    names: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, Any] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    omit: frozenset[str] = frozenset()
+
+
+# Those that are not here are written as their fields are.
+FORMS: dict[type, Form] = {
+    Box: Form(
+        names={"dead_time_shared": "shared"},
+        types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
+    ),
+    Demand: Form(omit=frozenset({"tag"})),
+    Event: Form(names={"s": "at"}, types={"name": Annotated[str, Field(min_length=1)]}),
+    Lead: Form(
+        types={
+            "length": Annotated[
+                Literal["auto"] | Distance,
+                Field(union_mode="left_to_right"),
+                AfterValidator(lambda x: None if x == "auto" else x),
+            ]
+        },
+        defaults={"length": "auto"},
+    ),
+    Payload: Form(
+        types={
+            "center": Place,
+            "inertia": Annotated[
+                list[Inertia],
+                Field(min_length=6, max_length=6),
+                AfterValidator(lambda x: np.array(x)[TENSOR]),
+            ],
+        },
+        texts={
+            "inertia": "xx, xy, xz, yy, yz and zz about the centre of mass, along the axes of the "
+            "tip [kg m²]; a point by default."
+        },
+    ),
+    Process: Form(
+        types={
+            "begin": Annotated[
+                Literal["auto", "drawn"] | Distance | Point, Field(union_mode="left_to_right")
+            ]
+        },
+        omit=frozenset({"up", "layers"}),
+    ),
+}

@@ -1,0 +1,103 @@
+"""What stands in the place of a job file's own values, such as options of a command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from armcontour.geometry import Demand
+from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel
+from armcontour.jobs import Rounding
+from armcontour.program import Process
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobOverrides:
+    """Values in the place of a job's own; None leaves those.
+
+    Args:
+        units: Unit of the drawing's lengths.
+        scale: Factor of them.
+        position: Where the drawing's origin lies [m], (3,).
+        turn: Roll, pitch and yaw of the drawing [rad], (3,).
+        layers: Layers to run.
+        names: Contours to run.
+        flat: Leave z out.
+        skip_unknown: Skip what the reader does not know.
+        speed: Assigned velocity where the drawing gives none [m/s], of runs with one of their own
+            too.
+        corner_tolerance: Largest corner error where the drawing gives none [m], of runs with one of
+            their own too; runs without rounding keep sharp corners.
+        from_s: Arc length of all contours at which to resume [m].
+        memory: What the program may take [bytes].
+    """
+
+    units: str | None = None
+    scale: float | None = None
+    position: tuple[float, ...] | None = None
+    turn: tuple[float, ...] | None = None
+    layers: tuple[str, ...] | None = None
+    names: tuple[str, ...] | None = None
+    flat: bool = False
+    skip_unknown: bool = False
+    speed: float | None = None
+    corner_tolerance: float | None = None
+    from_s: float | None = None
+    memory: float | None = None
+
+
+def override(model: JobModel, x: JobOverrides | None) -> JobModel:
+    """What a job file says, with other values in the place of its own.
+
+    Args:
+        model: What the file says.
+        x: The other values.
+
+    Raises:
+        InvalidInput: A value that is none.
+    """
+    if x is None:
+        return model
+    changes: dict[str, Any] = {
+        "path": _path(model.path, x),
+        "runs": {name: _run(run, x) for name, run in model.runs.items()},
+    }
+    if x.speed is not None:
+        changes["limits"] = {**model.limits, "speed": x.speed}
+    if x.corner_tolerance is not None:
+        own = model.corners if isinstance(model.corners, Rounding) else Rounding()
+        changes["corners"] = replace(own, tolerance=x.corner_tolerance)
+    if x.from_s is not None:
+        changes["process"] = replace(model.process or Process(), from_s=x.from_s)
+    if x.memory is not None:
+        changes["memory"] = x.memory
+    return replace(model, **changes)
+
+
+def _run(run: RunModel, x: JobOverrides) -> RunModel:
+    """A run without a speed and a tolerance of its own where there is another."""
+    if x.speed is not None and "speed" in run.limits:
+        run = replace(run, limits={**run.limits, "speed": x.speed})
+    own = run.corners
+    if x.corner_tolerance is None or not isinstance(own, Rounding) or own.tolerance is None:
+        return run
+    return replace(run, corners=replace(own, tolerance=x.corner_tolerance))
+
+
+def _path(path: PathModel, x: JobOverrides) -> PathModel:
+    changes: dict[str, Any] = {
+        "units": x.units,
+        "scale": x.scale,
+        "names": None if x.names is None else list(x.names),
+        "flat": x.flat or None,
+        "unknown": "skip" if x.skip_unknown else None,
+    }
+    if x.layers is not None:
+        own = path.layers if isinstance(path.layers, dict) else {}
+        changes["layers"] = {name: own.get(name, Demand()) for name in x.layers}
+    frame = path.frame or FrameModel()
+    if x.position is not None:
+        changes["frame"] = frame = replace(frame, position=list(x.position))
+    if x.turn is not None:
+        changes["frame"] = replace(frame, rpy=list(x.turn))
+    return replace(path, **{key: value for key, value in changes.items() if value is not None})

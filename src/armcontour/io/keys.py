@@ -1,0 +1,206 @@
+"""Keys of files, made from dataclasses: fields, annotations, defaults and docstrings."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import types
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    StrictBool,
+    StrictInt,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from armcontour._quantities import AtLeast, Choice, Quantity
+from armcontour.errors import InvalidInput
+from armcontour.io.forms import FORMS, Form
+from armcontour.io.problems import first_problem
+from armcontour.io.units import read_quantity
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+PLAIN: dict[Any, Any] = {bool: StrictBool, int: StrictInt, float: Number}
+BOUNDS = {
+    "any": {},
+    "positive": {"exclusiveMinimum": 0},
+    "not negative": {"minimum": 0},
+    "negative": {"exclusiveMaximum": 0},
+}
+# Shapes of arrays in docstrings, which files do not have.
+SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """Annotates a dataclass that a mapping of keys gives.
+
+    Args:
+        of: The dataclass.
+    """
+
+    of: type
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        inner = handler.generate_schema(_model(self.of))
+        return core_schema.no_info_after_validator_function(self._build, inner)
+
+    def _build(self, model: BaseModel) -> Any:
+        # Where a default is made anew, null stands for it.
+        made = {x.name for x in dataclasses.fields(self.of) if _is_made(x)}
+        values = _values(self.of, model)
+        return self.of(**{k: v for k, v in values.items() if not (v is None and k in made)})
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """Annotates a dictionary of those fields of a dataclass that a file gives.
+
+    Args:
+        of: The dataclass.
+        null: Whether any key may be null.
+    """
+
+    of: type
+    null: bool = False
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        inner = handler.generate_schema(_model(self.of, given=True, null=self.null))
+        return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
+
+
+def read_keys(mark: Keys | Given, data: Any, source: str) -> Any:
+    """The value that the data of a file give.
+
+    Args:
+        mark: What the file holds.
+        data: What stands in it.
+        source: What to call it in errors.
+
+    Raises:
+        InvalidInput: An unknown key, or a value that is none; one sentence that names the key.
+    """
+    try:
+        return _adapter(mark).validate_python(data)
+    except ValidationError as error:
+        raise InvalidInput(f"{source}: {first_problem(error, schema_of(mark))}") from None
+
+
+@cache
+def schema_of(mark: Keys | Given) -> dict[str, Any]:
+    """The JSON Schema of a file."""
+    return _adapter(mark).json_schema()
+
+
+@cache
+def _adapter(mark: Keys | Given) -> TypeAdapter[Any]:
+    return TypeAdapter(Annotated[Any, mark])
+
+
+@cache
+def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseModel]:
+    """The pydantic model of a dataclass; `given` needs none of its keys, and has no defaults."""
+    form = FORMS.get(of, Form())
+    hints = {**get_type_hints(of, include_extras=True), **form.types}
+    described = {**descriptions(of), **form.texts}
+    fields: dict[str, Any] = {}
+    for x in dataclasses.fields(of):
+        if x.name in form.omit:
+            continue
+        kind = _type_of(hints[x.name])
+        if null or (_is_made(x) and x.default_factory not in (dict, list)):
+            kind = kind | None
+        default = None if given else form.defaults.get(x.name, _default(of, x))
+        key = form.names.get(x.name, x.name)
+        fields[key] = (kind, Field(default, description=described.get(x.name)))
+    name = f"Given{of.__name__}" if given else of.__name__
+    summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
+    config = ConfigDict(extra="forbid", frozen=True)
+    return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **fields)
+
+
+def _default(of: type, x: dataclasses.Field[Any]) -> Any:
+    """The default of a field's key; what is made anew is null where it is not empty."""
+    if x.default_factory in (dict, list):
+        return x.default_factory()
+    if _is_made(x):
+        return None
+    default = inspect.signature(of).parameters[x.name].default
+    return ... if default is inspect.Parameter.empty else default
+
+
+def _is_made(x: dataclasses.Field[Any]) -> bool:
+    return x.default_factory is not dataclasses.MISSING
+
+
+def _values(of: type, model: BaseModel) -> dict[str, Any]:
+    """What a file gives, by the fields of the dataclass."""
+    names = {key: name for name, key in FORMS.get(of, Form()).names.items()}
+    given = (key for key in type(model).model_fields if key in model.model_fields_set)
+    return {names.get(key, key): getattr(model, key) for key in given}
+
+
+def descriptions(of: type) -> dict[str, str]:
+    """What the docstring of a dataclass says of its fields, in the words of files."""
+    found: dict[str, str] = {}
+    for cls in reversed(of.__mro__):
+        _, _, rest = inspect.cleandoc(cls.__doc__ or "").partition("\nArgs:\n")
+        for entry in filter(None, re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0])):
+            names, _, text = entry.strip().partition(": ")
+            words = SHAPE.sub("", " ".join(text.split())).replace("None ", "null ")
+            found |= dict.fromkeys(names.split(", "), words)
+    return found
+
+
+def _type_of(hint: Any) -> Any:
+    """The pydantic type of a key, from the annotation of a field."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _annotated(*parts)
+    if origin in (Union, types.UnionType):
+        return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
+    if origin in (list, dict, tuple):
+        return origin[tuple(_type_of(x) for x in parts)]
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return Annotated[hint, Keys(hint)]
+    return PLAIN.get(hint, hint)
+
+
+def _annotated(of: Any, *marks: Any) -> Any:
+    mark = marks[0]
+    if isinstance(mark, Quantity):
+        number = _number(mark)
+        return number if of is float else number | list[number]  # type: ignore[valid-type]
+    if isinstance(mark, Choice):
+        return Literal[mark.known]
+    if isinstance(mark, AtLeast):
+        return Annotated[StrictInt, Field(ge=mark.least)]
+    if isinstance(mark, Given):
+        return Annotated[of, mark]
+    return Annotated[(_type_of(of), *marks)]
+
+
+def _number(kind: Quantity) -> Any:
+    """A number of a kind, from what users write."""
+    text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
+    if kind.unit == "1":
+        text = f"A plain number, or text in percent such as '{kind.example}'."
+    schema = {
+        "description": text,
+        "anyOf": [{"type": "number", **BOUNDS[kind.sign]}, {"type": "string"}],
+        "examples": [kind.example],
+    }
+    read = BeforeValidator(partial(read_quantity, kind=kind))
+    return Annotated[float, read, WithJsonSchema(schema)]

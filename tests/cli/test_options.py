@@ -1,0 +1,80 @@
+"""Options that commands take together, and the quantities in them."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from typing import Annotated
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from armcontour._quantities import Angle, Length, Memory, Speed
+from armcontour.cli.options import grouped
+from armcontour.cli.quantities import read_option, read_option_list
+from armcontour.errors import InvalidInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    wide: Annotated[float, typer.Option("--wide", help="Width.")] = 1.0
+    layer: Annotated[list[str] | None, typer.Option("--layer", help="Layers.")] = None
+
+
+def test_the_fields_of_a_group_are_options_of_its_command() -> None:
+    app = typer.Typer()
+
+    @app.command()
+    @grouped
+    def draw(
+        name: Annotated[str, typer.Argument(help="Name.")],
+        size: Size,
+        deep: Annotated[bool, typer.Option("--deep", help="Depth.")] = False,
+    ) -> None:
+        typer.echo(f"{name} {size.wide:g} {size.layer} {deep}")
+
+    assert list(inspect.signature(draw).parameters) == ["name", "wide", "layer", "deep"]
+
+    def said(*arguments: str) -> str:
+        return CliRunner().invoke(app, arguments).output.strip()
+
+    assert said("a") == "a 1 None False"
+    assert said("a", "--layer", "x", "--wide", "2", "--layer", "y", "--deep") == (
+        "a 2 ['x', 'y'] True"
+    )
+
+
+def test_a_quantity_is_a_plain_number_or_has_a_unit() -> None:
+    assert read_option("--speed", None, Speed) is None
+    assert read_option("--speed", "0.05", Speed) == 0.05
+    assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
+    assert read_option("--memory", "4 GB", Memory) == 4e9
+    assert read_option_list("--speeds", "0.1 m/s, 0.2,50 mm/s", Speed) == (0.1, 0.2, 0.05)
+    assert read_option_list("--speeds", None, Speed) is None
+    (turn,) = read_option_list("--turn", "90 deg", Angle) or ()
+    assert turn == pytest.approx(1.5707963267948966, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
+        ("0", "^--speed: must be above zero, but is 0 m/s.$"),
+        ("1e300", "^--speed: must be between -1e\\+12 and 1e\\+12 m/s"),
+        ("fast", "^--speed: 'fast' is not a quantity in m/s"),
+        ("", "^--speed: '' is not a quantity in m/s"),
+        ("nan", "^--speed: 'nan' is not a quantity in m/s"),
+    ],
+)
+def test_what_is_no_quantity_is_refused_with_its_option(text: str, words: str) -> None:
+    with pytest.raises(InvalidInput, match=words):
+        read_option("--speed", text, Speed)
+    with pytest.raises(InvalidInput, match=words):
+        read_option_list("--speed", f"0.1, {text}", Speed)
+
+
+def test_a_list_has_as_many_values_as_there_may_be() -> None:
+    assert read_option_list("--at", "1, 2", Length, counts=(2, 3)) == (1.0, 2.0)
+    with pytest.raises(InvalidInput, match="--at takes 2 or 3 values, such as '1 m, 2 m', not"):
+        read_option_list("--at", "1", Length, counts=(2, 3), example="1 m, 2 m")

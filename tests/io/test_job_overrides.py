@@ -1,0 +1,108 @@
+"""Values in the place of a job's own, such as those of a command line."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.io import parse_job
+from armcontour.io.cell import read_cell
+from armcontour.io.job_overrides import JobOverrides
+from armcontour.jobs import Run
+
+POINTS = [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]
+JOB: dict[str, Any] = {
+    "name": "plane",
+    "arm": "pmk3s",
+    "path": {"points": POINTS},
+    "limits": {"speed": "100 mm/s", "joint_velocity": 2.0, "centripetal_acceleration": 0.09},
+    "corners": {"tolerance": "2 mm", "angular_tolerance": "1 deg"},
+    "servo": {"kp": 25, "kv": 150},
+    "runs": {
+        "plain": {},
+        "sharp": {"corners": "sharp"},
+        "own": {
+            "limits": {"speed": "10 mm/s", "joint_velocity": 1.0},
+            "corners": {"tolerance": "1 mm"},
+        },
+        "lifted": {"limits": {"speed": None}},
+        "slow": {"corners": {"speed": "30 mm/s", "acceleration": "0.05 m/s^2"}},
+    },
+}
+
+
+def runs(x: JobOverrides, **changes: Any) -> dict[str, Run]:
+    job = parse_job(yaml.safe_dump({**JOB, **changes}), overrides=x)
+    return {run.name: run for run in job.runs}
+
+
+def tolerance(run: Run) -> float | None:
+    return None if run.rounding is None else run.rounding.tolerance
+
+
+def test_without_values_a_job_is_as_it_is() -> None:
+    found, plain = runs(JobOverrides()), parse_job(yaml.safe_dump(JOB)).runs
+    assert {x.name: (x.limits.speed, x.rounding) for x in found.values()} == {
+        x.name: (x.limits.speed, x.rounding) for x in plain
+    }
+    assert found["own"].limits.speed == 0.01 and tolerance(found["own"]) == 1e-3
+
+
+def test_a_speed_goes_before_those_of_the_job_and_of_its_runs() -> None:
+    found = runs(JobOverrides(speed=0.05))
+    assert {x.limits.speed for x in found.values()} == {0.05}
+    # What else a run has of its own stays.
+    np.testing.assert_array_equal(found["own"].limits.joint_velocity, [1, 1])
+    np.testing.assert_array_equal(found["plain"].limits.joint_velocity, [2, 2])
+    assert tolerance(found["own"]) == 1e-3
+
+
+def test_a_tolerance_goes_before_others_but_rounds_no_sharp_corner() -> None:
+    found = runs(JobOverrides(corner_tolerance=2e-4))
+    known = {name: tolerance(x) for name, x in found.items()}
+    assert known == {"plain": 2e-4, "sharp": None, "own": 2e-4, "lifted": 2e-4, "slow": None}
+    plain, slow = found["plain"].rounding, found["slow"].rounding
+    assert plain is not None and plain.angular_tolerance == pytest.approx(np.radians(1))
+    assert slow is not None and slow.speed == 0.03
+    # A job with sharp corners is rounded, where its runs do not say otherwise.
+    assert tolerance(runs(JobOverrides(corner_tolerance=2e-4), corners="sharp")["plain"]) == 2e-4
+
+
+def test_memory_and_where_to_resume() -> None:
+    job = parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(memory=3e9, from_s=0.01))
+    assert job.memory == 3e9
+    assert isinstance(job.path, Path) and job.path.length == pytest.approx(0.06)
+    with pytest.raises(InvalidInput, match="memory must be from"):
+        parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(memory=1.0))
+
+
+def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(
+    tmp_path: FilePath,
+) -> None:
+    (tmp_path / "part.csv").write_text("x,y,layer\n0,0,a\n40,0,a\n0,9,b\n40,9,b\n")
+    own = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}
+    cell = {**JOB, "path": {**own, "units": "mm"}}
+    (tmp_path / "cell.yaml").write_text(yaml.safe_dump(cell))
+
+    def read(**changes: Any) -> Path:
+        x = JobOverrides(layers=("a",), **changes)
+        job = read_cell(tmp_path / "cell.yaml", tmp_path / "part.csv", overrides=x)
+        assert isinstance(job.path, Path)
+        return job.path
+
+    np.testing.assert_allclose(read().vertices, [[0.3, 0.2], [0.34, 0.2]])
+    assert read().speeds.tolist() == [0.02]
+    turned = read(turn=(0.0, 0.0, np.pi / 2))
+    np.testing.assert_allclose(turned.vertices, [[0.3, 0.2], [0.3, 0.24]], atol=1e-15)
+    moved = read(position=(0.28, 0.25, 0.0), scale=0.5)
+    np.testing.assert_allclose(moved.vertices, [[0.28, 0.25], [0.3, 0.25]], atol=1e-15)
+    with pytest.raises(InvalidInput, match="scale must be above zero, but is 0"):
+        read(scale=0.0)
+    with pytest.raises(InvalidInput, match="units must be a unit of length such as mm, not 'kg'"):
+        read(units="kg")
