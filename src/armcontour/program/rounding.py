@@ -1,4 +1,4 @@
-"""Corner rounding of whatever holds paths."""
+"""Corner rounding of a path or of all contours of a program."""
 
 from __future__ import annotations
 
@@ -45,19 +45,20 @@ def round_corners(
 
     Args:
         path: The objective path, or the program.
-        tolerance: Largest corner error [m]. For a path one value, or one per vertex; for a program
-            one value for all corners, which is true of the next two as well.
+        tolerance: Largest corner error [m]. This and the next two arguments are one value for all
+            corners or, for a path, one value per vertex between segments.
         speed: Lowest speed on a corner [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. With `tolerance` alone this
             value only sets the corner speeds that are reported.
-        angular_tolerance: Largest angle by which the tool orientation may be off [rad].
+        angular_tolerance: Largest angle between the tool orientation and its value at the vertex
+            [rad].
 
     Raises:
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
             the orientation needs an angular tolerance and there is none.
     """
 
-    def rounded(x: Path) -> RoundedPath:
+    def round_one(x: Path) -> RoundedPath:
         return round_path(
             x,
             tolerance=tolerance,
@@ -67,19 +68,21 @@ def round_corners(
         )
 
     if isinstance(path, Path):
-        return rounded(path)
-    moves = [_with_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in path.moves]
+        return round_one(path)
+    moves = [
+        _replace_path(x, round_one(x.path)) if isinstance(x, Contour) else x for x in path.moves
+    ]
     return dataclasses.replace(path, moves=tuple(moves))
 
 
-def _with_path(contour: Contour, path: RoundedPath) -> Contour:
-    """The contour on its rounded path, with its events and its work moved to their new places."""
-    places = path.place([x.s for x in contour.events])
+def _replace_path(contour: Contour, path: RoundedPath) -> Contour:
+    """The contour on its rounded path, with arc lengths of events and work on that path."""
+    arc_lengths = path.place([x.s for x in contour.events])
     events = tuple(
-        dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, places, strict=True)
+        dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, arc_lengths, strict=True)
     )
     work = None
     if contour.work is not None:
-        begin, end = path.place(contour.work)
-        work = (float(begin), float(end))
+        start, end = path.place(contour.work)
+        work = (float(start), float(end))
     return dataclasses.replace(contour, path=path, events=events, work=work)
