@@ -41,7 +41,7 @@ def round_corners(
     """Round every corner of a path, or of every contour of a program.
 
     A corner needs `tolerance` (case II), or `speed` and `acceleration` (case I).
-    `armcontour.geometry.round_corners` says what each case does.
+    `armcontour.geometry.round_corners` describes both cases.
 
     Args:
         path: The objective path, or the program.

@@ -33,7 +33,7 @@ def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
 
     Args:
         joint_path: The joint path.
-        limits: Limits that hold the joint ranges.
+        limits: Limits with the joint ranges.
 
     Raises:
         Unreachable: A joint leaves its range; with the joint and arc length of the largest excess.
