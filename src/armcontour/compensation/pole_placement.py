@@ -33,10 +33,10 @@ ComplexArray = npt.NDArray[np.complex128]
 def default_poles(servo: ServoModel) -> ComplexArray:
     """Poles for which F G is equal on all joints and has no negative impulse response.
 
-    The observer pole at -K_v cancels the zero, and F G = p² / (s + p)² does not depend on K_v. An
-    equal lag of all joints causes no contour error. The demand is a weighted mean of the plan's
-    acceleration, so it never exceeds the plan's largest acceleration. p is the smallest K_v of all
-    joints.
+    The observer pole at -K_v cancels the zero, so that F G = p² / (s + p)² does not depend on the
+    joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
+    of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
+    smallest K_v of all joints.
 
     Args:
         servo: Servo model of order "second" with gains per joint.

@@ -32,7 +32,7 @@ class PoleBehaviour:
     """Properties of F G, the response of compensator and servo together, for each joint.
 
     Args:
-        lag: Lag after a plan of constant velocity, without dead time [s], (dof,).
+        lag: Time lag relative to a plan of constant velocity, without dead time [s], (dof,).
         peaking: Largest magnitude of F G at any frequency, (dof,); 1 without resonance.
         demand: Largest demand for a plan of acceleration at most 1, which is the integral of the
             absolute impulse response, (dof,). If it is 1, a plan may use its whole limit.

@@ -71,8 +71,8 @@ def distance(points: FloatArray, first: Segments, second: Segments) -> FloatArra
         second: Second arcs of the biarcs.
     """
     after = np.sum((points - second.starts[:, None]) * second.tangents[:, None], axis=2) > 0
-    apart = np.where(after, _from_circle(points, second), _from_circle(points, first))
-    worst = np.asarray(apart.max(axis=1))
+    distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
+    worst = np.asarray(distances.max(axis=1))
     return np.where(np.isfinite(worst) & _finite(first) & _finite(second), worst, np.inf)
 
 

@@ -142,7 +142,7 @@ class _Intervals:
     t1: FloatArray
     line: BoolArray
 
-    def of(self, chosen: Any, **changed: Any) -> _Intervals:
+    def select(self, chosen: Any, **changed: Any) -> _Intervals:
         """The chosen intervals, with some attributes changed."""
         kept = {name: getattr(self, name)[chosen] for name in self.__slots__}
         return _Intervals(**{**kept, **changed})
@@ -243,9 +243,9 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
         )
         line = (_straight(todo, points) & np.isfinite(distances) & lines) | corner
         ready = line | (distances <= SHARE * tolerance)
-        done.append(todo.of(ready, line=line[ready]))
+        done.append(todo.select(ready, line=line[ready]))
         rest = ~ready
-        todo = _divide(curve, todo.of(rest), distances[rest] / (SHARE * tolerance))
+        todo = _divide(curve, todo.select(rest), distances[rest] / (SHARE * tolerance))
         count += int(ready.sum())
         if count + len(todo.begin) > MOST_INTERVALS:
             raise InvalidInput(
@@ -254,7 +254,7 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
             )
     names = _Intervals.__slots__
     whole = _Intervals(**{x: np.concatenate([getattr(part, x) for part in done]) for x in names})
-    return whole.of(np.argsort(whole.begin, kind="stable"))
+    return whole.select(np.argsort(whole.begin, kind="stable"))
 
 
 def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArray:
@@ -264,16 +264,16 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
     """
     x = intervals
     first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
-    apart = distance(points, first, second)
+    distances = distance(points, first, second)
     # Beyond the ends of the biarc, the nearest point is the end.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
         outside = np.sum(v * tangent[:, None], axis=2) < 0
-        apart = np.maximum(apart, np.where(outside, length(v), 0.0).max(axis=1))
+        distances = np.maximum(distances, np.where(outside, length(v), 0.0).max(axis=1))
     # Arcs of at most a quarter circle do not overlap between the planes at their ends.
     quarter = np.pi / 2 * (1 + 1e-9)
     bent = np.maximum(first.curvatures * first.lengths, second.curvatures * second.lengths)
-    return np.where(bent <= quarter, apart, np.inf)
+    return np.where(bent <= quarter, distances, np.inf)
 
 
 def _straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
@@ -304,7 +304,7 @@ def _divide(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Interva
     parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
     i = np.repeat(np.arange(len(parts)), parts)
     k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
-    old = intervals.of(i)
+    old = intervals.select(i)
     first, last = k == 0, k == parts[i] - 1
     span = (old.end - old.begin) / parts[i]
     begin = old.begin + k * span
@@ -328,7 +328,7 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
         return x
     if not kept.any():
         raise InvalidInput(f"A curve has no length at {tuple(x.p0[0].tolist())} m.")
-    left = x.of(kept, p0=p0[kept])
+    left = x.select(kept, p0=p0[kept])
     if length(x.p1[-1] - x.p0[0]) <= REPEATED_POINT:
         left.p1[-1] = left.p0[0]
     return left

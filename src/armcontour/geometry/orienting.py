@@ -176,10 +176,10 @@ def _turn_evenly(
         axis_only: Rotation about the tool axis is free.
     """
     first, breaks = waypoints[:-1], segments.breaks
-    of = np.repeat(np.arange(len(turn)), np.diff(waypoints))
-    rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[of]
-    after = breaks[:-1] - breaks[first[of]]
-    segment_starts = exp(after[:, None] * rates) @ starts[of]
+    section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
+    rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[section]
+    after = breaks[:-1] - breaks[first[section]]
+    segment_starts = exp(after[:, None] * rates) @ starts[section]
     return Orientation.even(segments.lengths, segment_starts, rates, axis_only=axis_only)
 
 

@@ -193,7 +193,7 @@ def _blend(
     Args:
         lengths: Lengths of the pieces of constant rate [m], (n,).
         sharp: The orientation of constant rates.
-        cut: Length that each vertex's blend takes from both pieces next to it [m], (n - 1,).
+        cut: Length that each vertex's blend takes from each of its two pieces [m], (n - 1,).
         blend: Path length of each blend [m], (n - 1,).
     """
     n = len(lengths)

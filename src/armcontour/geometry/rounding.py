@@ -163,7 +163,31 @@ def round_corners(
     tangent = tangents[: len(corner)]
     radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
     speeds = np.sqrt(accelerations * radius)
-    table, of, ends = _replace_corners(path, corner, half, radius, tangent)
+    rounded, source = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
+    return _add_orientation(rounded, source, which, halves, tangents, angle)
+
+
+def _assemble(
+    path: Path,
+    corner: IntArray,
+    half: FloatArray,
+    radius: FloatArray,
+    tangent: FloatArray,
+    shrunk: BoolArray,
+    speed: FloatArray,
+) -> tuple[RoundedPath, IntArray]:
+    """The rounded path without orientation, and the objective segment of each of its segments.
+
+    Args:
+        path: The objective path.
+        corner: Segments after which there is a corner, (n,).
+        half: Half of the turn at each corner [rad], (n,).
+        radius: Radius of each arc [m], 0 for a sharp corner, (n,).
+        tangent: Tangent length of each arc [m], (n,).
+        shrunk: Mask of arcs smaller than required, (n,).
+        speed: Largest speed on each arc [m/s], (n,).
+    """
+    table, source, ends = _replace_corners(path, corner, half, radius, tangent)
     rounded = RoundedPath(
         segments=table,
         merged=path.merged,
@@ -180,11 +204,11 @@ def round_corners(
             start=ends - radius * 2 * half,
             end=ends,
             shrunk=shrunk,
-            speed=speeds,
+            speed=speed,
             angular_error=np.zeros(len(corner)),
         ),
     )
-    return _add_orientation(rounded, of, which, halves, tangents, angle)
+    return rounded, source
 
 
 def _tangent_lengths(
@@ -262,7 +286,7 @@ def _required_radius(
 
 def _add_orientation(
     rounded: RoundedPath,
-    of: IntArray,
+    source: IntArray,
     which: IntArray,
     half: FloatArray,
     tangent: FloatArray,
@@ -272,7 +296,7 @@ def _add_orientation(
 
     Args:
         rounded: The rounded path without orientation.
-        of: Index of the objective segment of each segment, from `_replace_corners`.
+        source: Index of the objective segment of each segment, from `_assemble`.
         which: Segments after which there is a corner, then those after which there is a kink, (k,).
         half: Half of the turn at each of these vertices [rad], (k,).
         tangent: Tangent length of each of these vertices [m], (k,).
@@ -282,7 +306,7 @@ def _add_orientation(
     if path.orientation is None:
         return rounded
     if path.orientation.follows:
-        orientation = follow_rounded(rounded.segments, path, of, angle)
+        orientation = follow_rounded(rounded.segments, path, source, angle)
         return dataclasses.replace(rounded, orientation=orientation)
     orientation, off = round_orientation(path, which, half, tangent)
     corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
@@ -406,11 +430,11 @@ def _replace_corners(
         tolerances=np.fmin(before.tolerances, after.tolerances),
     )
     # Each segment, and the arc after it.
-    of = np.append(np.arange(n), which)
-    in_order = np.argsort(of, kind="stable")
-    of, table = of[in_order], Segments.join([lines, arcs])[in_order]
+    source = np.append(np.arange(n), which)
+    in_order = np.argsort(source, kind="stable")
+    source, table = source[in_order], Segments.join([lines, arcs])[in_order]
     used = (table.lengths > SLIVER) | (in_order >= n)
     ends = np.cumsum(np.where(used, table.lengths, 0.0))[
-        np.searchsorted(of, corner, side="right") - 1
+        np.searchsorted(source, corner, side="right") - 1
     ]
-    return table[used], of[used], ends
+    return table[used], source[used], ends

@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
-# Relative rounding error of joint positions from inverse kinematics.
+# Rounding error of joint positions from inverse kinematics, relative to 1 rad or to their size.
 ROUNDING = 2e-15
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)

@@ -107,19 +107,22 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
     """Lengths of the leads of contour `number`: given by the process, else from `lengths`."""
     given = Leads() if lengths is None else lengths[number]
 
-    def of(lead: Lead | None, automatic: float) -> float:
+    def length_of(lead: Lead | None, automatic: float) -> float:
         if lead is None:
             return 0.0
         return automatic if lead.length is None else lead.length
 
-    return Leads(before=of(process.lead_in, given.before), after=of(process.lead_out, given.after))
+    return Leads(
+        before=length_of(process.lead_in, given.before),
+        after=length_of(process.lead_out, given.after),
+    )
 
 
 def _refuse_unknown_layers(program: Program, layers: Mapping[str, Demand]) -> None:
     """Refuse layers on which the program has no contour.
 
     Raises:
-        InvalidInput: There is such a layer.
+        InvalidInput: A layer has no contour.
     """
     known = {x.layer for x in program.contours}
     for name in layers:

@@ -64,7 +64,7 @@ class _Failure:
 
     Args:
         reached: Index of the first knot that is not reached.
-        q: Last joint positions [rad], (dof,).
+        q: Joint positions at the knot before, or at the knot out of range [rad], (dof,).
         joint: Index of the joint that leaves its range; -1 if the pose has no solution.
         value: Position of that joint [rad].
         limit: End of its range [rad].
@@ -184,13 +184,13 @@ def _rank(
 
 def _is_same(arm: SerialArm, poses: FloatArray, task: int, a: FloatArray, b: FloatArray) -> bool:
     """Whether two solutions are equal but for null-space motion."""
-    apart = b - a
+    difference = b - a
     if task == arm.dof:
-        return bool(np.abs(apart).max() < SAME_SOLUTION)
-    apart = np.pi - np.mod(np.pi - apart, 2 * np.pi)
+        return bool(np.abs(difference).max() < SAME_SOLUTION)
+    difference = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     w = null_space(arm, poses, task, a)
-    rest = apart - np.einsum("nik,nij,nj->nk", w, w, apart)
-    return bool(np.abs(rest).max() < SAME_SOLUTION * max(1.0, float(np.abs(apart).max())))
+    rest = difference - np.einsum("nik,nij,nj->nk", w, w, difference)
+    return bool(np.abs(rest).max() < SAME_SOLUTION * max(1.0, float(np.abs(difference).max())))
 
 
 def _subdivide(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
@@ -207,23 +207,23 @@ def _subdivide(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
     )
     count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
     at = np.concatenate([[0], np.cumsum(count)])
-    of = np.repeat(np.arange(len(knots)), count)
-    number = np.arange(at[-1]) - at[of]
-    ahead = width[of] * (number / count[of])
-    after = width[of] * ((number + 1) / count[of])
-    u0 = knots.u0[of]
+    interval = np.repeat(np.arange(len(knots)), count)
+    number = np.arange(at[-1]) - at[interval]
+    ahead = width[interval] * (number / count[interval])
+    after = width[interval] * ((number + 1) / count[interval])
+    u0 = knots.u0[interval]
     found = Knots(
-        segment=knots.segment[of],
-        piece=knots.piece[of],
+        segment=knots.segment[interval],
+        piece=knots.piece[interval],
         u0=u0 + ahead,
         u1=u0 + after,
-        s0=knots.s0[of] + ahead,
+        s0=knots.s0[interval] + ahead,
     )
     return found, at
 
 
 def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
-    """Length of a joint path: time at the largest velocity of the slowest joint, summed [s]."""
+    """Length of a joint path: sum of the slowest joint's shortest times between knots [s]."""
     velocity = arm.limits.joint_velocity
     steps = np.abs(np.diff(q, axis=0)) / (1.0 if velocity is None else velocity)
     return float(steps.max(axis=1).sum())

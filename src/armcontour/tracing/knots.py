@@ -53,13 +53,13 @@ class Knots:
             The new intervals; for each of them, the index of its old interval; and the indices
             of the second halves among the new intervals.
         """
-        of = np.repeat(np.arange(len(self)), 1 + which)
-        second = np.flatnonzero(np.diff(of, prepend=-1) == 0)
-        u0, u1, s0 = self.u0[of], self.u1[of], self.s0[of]
+        parent = np.repeat(np.arange(len(self)), 1 + which)
+        second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
+        u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
         s0[second] = self.part(which).at(u)
         u0[second], u1[second - 1] = u, u
-        segment, piece = self.segment[of], self.piece[of]
-        return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), of, second
+        segment, piece = self.segment[parent], self.piece[parent]
+        return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def at(self, u: FloatArray) -> FloatArray:
         """Arc lengths at distances `u` along the segments [m], (n,)."""
@@ -89,14 +89,14 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
         np.ceil(finer * width * turning / FIRST_TURN),
     )
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
-    of = np.repeat(np.arange(len(cells)), count)
+    cell = np.repeat(np.arange(len(cells)), count)
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    share = width[of] / count[of]
-    u0 = cells.u0[of] + share * number
-    last = number + 1 == count[of]
-    u1 = np.where(last, cells.u1[of], cells.u0[of] + share * (number + 1))
-    s0 = np.where(number == 0, cells.s0[of], cells.s0[of] + share * number)
-    return Knots(segment=cells.segment[of], piece=cells.piece[of], u0=u0, u1=u1, s0=s0)
+    share = width[cell] / count[cell]
+    u0 = cells.u0[cell] + share * number
+    last = number + 1 == count[cell]
+    u1 = np.where(last, cells.u1[cell], cells.u0[cell] + share * (number + 1))
+    s0 = np.where(number == 0, cells.s0[cell], cells.s0[cell] + share * number)
+    return Knots(segment=cells.segment[cell], piece=cells.piece[cell], u0=u0, u1=u1, s0=s0)
 
 
 def _cells(path: Path) -> Knots:

@@ -47,14 +47,14 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
 
 
 def _refuse_position_only(arm: SerialArm) -> None:
-    """Refuse an arm for which a path without orientation is too little or too much.
+    """Refuse an arm that cannot follow a path without orientation.
 
     Raises:
         InvalidInput: The arm does not have 3 joints.
     """
     if arm.dof > 3:
         raise InvalidInput(
-            f"The path has no tool orientation, but the arm {arm.name} needs one: give it an "
+            f"The path has no tool orientation, but the arm {arm.name} needs one: give the path an "
             "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
             "path.pointing(direction) if only the tool axis matters)."
         )
