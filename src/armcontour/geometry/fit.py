@@ -241,7 +241,7 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
         corner = (extent <= REPEATED_POINT) | (
             (extent <= CORNER * tolerance) & (distances > SHARE * tolerance)
         )
-        line = (_straight(todo, points) & np.isfinite(distances) & lines) | corner
+        line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
         ready = line | (distances <= SHARE * tolerance)
         done.append(todo.select(ready, line=line[ready]))
         rest = ~ready
@@ -276,7 +276,7 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
     return np.where(bent <= quarter, distances, np.inf)
 
 
-def _straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
+def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
     """Whether the curve runs straight along its chord without turning back, (n,)."""
     chord = intervals.p1 - intervals.p0
     size = length(chord)

@@ -146,6 +146,7 @@ class LineLaw(LapLaw, LawAlongPath):
         return np.asarray(found @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
         low, high = self.breaks[i], self.breaks[i + 1]
         for _ in range(HALVINGS):
             middle = (low + high) / 2
@@ -233,6 +234,7 @@ class PathLaw(LawAlongPath):
         return path_states(self.joint_path, (self.s[i], self.s[i + 1]), s, ds, dds, order)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
         ds, dds, slope = (x[i] for x in self.rates)
         width = s - self.s[i]
         # ds² grows by the integral of 2 dds over s, and dds is linear in s.

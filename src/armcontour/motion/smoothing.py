@@ -82,6 +82,7 @@ class SmoothedLaw(LawAlongPath):
         )
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
         return self._crossings(s, self.breaks[i], self.breaks[i + 1])
 
     def _crossings(self, s: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

@@ -334,7 +334,7 @@ def _refuse_given_start(arm: SerialArm, pose: FloatArray, task: int, start: Floa
 
 
 def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> float:
-    """Least distance of the tool from a pose, by Newton's method from joint positions q [m]."""
+    """Least distance of the tool from a pose [m], by Newton's method from joint positions q."""
     return float(out_of_reach(arm, pose[None], task, q)[0])
 
 

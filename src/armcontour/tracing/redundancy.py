@@ -113,10 +113,10 @@ def _interpolate(s: FloatArray, values: FloatArray) -> Any:
     else:
         return spline
     slopes = PchipInterpolator(s, values)(s, 1)
-    none = np.zeros_like(slopes[1:])
-    begin, end = (values[:-1], slopes[:-1], none), (values[1:], slopes[1:], none)
+    zero = np.zeros_like(slopes[1:])
+    start, end = (values[:-1], slopes[:-1], zero), (values[1:], slopes[1:], zero)
     powers = np.arange(5, -1, -1)[:, None, None]
-    c = np.moveaxis(quintic(width, begin, end), 1, 0)[::-1] / width[:, None] ** powers
+    c = np.moveaxis(quintic(width, start, end), 1, 0)[::-1] / width[:, None] ** powers
     return PPoly(c, s)
 
 
@@ -179,6 +179,11 @@ def _step_weights(s: FloatArray, q: FloatArray, pace: FloatArray) -> FloatArray:
 
     A step may be as long as its share of the tool path and of the initial joint path: at a tight
     corner the joints move far on a short path, which must not outweigh all other steps.
+
+    Args:
+        s: Arc lengths [m], (n,).
+        q: Joint positions [rad], (n, dof).
+        pace: Smallest of the joints' largest velocities over each joint's own, (dof,).
     """
     distance = np.linalg.norm(np.diff(q, axis=0) * pace, axis=1)
     share = np.diff(s) / (s[-1] - s[0])
@@ -196,7 +201,17 @@ def _gauss_newton_step(
     s: FloatArray,
     start_stays: bool,
 ) -> FloatArray:
-    """The null-space motion that minimizes the linearized cost, (n, dof)."""
+    """The null-space motion that minimizes the linearized cost [rad], (n, dof).
+
+    Args:
+        arm: The arm.
+        q: Joint positions [rad], (n, dof).
+        w: Bases of the null space, (n, free, dof).
+        pace: As in `_step_weights`, (dof,).
+        weights: Weights of the joint steps, (n - 1,).
+        s: Arc lengths [m], (n,).
+        start_stays: Whether the first joint position is kept.
+    """
     from scipy.linalg import solveh_banded
 
     n, free = w.shape[:2]
