@@ -296,7 +296,7 @@ def test_a_motion_without_a_path_has_no_arc_length(refuses) -> None:
 def test_motions_along_several_paths_have_no_one_arc_length(refuses) -> None:
     laws = plan("optimal").laws * 2
     both = ac.Trajectory(laws=laws, method="by hand")
-    refuses(lambda: both.s(0.0), ac.InvalidInput, "Law 2", "0.161 m", "away from where law 1 ends")
+    refuses(lambda: both.s(0.0), ac.InvalidInput, "Law 2", "0.161 m", "away from the end of law 1")
 
 
 def test_spans_that_are_not_the_trajectorys_are_refused(refuses) -> None:

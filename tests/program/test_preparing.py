@@ -571,7 +571,9 @@ def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn(
     np.testing.assert_array_equal(only(prepare(program(tilting), Process())).path(0.0), square(0.0))
     assert not np.allclose(only(prepare(program(alike), Process())).path(0.0), square(0.0))
     for process in (Process(begin=0.03), Process(overlap=0.01)):
-        refuses(lambda x=process: prepare(program(tilting), x), InvalidInput, "another way")
+        refuses(
+            lambda x=process: prepare(program(tilting), x), InvalidInput, "another tool orientation"
+        )
         prepare(program(alike), process)
 
 

@@ -242,7 +242,7 @@ def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
 
 def test_far_out_of_reach_names_the_worst_place(ur5e):
     path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
-    with pytest.raises(ac.Unreachable, match=r"worst place, \(4.0, 0.0, 0.3\) m") as caught:
+    with pytest.raises(ac.Unreachable, match=r"on the path, at \(4.0, 0.0, 0.3\) m") as caught:
         ac.trace(path, ur5e)
     assert 2.0 < caught.value.needed < 2.3
 
@@ -364,7 +364,7 @@ def test_what_a_path_has_to_say(ur5e, refuses):
     refuses(
         lambda: ac.trace(path, ur5e),
         ac.InvalidInput,
-        "does not say how the arm UR5e is to hold its tool",
+        "has no tool orientation, but the arm UR5e needs one",
         "path.oriented",
         "path.pointing",
     )

@@ -1,4 +1,4 @@
-"""Compensation of the servo's delay: one file per method, one entry point."""
+"""Compensation of the servos' delay: taught data that makes joints follow a trajectory."""
 
 from armcontour.compensation.compensator import METHODS, compensate, set_point_count
 

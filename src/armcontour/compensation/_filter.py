@@ -1,4 +1,4 @@
-"""The compiled part of pole placement: a third-order filter, exact for piecewise polynomials."""
+"""Compiled third-order filter of pole placement, exact for piecewise polynomial inputs."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
-# A Taylor series of the filter's state over a step of at most this many of its shortest time
-# constants ...
+# Largest step of the Taylor series of the filter's state, in shortest time constants of the filter.
 LARGEST_STEP = 0.25
-# ... ends at rounding with this many terms, for inputs up to fifth order too.
+# Terms after which the series converges to rounding errors, for inputs up to fifth order.
 TERMS = 22
 
 
@@ -26,15 +25,15 @@ def run_filter(
     """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
 
     Args:
-        width: Interval lengths [s], (n,).
-        coefficients: Input per interval in x = u / width, (n, 6, dof).
-        damping: d1, d2 per joint, (dof, 2).
-        rate: p per joint [1/s], (dof,).
-        fastest: Size of the filter's largest pole per joint [1/s], (dof,).
-        start: Input value at which everything is at rest before the first interval, (dof,).
+        width: Lengths of the intervals [s], (n,).
+        coefficients: Coefficients of the input in powers of x = u / width, (n, 6, dof).
+        damping: d1 and d2 of each joint, (dof, 2).
+        rate: p of each joint [1/s], (dof,).
+        fastest: Absolute value of the filter's largest pole of each joint [1/s], (dof,).
+        start: Input value before the first interval, at which the filter is at rest, (dof,).
 
     Returns:
-        x, x' / p, x'' / p² at the n + 1 interval ends, (n + 1, dof, 3).
+        x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
     """
     n = len(width)
     dof = len(rate)

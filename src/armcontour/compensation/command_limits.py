@@ -1,4 +1,4 @@
-"""What a controller takes as set-points: within the joints' ranges, and not too fast."""
+"""Check of set-points against joint ranges and joint velocity limits."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from armcontour.arms.limits import or_unlimited
 from armcontour.errors import CompensationError
 from armcontour.motion import TaughtData
 
-# A set-point may exceed a limit by this share of it, or this much [rad, rad/s]: rounding.
+# A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
+# rounding errors.
 SLACK = 1e-9
 
 
 def refuse_commands(taught: TaughtData, limits: Limits) -> None:
-    """Refuse set-points outside a joint's range, or too far apart for its velocity.
+    """Refuse set-points outside a joint range, or that move faster than a velocity limit.
 
-    A compensated command leads the joint, by about `dq / K_p`, and goes beyond the plan by that; a
-    controller that looks at its set-points would stop.
+    A compensated command is ahead of the joint by about `dq / K_p`, and so can exceed the limits
+    that the plan keeps. A controller that checks its set-points would then stop.
 
     Args:
         taught: The set-points.
-        limits: With values per joint.
+        limits: Limits with values per joint.
 
     Raises:
-        CompensationError: The set-point that is furthest beyond a limit.
+        CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
     lower, upper = limits.joint_range(taught.q.shape[1])
     _refuse_beyond(taught, "joint_upper", taught.q, upper)
@@ -50,7 +51,14 @@ def refuse_commands(taught: TaughtData, limits: Limits) -> None:
 
 
 def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: FloatArray) -> None:
-    """Refuse values above the most, both with their signs changed for a lower end."""
+    """Raise CompensationError if set-points exceed the end `name` of the joint range.
+
+    Args:
+        taught: The set-points.
+        name: "joint_upper" or "joint_lower".
+        values: The set-points, with the opposite sign for "joint_lower" [rad], (n, dof).
+        most: The end of the range, with the opposite sign for "joint_lower" [rad], (dof,).
+    """
     at = _worst(values, most)
     if at is None:
         return
@@ -69,7 +77,7 @@ def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: Floa
 
 
 def _worst(values: FloatArray, most: FloatArray) -> tuple[int, int] | None:
-    """Row and column of the value that is furthest above its limit."""
+    """Row and column of the value with the largest excess over its limit; None without excess."""
     if not values.size:
         return None
     room = np.where(np.isfinite(most), SLACK * np.maximum(np.abs(most), 1.0), 0.0)

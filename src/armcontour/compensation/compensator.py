@@ -1,4 +1,4 @@
-"""Entry point `compensate`: from a realizable trajectory to taught data."""
+"""Public function `compensate`: taught data for a realizable trajectory."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from armcontour.errors import InvalidInput
 from armcontour.motion import TaughtData, Trajectory, check_interval
 from armcontour.servo import ServoModel
 
-# What a set-point of one joint takes while it is computed [bytes], measured: most of it are the
-# states of the compensator's filter and the polynomials that it is fed with.
+# Memory per set-point and joint during computation [bytes], measured: mostly states of the
+# compensator's filter and the polynomials of its input.
 SET_POINT = {"pole_placement": 230.0, "inverse": 100.0, "none": 60.0}
 METHODS = ("inverse", "pole_placement", "none")
 
@@ -38,29 +38,29 @@ def compensate(
     memory: float = _memory.DEFAULT,
     **options: Any,
 ) -> TaughtData:
-    """Set-points with which the servo shall make the joints follow `trajectory`.
+    """Taught data whose set-points make the servos follow a trajectory.
 
-    Commands lead the plan by the servo's dead time, and by half an interval more where set-points
-    are held: the taught data then begins before 0, with the position in which the plan begins.
+    Set-points have a time advance of the servo's dead time, plus half a command interval for
+    interpolation "step". The taught data then starts before time 0, at the start of the plan.
 
     Args:
-        trajectory: What the joints shall do.
-        servo: The model whose delay is compensated.
-        method: "pole_placement" is the paper's compensator (26); "inverse" the exact inverse of the
-            unsaturated servo from the trajectory's derivatives (right-sided where they jump), which
-            saturates it where accelerations jump at their limits; "none" gives the trajectory
-            itself, when it is due.
+        trajectory: Trajectory that the joints should follow.
+        servo: Servo model whose delay is compensated.
+        method: "pole_placement" is the paper's compensator (26). "inverse" is the exact inverse of
+            the unsaturated servo, from the trajectory's derivatives (right-sided where they jump);
+            the servo saturates if accelerations jump at their limits. "none" is the trajectory
+            itself, without time advance.
         period: Command interval [s].
-        limits: What the controller takes: set-points within joint_lower and joint_upper, and from
-            one to the next not faster than joint_velocity. By default they are not looked at.
-        memory: What the program may take while it computes them [bytes].
+        limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
+            must not move faster than joint_velocity. By default they are not checked.
+        memory: Memory that the computation may use [bytes].
         options: For "pole_placement": `poles` [1/s].
 
     Raises:
-        InvalidInput: An unknown method or option, gains that do not fit the joints or the interval,
-            or more set-points than the memory takes.
-        CompensationError: Unstable poles, pole placement for a servo of first order, or set-points
-            beyond the limits.
+        InvalidInput: A method or option is unknown, gains do not fit the joints or the interval,
+            or the set-points need too much memory.
+        CompensationError: Poles are not stable, the servo is of first order for pole placement, or
+            set-points exceed the limits.
     """
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
@@ -100,18 +100,18 @@ def compensate(
 def set_point_count(
     duration: float, servo: ServoModel, period: float, method: str, poles: Any | None = None
 ) -> float:
-    """How many set-points a motion takes, about.
+    """Approximate number of set-points of a motion.
 
     Args:
-        duration: Of the motion [s].
-        servo: The model whose delay is compensated, with values per joint.
+        duration: Duration of the motion [s].
+        servo: Servo model whose delay is compensated, with values per joint.
         period: Command interval [s].
         method: As in `compensate`.
         poles: As in `compensate`.
 
     Raises:
-        InvalidInput: Poles that are none.
-        CompensationError: Poles that are not stable.
+        InvalidInput: The poles are not valid.
+        CompensationError: The poles are not stable.
     """
     total = duration
     if method != "none":
@@ -127,11 +127,13 @@ def set_point_count(
 
 
 def _as_planned(trajectory: Trajectory, period: float) -> FloatArray:
+    """Set-points of the trajectory without compensation [rad], (n, dof)."""
     t = set_point_times(trajectory, period).inside
     return np.concatenate([trajectory(t), trajectory([trajectory.duration], side="left")])
 
 
 def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[float, FloatArray]:
+    """Set-points by the inverse of the servo: time of the first [s], and values [rad], (n, dof)."""
     final = trajectory([trajectory.duration], side="left")
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:

@@ -4,8 +4,8 @@ With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g` its numerator factors, so 
 
     F(s) = G(s)⁻¹ H(s),    H(s) = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)).
 
-H is what servo and compensator do together. It is applied to the trajectory exactly, and G⁻¹ to
-what comes out, whose derivatives are known. See docs/concepts/compensation.md.
+H is the response of compensator and servo together. H is applied to the trajectory exactly, and
+G⁻¹ to the result, whose derivatives are known. See docs/concepts/compensation.md.
 """
 
 from __future__ import annotations
@@ -31,17 +31,18 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 def default_poles(servo: ServoModel) -> ComplexArray:
-    """Poles whose F G is one and the same on every joint and has no negative impulse response.
+    """Poles for which F G is equal on all joints and has no negative impulse response.
 
-    The observer pole at -K_v cancels the zero and with it K_v: F G = p² / (s + p)². Equal lag on
-    all joints does no harm to the contour, and a demand that is a weighted mean of the plan's
-    acceleration never exceeds the plan's largest. p is the smallest K_v of all joints.
+    The observer pole at -K_v cancels the zero, so that F G = p² / (s + p)² does not depend on the
+    joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
+    of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
+    smallest K_v of all joints.
 
     Args:
-        servo: Of order second, with gains per joint.
+        servo: Servo model of order "second" with gains per joint.
 
     Returns:
-        m1, m2 and g per joint, (dof, 3) [1/s].
+        m1, m2 and g of each joint [1/s], (dof, 3).
     """
     assert servo.kv is not None
     poles = np.empty((len(servo.kv), 3), dtype=np.complex128)
@@ -56,23 +57,27 @@ def pole_placement(
     period: float,
     poles: npt.ArrayLike | None = None,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by (26), (n, dof) [rad].
+    """Set-points by pole placement, (26).
 
     Args:
-        trajectory: What the joints shall do.
-        servo: With values per joint.
+        trajectory: Trajectory that the joints should follow.
+        servo: Servo model with values per joint.
         period: Command interval [s].
-        poles: m1, m2 (real, or conjugates) and g [1/s], one triple or one per joint; by default
-            those of `default_poles`.
+        poles: m1, m2 (real, or complex conjugates) and g [1/s], one triple or one per joint; by
+            default those of `default_poles`.
+
+    Returns:
+        Time of the first set-point [s], and set-points [rad], (n, dof).
 
     Raises:
-        CompensationError: Poles that are not stable, or a servo of first order.
-        InvalidInput: Poles of a wrong shape, not conjugate, or too fast for the interval.
+        CompensationError: The poles are not stable, or the servo is of first order.
+        InvalidInput: The poles have a wrong shape, are not conjugate, or are too fast for the
+            command interval.
     """
     if servo.kv is None:
         raise CompensationError(
             "Pole placement, (26), is for a servo of order second: a servo of order first has no "
-            "velocity loop whose gain it could be placed for; take the method inverse."
+            "velocity loop; take the method inverse."
         )
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     _refuse_too_fast(placed, period)
@@ -132,7 +137,15 @@ def _set_points(
 def transfer(
     kv: FloatArray, placed: ComplexArray
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """X and c of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of every joint."""
+    """Coefficients of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of each joint.
+
+    Args:
+        kv: Velocity loop gains [1/s], (dof,).
+        placed: Poles m1, m2 and g of each joint [1/s], (dof, 3).
+
+    Returns:
+        x, (dof,), and (c0, c1, c2), (dof,) each.
+    """
     m1, m2, g = placed.T
     c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
     x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
@@ -140,11 +153,15 @@ def transfer(
 
 
 def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
-    """Poles per joint, (dof, 3).
+    """Checked poles of each joint [1/s], (dof, 3).
+
+    Args:
+        poles: m1, m2 and g [1/s], one triple or one per joint.
+        dof: Number of joints.
 
     Raises:
-        CompensationError: Poles that are not stable.
-        InvalidInput: Poles of a wrong shape, not conjugate, or outside GAINS of servos.
+        CompensationError: The poles are not stable.
+        InvalidInput: The poles have a wrong shape, are not conjugate, or are outside GAINS.
     """
     try:
         placed = np.array(poles, dtype=np.complex128)
@@ -186,10 +203,10 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
 
 
 def _refuse_too_fast(placed: ComplexArray, period: float) -> None:
-    """Refuse poles of more time constants in a command interval than gains may have.
+    """Refuse poles that are too fast for the command interval.
 
     Raises:
-        InvalidInput: More.
+        InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants of a pole.
     """
     fastest = float(np.abs(placed).max())
     if fastest * period > MOST_TIME_CONSTANTS:

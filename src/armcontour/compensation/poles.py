@@ -1,4 +1,4 @@
-"""Which poles to place: what poles do, and the fastest that a plan leaves room for."""
+"""Choice of the compensator's poles: their effect, and the fastest that do not saturate a servo."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from armcontour.motion import Trajectory, check_interval
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
 
-# Faster poles than these, in 1 / T, lag by less than a tenth of the command interval T: there is
-# nothing to be had from them.
+# Fastest poles in units of 1 / T: their lag is a tenth of the command interval T, so that faster
+# poles have no benefit.
 FASTEST = 20.0
-# Poles are found to this part of their size.
+# Relative precision of the fastest poles.
 PRECISION = 1e-3
-# The response to a step is followed for this many of the slowest time constant, at so many times.
+# Length of the step response, in slowest time constants, and number of its times.
 FOLLOWED = 36.0
 TIMES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoleBehaviour:
-    """What compensator and servo do together, F G, joint by joint.
+    """Properties of F G, the response of compensator and servo together, for each joint.
 
     Args:
-        lag: Behind a plan at uniform velocity, without dead time, (dof,) [s].
-        peaking: Largest amount of F G at any frequency, (dof,); 1 without resonance.
-        demand: Largest acceleration that a plan of acceleration 1 can ask for: the integral of the
-            impulse response's amount, (dof,). At 1 a plan may use its whole limit.
+        lag: Time lag relative to a plan of constant velocity, without dead time [s], (dof,).
+        peaking: Largest magnitude of F G at any frequency, (dof,); 1 without resonance.
+        demand: Largest demand for a plan of acceleration at most 1, which is the integral of the
+            absolute impulse response, (dof,). If it is 1, a plan may use its whole limit.
     """
 
     lag: FloatArray
@@ -48,15 +48,15 @@ class PoleBehaviour:
 
 
 def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
-    """What poles do for a servo.
+    """Lag, peaking and demand of a servo compensated with given poles.
 
     Args:
-        servo: Of order second; its gains K_v say how many joints there are.
+        servo: Servo model of order "second"; the number of its gains K_v is the number of joints.
         poles: m1, m2 and g [1/s], one triple or one per joint.
 
     Raises:
-        CompensationError: Poles that are not stable, or a servo of first order.
-        InvalidInput: Poles of a wrong shape, or not conjugate.
+        CompensationError: The poles are not stable, or the servo is of first order.
+        InvalidInput: The poles have a wrong shape, or are not conjugate.
     """
     kv = np.atleast_1d(_second_order(servo))
     placed = check_poles(poles, len(kv))
@@ -90,25 +90,25 @@ def fastest_poles(
 ) -> FloatArray:
     """The fastest poles whose taught data does not saturate the servo.
 
-    Of the family `m1 = m2 = -p, g = -K_v`, for which `F G = p² / (s + p)²` on every joint: equal
-    lag 2 / p on all, and a demand that never exceeds the plan's but for the corners of the
-    interpolated command. Those grow with p, which is found by bisection; the demand is that of the
-    interpolated set-points, at all times.
+    The poles are `m1 = m2 = -p, g = -K_v`, for which `F G = p² / (s + p)²` on every joint: all
+    joints have the lag 2 / p, and the demand exceeds the plan's only at the corners of the
+    interpolated command. This excess grows with p, so p is found by bisection, from the demand of
+    the interpolated set-points at all times.
 
     Args:
-        servo: Of order second.
-        trajectory: What the joints shall do.
-        limits: Joint accelerations that the servo has.
+        servo: Servo model of order "second".
+        trajectory: Trajectory that the joints should follow.
+        limits: Limits with the joint accelerations of the servo.
         period: Command interval [s].
 
     Returns:
-        m1, m2 and g per joint, (dof, 3) [1/s], for `compensate(..., poles=...)`; p is at most
+        m1, m2 and g of each joint [1/s], (dof, 3), for `compensate(..., poles=...)`; p is at most
         20 / period.
 
     Raises:
         CompensationError: Even with the lag of the servo itself, `2 / p = 1 / K_p`, a joint would
-            saturate; or a servo of first order.
-        InvalidInput: No limit of joint acceleration.
+            saturate; or the servo is of first order.
+        InvalidInput: There is no limit of joint acceleration.
     """
     interval = check_interval(period)
     if limits.joint_acceleration is None:
@@ -142,15 +142,15 @@ def fastest_poles(
 def extreme_demands(
     servo: ServoModel, q: FloatArray, period: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Least and largest acceleration that set-points ask of a servo that does not saturate.
+    """Lowest and highest demand of each joint for set-points, without saturation.
 
     Args:
-        servo: Of order second, with values per joint; dead time changes nothing.
-        q: Set-points, (n, dof) [rad], from rest.
+        servo: Servo model of order "second" with values per joint; dead time has no effect.
+        q: Set-points from rest [rad], (n, dof).
         period: Command interval [s].
 
     Returns:
-        Until the last set-point, (dof,) each [rad/s²].
+        Lowest and highest demand until the last set-point [rad/s²], (dof,) each.
     """
     kv = _second_order(servo)
     prompt = ServoModel(kp=servo.kp, kv=kv, interpolation=servo.interpolation, dead_time=0 * kv)
@@ -159,6 +159,11 @@ def extreme_demands(
 
 
 def _second_order(servo: ServoModel) -> FloatArray:
+    """Velocity loop gains of a servo of order "second" [1/s].
+
+    Raises:
+        CompensationError: The servo is of first order.
+    """
     if servo.kv is None:
         raise CompensationError(
             "Poles are placed for a servo of order second: a servo of order first has no velocity "
@@ -168,17 +173,19 @@ def _second_order(servo: ServoModel) -> FloatArray:
 
 
 def _family(kv: FloatArray, p: float) -> FloatArray:
+    """Poles -p, -p and -K_v of each joint [1/s], (dof, 3)."""
     return np.stack([np.full(len(kv), -p), np.full(len(kv), -p), -kv], axis=1)
 
 
 def _refuse(worst: FloatArray, lower: FloatArray, upper: FloatArray, p: float) -> None:
+    """Raise CompensationError for the joint whose demand exceeds its limit most."""
     j = int(np.argmax(worst))
     allowed = float(min(-lower[j], upper[j]))
     needed = float(worst[j]) * allowed
     raise CompensationError(
         f"Joint {j + 1} saturates with any poles: even with the regulator poles at -{p:.4g} 1/s, "
-        f"which lag as the servo does by itself, it is asked for {needed:.6g} rad/s² of the "
-        f"{allowed:.6g} rad/s² that it has; plan with a joint_acceleration lower by at least "
+        f"which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above its "
+        f"limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
         f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
         joint=j + 1,
         limit="joint_acceleration",

@@ -1,4 +1,4 @@
-"""What the compensators share: the times of the set-points, and the servo's inverse."""
+"""Times of set-points, their time advance, and the inverse of the servo."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
 
-# A set-point this close to a break of the trajectory, in periods, is taken at the break.
+# Set-points closer than this to a break of the trajectory, in command intervals, are at the break.
 SNAP = 1e-9
-# The set-points end when what is left of the motion has decayed by this many time constants.
+# Set-points continue after the motion for this many time constants, until the rest has decayed.
 SETTLING = 36.0
 
 
 @dataclass(frozen=True, slots=True)
 class SetPointTimes:
-    """Places on the plan that set-points are computed for.
+    """Times of the plan for which set-points are computed.
 
     Args:
-        before: Number of set-points that come before the motion.
-        inside: Times of those within it, snapped to breaks next to them [s].
-        after_end: From the end of the motion to the first set-point at or after it [s].
+        before: Number of set-points before the motion.
+        inside: Times of the set-points during the motion; times close to a break are at the break
+            [s].
+        after_end: Time from the end of the motion to the first set-point after it [s].
     """
 
     before: int
@@ -33,7 +34,13 @@ class SetPointTimes:
 
 
 def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) -> SetPointTimes:
-    """`offset`, not above 0, and every period after it, up to the end of the motion."""
+    """Times of set-points from `offset` to the end of the motion.
+
+    Args:
+        trajectory: The planned trajectory.
+        period: Command interval [s].
+        offset: Time of the first set-point, not above 0 [s].
+    """
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / period * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * period
@@ -50,10 +57,10 @@ def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) 
 
 
 def leads(servo: ServoModel, period: float) -> FloatArray:
-    """How far ahead of the plan each joint's command must be, (dof,) [s].
+    """Time advance of each joint's set-points [s], (dof,).
 
-    The dead time; a set-point that is held for an interval is late by another half of one on
-    average.
+    The time advance is the dead time, plus half a command interval for interpolation "step", which
+    delays the command by that on average.
     """
     return servo.dead_time + (period / 2 if servo.interpolation == "step" else 0.0)
 
@@ -64,20 +71,21 @@ def advance_set_points(
     period: float,
     command: Callable[[SetPointTimes, IntArray], FloatArray],
 ) -> tuple[float, FloatArray]:
-    """Set-points of joints whose commands are ahead of the plan.
+    """Set-points with a time advance per joint.
 
-    The set-point at t is for the plan's time t + lead. There are as many intervals before 0 as the
-    largest lead needs; there a joint keeps the position in which the plan begins, until its own
-    lead is reached.
+    The set-point at time t belongs to the plan's time t + lead. The set-points start before time 0
+    by as many intervals as the largest time advance needs; a joint with a smaller time advance
+    stays at the start of the plan first.
 
     Args:
-        trajectory: What the joints shall do.
-        lead: Of every joint, (dof,) [s].
+        trajectory: Trajectory that the joints should follow.
+        lead: Time advance of each joint [s], (dof,).
         period: Command interval [s].
-        command: Set-points of some joints at and after some places of the plan, (n, their number).
+        command: Function that computes the set-points of the joints with given indices, (k,), at
+            given times and after the end [rad], (n, k).
 
     Returns:
-        Time of the first set-point, not above 0 [s]; set-points, (n, dof) [rad].
+        Time of the first set-point, not above 0 [s], and set-points [rad], (n, dof).
     """
     early = max(0, int(np.ceil(lead.max() / period - SNAP)))
     columns: dict[int, FloatArray] = {}
@@ -98,9 +106,15 @@ def advance_set_points(
 def inverse_servo(
     servo: ServoModel, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None
 ) -> FloatArray:
-    """The command that makes an unsaturated servo move like q, but for its dead time.
+    """The command that makes an unsaturated servo without dead time follow q [rad], (n, dof).
 
     Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`.
+
+    Args:
+        servo: Servo model with values per joint.
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities [rad/s], (n, dof).
+        ddq: Joint accelerations [rad/s²], (n, dof); not needed for first order.
     """
     if servo.kv is None:
         return np.asarray(q + dq / servo.kp)

@@ -1,4 +1,4 @@
-"""Path geometry: lines and arcs, nearest points, rounded corners. Knows no robot and no time."""
+"""Path geometry, without robot and time: lines and arcs, nearest points, rounded corners."""
 
 from armcontour.frames import angle_between
 from armcontour.geometry.nearest import Projection

@@ -1,4 +1,4 @@
-"""The compiled part of the nearest-point search, in a tree and in a grid of cells."""
+"""Compiled nearest-point search, in a tree of boxes and in a grid of cells."""
 
 from __future__ import annotations
 
@@ -22,12 +22,17 @@ def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -
 
 @compiled()
 def _offsets(k: float, u: float) -> tuple[float, float]:
-    """How far the point at distance u along a segment is from its start: along, and across."""
+    """Tangential and normal coordinates of the point at distance u along a segment.
+
+    Args:
+        k: Curvature of the segment [1/m].
+        u: Distance along the segment [m].
+    """
     angle = k * u
     if abs(angle) > 1e-4:
         half = math.sin(angle / 2)
         return math.sin(angle) / k, 2 * half * half / k
-    # A series: exact to rounding here, and fit for lines.
+    # This series is exact to rounding errors here, and covers lines.
     return u * (1 - angle * angle / 6), u * angle / 2 * (1 - angle * angle / 12)
 
 
@@ -59,7 +64,7 @@ def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
         y = p[1] - g[1] - u * g[4]
         z = p[2] - g[2] - u * g[5]
         return x * x + y * y + z * z, u
-    # The angle around the centre, written so that it stays accurate for a very large radius.
+    # The angle around the centre, in a form that stays accurate for a very large radius.
     angle = math.atan2(k * along, 1 - k * across)
     u = angle / k
     if 0.0 <= u <= length:
@@ -78,7 +83,14 @@ def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
 def search_tree(
     queries: FloatArray, geometry: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point for each query, all in space."""
+    """Distance and arc length of the nearest point for each query, by a tree.
+
+    Args:
+        queries: Query points, padded to space [m], (n, 3).
+        geometry: Segments from `pack`, (segments, 12).
+        pieces: Index of the segment of each piece, in tree order.
+        boxes: Lower and upper corners of the nodes' boxes in heap order, (2 m - 1, 6).
+    """
     n = len(queries)
     distance = np.empty(n)
     s = np.empty(n)
@@ -89,7 +101,7 @@ def search_tree(
     for i in range(n):
         p = queries[i]
         x, y, z = p[0], p[1], p[2]
-        # The last query's segment is a good first guess: queries mostly come along a motion.
+        # The segment of the last query is a good first guess, as queries mostly follow a motion.
         best2, best_u = _on_segment(p, geometry[best_segment])
         depth = 0
         stack[0] = 0
@@ -144,17 +156,17 @@ def _plane_point(g: FloatArray, u: float) -> tuple[float, float]:
 def fill_cells(
     geometry: FloatArray, low: FloatArray, size: float, columns: int, rows: int
 ) -> tuple[IntArray, IntArray]:
-    """The segments that come through every cell.
+    """Lists of the segments that run through each cell of a grid.
 
     Args:
-        geometry: Segments as `pack` makes them, (n, 12).
-        low: Lower corner of the grid, (2,).
-        size: Edge of a cell.
-        columns: Cells along x.
-        rows: Cells along y.
+        geometry: Segments from `pack`, (n, 12).
+        low: Lower corner of the grid [m], (2,).
+        size: Edge length of a cell [m].
+        columns: Number of cells along x.
+        rows: Number of cells along y.
 
     Returns:
-        Where every cell's list starts, (cells + 1,), and the lists one after the other.
+        Index at which the list of each cell starts, (cells + 1,), and all lists in one array.
     """
     cells = columns * rows
     first = np.zeros(cells + 1, np.intp)
@@ -162,7 +174,8 @@ def fill_cells(
     entries = np.empty(0, np.intp)
     for write in range(2):
         if write:
-            # From counts to places; while writing, first[c + 1] is the next free place of cell c.
+            # Counts become start indices; during writing, first[c + 1] is the next free index of
+            # cell c.
             total = 0
             for c in range(cells):
                 count = first[c + 1]
@@ -174,7 +187,7 @@ def fill_cells(
             g = geometry[i]
             pieces = max(int(math.ceil(g[10] / size)), int(math.ceil(g[10] * g[9])), 1)
             step = g[10] / pieces
-            # What an arc bulges over its chord, and rounding.
+            # Sagitta of the arc, plus rounding errors.
             margin = step * math.tan(g[9] * step / 4) / 2 + 1e-12 * size
             x0, y0 = _plane_point(g, 0.0)
             for piece in range(1, pieces + 1):
@@ -207,7 +220,18 @@ def search_cells(
     first: IntArray,
     entries: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point for each query; all padded to space."""
+    """Distance and arc length of the nearest point for each query, by a grid.
+
+    Args:
+        queries: Query points, padded to space [m], (n, 3).
+        geometry: Segments from `pack`, (segments, 12).
+        low: Lower corner of the grid [m], (2,).
+        size: Edge length of a cell [m].
+        columns: Number of cells along x.
+        rows: Number of cells along y.
+        first: Index in `entries` at which the list of each cell starts, (cells + 1,).
+        entries: Indices of segments, cell by cell.
+    """
     n = len(queries)
     distance = np.empty(n)
     s = np.empty(n)
@@ -218,7 +242,7 @@ def search_cells(
         column = min(max(int((p[0] - low[0]) / size), 0), columns - 1)
         row = min(max(int((p[1] - low[1]) / size), 0), rows - 1)
         for ring in range(max(columns, rows)):
-            # Nothing outside the rings before this one is nearer than their border.
+            # All points outside the earlier rings are at least as far as the border of these rings.
             if ring > 0:
                 gap = math.inf
                 if column - ring >= 0:
@@ -232,7 +256,7 @@ def search_cells(
                 if gap > 0.0 and gap * gap >= best2:
                     break
             for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
-                # Inner rows of a ring have two cells: its left and its right one.
+                # Rows between the first and the last of a ring have two cells: left and right.
                 edge = r == row - ring or r == row + ring
                 step = 1 if edge or ring == 0 else 2 * ring
                 for k in range(column - ring, column + ring + 1, step):

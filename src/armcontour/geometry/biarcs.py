@@ -1,4 +1,4 @@
-"""Biarcs: pairs of tangent arcs with given ends and end tangents."""
+"""Biarcs: pairs of tangent arcs with given end points and end tangents."""
 
 from __future__ import annotations
 
@@ -7,16 +7,22 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.geometry.segments import Segments
 
-# A chord that leaves its tangent by less than this angle [rad] is a line.
+# An arc is a line if its chord and its start tangent differ by less than this angle [rad].
 STRAIGHT = 1e-12
 
 
 def biarcs(
     p0: FloatArray, t0: FloatArray, p1: FloatArray, t1: FloatArray
 ) -> tuple[Segments, Segments]:
-    """Two arcs from each p0 with tangent t0 to p1 with tangent t1, with equal tangent lengths.
+    """First and second arcs of the biarcs from p0 to p1 whose two tangent lengths are equal.
 
-    Not finite where there are none: ends that are one point with one tangent.
+    The values are not finite where no biarc exists: for equal ends with equal tangents.
+
+    Args:
+        p0: Start points [m], (n, dimension).
+        t0: Unit tangents at the start points, (n, dimension).
+        p1: End points [m], (n, dimension).
+        t1: Unit tangents at the end points, (n, dimension).
     """
     chord = p1 - p0
     # |chord - d (t0 + t1)| = 2 d, solved for the positive d without cancellation.
@@ -29,46 +35,55 @@ def biarcs(
     return _arc(p0, t0, along, d), _arc((q0 + q1) / 2, along, t1, d)
 
 
-def _arc(start: FloatArray, tangent: FloatArray, onward: FloatArray, reach: FloatArray) -> Segments:
-    """Arcs from a point with a tangent to another tangent, by their tangent lengths.
+def _arc(
+    start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
+) -> Segments:
+    """Arcs from start points and tangents to end tangents, with given tangent lengths.
 
-    Made of tangents and not of points, so that the tangents are the same where two arcs meet,
-    however short they are.
+    Arcs are computed from tangents and not from end points, so that even very short arcs have equal
+    tangents where they meet.
     """
-    half = np.arctan2(length(onward - tangent), length(onward + tangent))
+    half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
     bent = half > STRAIGHT
-    across = onward - dot(onward, tangent)[:, None] * tangent
+    across = end_tangent - dot(end_tangent, tangent)[:, None] * tangent
     normal = np.where(bent[:, None], unit(across), 0.0)
-    # A normal must be at right angles to the tangent to the last digit.
+    # The normal must be perpendicular to the tangent to the last digit.
     normal = normal - dot(normal, tangent)[:, None] * tangent
     normal = np.where(bent[:, None], unit(normal), 0.0)
-    share = np.tan(half) / reach
-    curvature = np.where(bent, share, 0.0)
-    along = np.where(bent, 2 * half / share, 2 * reach)
+    bend = np.tan(half) / tangent_length
     return Segments(
-        starts=start, tangents=tangent, normals=normal, curvatures=curvature, lengths=along
+        starts=start,
+        tangents=tangent,
+        normals=normal,
+        curvatures=np.where(bent, bend, 0.0),
+        lengths=np.where(bent, 2 * half / bend, 2 * tangent_length),
     )
 
 
 def distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance of points, (n, k, dimension), from the circles of each pair of arcs, (n,).
+    """Largest distance of the k points of each biarc from its two circles [m], (n,).
 
-    Infinite where there are no arcs.
+    The distance is infinite where a biarc is not finite.
+
+    Args:
+        points: Points to compare with each biarc [m], (n, k, dimension).
+        first: First arcs of the biarcs.
+        second: Second arcs of the biarcs.
     """
     after = np.sum((points - second.starts[:, None]) * second.tangents[:, None], axis=2) > 0
-    apart = np.where(after, _from_circle(points, second), _from_circle(points, first))
-    worst = np.asarray(apart.max(axis=1))
+    distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
+    worst = np.asarray(distances.max(axis=1))
     return np.where(np.isfinite(worst) & _finite(first) & _finite(second), worst, np.inf)
 
 
 def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
-    """Distance of points from the circles, or lines, of arcs."""
+    """Distances of points, (n, k, dimension), from the full circles or lines of arcs, (n, k)."""
     v = points - arcs.starts[:, None]
     x = np.sum(v * arcs.tangents[:, None], axis=2)
     y = np.sum(v * arcs.normals[:, None], axis=2)
     rest = np.sum(v * v, axis=2) - x * x - y * y
     k = arcs.curvatures[:, None]
-    # (|p - c| - r) without the large numbers of flat arcs.
+    # |p - c| - r, without cancellation if the radius is very large.
     power = k * (x * x + y * y) - 2 * y
     in_plane = power / (1 + np.sqrt(np.maximum(1 + k * power, 0.0)))
     line = np.where(k == 0, np.abs(y), np.abs(in_plane))
@@ -76,22 +91,22 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
 
 
 def _finite(arcs: Segments) -> BoolArray:
-    """Where there is an arc at all, (n,)."""
+    """True for arcs whose values are all finite, (n,)."""
     columns = (arcs.starts, arcs.tangents, arcs.normals, arcs.curvatures, arcs.lengths)
     rows = [np.isfinite(x).reshape(len(arcs), -1).all(axis=1) for x in columns]
     return np.asarray(np.logical_and.reduce(rows))
 
 
 def unit(v: FloatArray) -> FloatArray:
-    """Vectors of length 1, along the last axis; not finite for zero."""
+    """Unit vectors along the last axis; not finite for zero vectors."""
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def length(v: FloatArray) -> FloatArray:
-    """Lengths of vectors."""
+    """Lengths of vectors along the last axis."""
     return np.asarray(np.linalg.norm(v, axis=-1))
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Products of vectors."""
+    """Scalar products of vectors along the last axis."""
     return np.asarray(np.sum(a * b, axis=-1))

@@ -1,4 +1,4 @@
-"""Where a smooth parametrization stands still: the curve may turn back there, or have a cusp."""
+"""Cusps of a curve: parameter values at which its derivative vanishes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.geometry.biarcs import length
 
-# Places in an interval at which the speed of the parametrization is looked at.
+# Fractions of an interval at which the norm of the derivative ("speed") is sampled.
 PLACES = np.linspace(0, 1, 33)
-# A least speed up to this part of the largest is a standstill; above it the curve makes a tight
-# turn, in a loop whose size is the square of that part.
+# The derivative vanishes if the least speed is at most this fraction of the largest. A larger least
+# speed is a tight turn, in a loop whose relative size is the square of that fraction.
 STILL = 1e-6
-# A least speed is looked for where the samples fall below this part of the largest.
+# Minima are refined if the sampled speed is below this fraction of the largest.
 SLOW = 0.5
-# Steps of the golden section: the last digits of a minimum are not to be had.
+# Steps of the golden-section search; more would not give more digits of a minimum.
 STEPS = 45
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -24,29 +24,33 @@ GOLDEN = (np.sqrt(5) - 1) / 2
 def split_at_cusps(
     curve: Callable[[FloatArray, int], FloatArray], breaks: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Breaks with those places added at which the derivative vanishes between them.
+    """Add the parameter values between breaks at which the derivative of a curve vanishes.
+
+    Args:
+        curve: `curve(t, order)` gives points (order 0) or derivatives (order 1), (n, dimension).
+        breaks: Increasing parameter values, (n,).
 
     Returns:
-        The breaks, and which of them were added.
+        The breaks with the added ones, and a mask of the added ones.
     """
-    low, high, most = _slow_places(curve, breaks)
+    low, high, most = _bracket_minima(curve, breaks)
     if len(low) == 0:
         return breaks, np.zeros(len(breaks), dtype=bool)
-    at, speed = _least(curve, low, high)
+    at, speed = _minimize_speed(curve, low, high)
     found = at[speed <= STILL * most]
     together = np.concatenate([breaks, found])
     added = np.arange(len(together)) >= len(breaks)
     order = np.argsort(together, kind="stable")
     together, added = together[order], added[order]
-    # One that is next to a break is that break.
+    # A value found at a break is that break.
     kept = np.concatenate([[True], np.diff(together) > 0])
     return together[kept], added[kept]
 
 
-def _slow_places(
+def _bracket_minima(
     curve: Callable[[FloatArray, int], FloatArray], breaks: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Brackets of the least speeds, and the largest speed of their intervals."""
+    """Lower and upper ends of brackets of speed minima, and the largest speed of each interval."""
     span = np.diff(breaks)
     places = breaks[:-1, None] + span[:, None] * PLACES
     places = np.minimum(places, np.nextafter(breaks[1:], -np.inf)[:, None])
@@ -58,10 +62,10 @@ def _slow_places(
     return places[i, k], places[i, k + 2], most[i]
 
 
-def _least(
+def _minimize_speed(
     curve: Callable[[FloatArray, int], FloatArray], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the speed is least between two places, and that speed, by the golden section."""
+    """Parameter of the least speed in each bracket, and that speed, by golden-section search."""
     low, high = low.copy(), high.copy()
     for _ in range(STEPS):
         span = GOLDEN * (high - low)

@@ -1,4 +1,4 @@
-"""Parts of a path, paths joined, and paths reversed."""
+"""Functions that cut out a part of a path, join paths, and reverse a path."""
 
 from __future__ import annotations
 
@@ -14,10 +14,15 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
-    """The part of a path between two arc lengths [m], with what belongs to its segments.
+    """The part of a path between two arc lengths, with speeds, tolerances and orientation.
+
+    Args:
+        path: The path.
+        begin: Arc length at which the part starts [m].
+        end: Arc length at which the part ends [m].
 
     Raises:
-        InvalidInput: An arc length outside the path, or nothing between them.
+        InvalidInput: An arc length is outside the path, or the part has no length.
     """
     for name, s in (("begin", begin), ("end", end)):
         value = _checks.number(name, s, "m")
@@ -29,12 +34,12 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
                 allowed=path.length,
             )
     begin, end = max(begin, 0.0), min(end, path.length)
-    # What is left of a segment below the resolution of a point is left out.
+    # Remainders of segments shorter than the resolution of a point are left out.
     first = int(path.locate(begin + REPEATED_POINT))
     last = int(path.locate(end - REPEATED_POINT, side="left"))
     if end - begin <= REPEATED_POINT or first > last:
         raise InvalidInput(f"There is no path between {begin:.9g} and {end:.9g} m along it.")
-    # The orientation is cut where the segments are.
+    # The orientation is cut at the same arc lengths as the segments.
     begin = max(begin, float(path.breaks[first]))
     end = min(end, float(path.breaks[last + 1]))
     i = np.arange(first, last + 1)
@@ -49,10 +54,13 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
 
 
 def join_paths(paths: Sequence[Path]) -> Path:
-    """One path of several, each of which starts where the one before ends.
+    """One path made of several, each of which starts where the one before it ends.
+
+    Args:
+        paths: The paths in order.
 
     Raises:
-        InvalidInput: A gap, no path, or orientations on some of them only.
+        InvalidInput: There is a gap or no path, or only some of the paths have an orientation.
     """
     if not paths:
         raise InvalidInput("There is no path to join.")
@@ -65,7 +73,7 @@ def join_paths(paths: Sequence[Path]) -> Path:
         raise InvalidInput("Paths to join must all have an orientation, or none.")
     ends = np.array([x.segments[-1:].ends[0] for x in paths[:-1]])
     gaps = np.linalg.norm(ends - [x.starts[0] for x in paths[1:]], axis=1)
-    # Where one gap is too wide, the check of all segments says which.
+    # If a gap is too wide, the check of all segments names it.
     fits = bool((gaps <= REPEATED_POINT).all())
     return Path(
         segments=Segments.join([x.segments for x in paths], checked=fits),
@@ -74,10 +82,10 @@ def join_paths(paths: Sequence[Path]) -> Path:
 
 
 def reverse_path(path: Path) -> Path:
-    """The same path run from its end to its start, with the tool held as it was at every place."""
+    """The path travelled from its end to its start, with the same tool orientation everywhere."""
     n = len(path)
-    every = np.arange(n)[::-1]
-    segments = path.segments.run(every, np.full(n, True))
+    order = np.arange(n)[::-1]
+    segments = path.segments.run(order, np.full(n, True))
     return Path(
         segments=segments.replace(checked=True),
         waypoints=n - path.waypoints[::-1],

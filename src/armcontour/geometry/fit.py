@@ -1,4 +1,4 @@
-"""Lines and tangent arcs fitted to a curve that is given by a formula."""
+"""Approximation of a parametric curve by lines and tangent arcs within a tolerance."""
 
 from __future__ import annotations
 
@@ -24,56 +24,56 @@ from armcontour.geometry.segments import (
 
 Curve = Callable[[FloatArray, int], FloatArray]
 
-# Places in an interval at which its arcs are compared with the curve, and how much of the tolerance
-# they may use there: between them it is a little more.
+# Fractions of an interval at which its arcs are compared with the curve.
 PLACES = np.linspace(0, 1, 17)
+# Part of the tolerance allowed at these points, as the distance between them is a little larger.
 SHARE = 0.9
-# A missed interval is cut into as many parts as its distance asks for, but no more at once.
+# Largest number of parts into which an interval out of tolerance is split at once.
 MOST_PARTS = 8
-# More intervals than this are a tolerance that does not fit the curve.
+# If more intervals than this are needed, the tolerance is refused as too small for the curve.
 MOST_INTERVALS = 500_000
-# A missed interval of this part of the tolerance is a corner: it has no arcs that are worth having.
+# An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
 CORNER = 1e-3
-# A derivative of this part of the largest is zero, and a limit has to be taken.
+# A derivative below this fraction of the largest is zero; the tangent is then a limit.
 STILL = 1e-10
-# Places for that limit, in parts of the interval, for a polynomial through four of them.
+# Fractions of the interval for that limit, by a polynomial through four points.
 NEAR_END = 2e-3 * 0.5 ** np.arange(4)
-# What rounding of points makes of a tangent: this, times their size over the interval's length.
+# Rounding errors of points turn a tangent by this times the points' size over the interval length.
 ROUGH = 64 * np.finfo(float).eps
-# Limits are one tangent if they differ by no more than this [rad].
+# Largest difference of two tangents, both computed as limits, that count as equal [rad].
 SAME_LIMIT = 1e-4
-# Between two places lies no more than this part of an interval: a curve that rushes there could do
-# anything unseen. It is more than a parametrization that starts from rest makes.
+# Largest fraction of an interval's length between two neighbouring sample points; beyond it the
+# curve could leave its arcs unseen. A parametrization that starts from rest stays below it.
 RUSH = 0.35
-# A chord within this part of its length of the curve is a line; so is one within the rounding of
-# the curve's points, if its direction is still known.
+# An interval is a line if the curve stays within this fraction of its chord, or within the rounding
+# errors of its points if these are small enough to tell the direction of the chord.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
-# Neighbours are on one line if their tangents [rad], and on one circle if their radii and the
-# directions to their centres, differ by no more than this part; both are rounding. What is made of
-# them must end where they did [m].
+# Rounding errors up to which neighbours lie on one line (difference of tangents [rad]) or on one
+# circle (relative difference of radii and of directions to the centre), and the largest distance
+# between the end of merged segments and the end of the last of them [m].
 SAME_LINE = 1e-12
 SAME_CIRCLE = 1e-10
 SAME_POINT = 1e-11
 
 
 def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
-    """Lines and tangent arcs along a curve, within a tolerance of it and on it at its breaks.
+    """Lines and tangent arcs along a curve, within a tolerance of the curve.
 
-    Every interval gets two arcs through its ends with its tangents; intervals are cut until these
-    are near enough. Straight parts become one line, and neighbours on one circle one arc. There is
-    a corner where the tangents at a break differ, and where the curve turns back on the spot;
-    elsewhere neighbours are tangent.
+    Every interval becomes a biarc with the curve's end points and tangents; intervals are split
+    until the biarcs are within the tolerance. Straight parts become one line, and neighbours on one
+    circle one arc. Corners remain where the tangents at a break differ, and where the curve turns
+    back on the spot; all other neighbours are tangent.
 
     Args:
-        curve: `curve(t, order)` gives points (order 0) or derivatives by t (order 1) for t of shape
-            (n,), (n, 2) or (n, 3) [m]. It is smooth between two breaks.
-        breaks: Increasing values of t, the first and last of which are its ends.
-        tolerance: Largest distance between the curve and the arcs [m], both ways.
+        curve: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t
+            (order 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks.
+        breaks: Increasing values of t; the curve runs from the first to the last.
+        tolerance: Largest distance of the arcs from the curve and of the curve from the arcs [m].
 
     Raises:
-        InvalidInput: Breaks that do not increase, a curve that is not finite or has no length, or a
-            tolerance below a nanometre or far too small for it.
+        InvalidInput: The breaks do not increase, the curve is not finite or has no length, or the
+            tolerance is below a nanometre or far too small for the curve.
     """
     at = _checks.numbers("breaks of a curve", breaks)
     if at.ndim != 1 or len(at) < 2 or (np.diff(at) <= 0).any():
@@ -87,10 +87,15 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
 
 
 def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
-    """Tangent arcs as `fit_arcs` makes them, with a vertex at every break of a smooth curve.
+    """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break.
+
+    Args:
+        curve: As in `fit_arcs`.
+        breaks: As in `fit_arcs`, (n,).
+        tolerance: As in `fit_arcs` [m].
 
     Returns:
-        The arcs, and which of their vertices the breaks are, (n,).
+        The arcs, and the index of the vertex at each break, (n,).
     """
     return _fit(curve, breaks, tolerance, through=True)
 
@@ -98,9 +103,17 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
 def _fit(
     curve: Curve, at: FloatArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments, and the vertices between which neighbours may be one: at breaks or the ends."""
+    """The segments, and the vertices that are never merged away.
+
+    Args:
+        curve: As in `fit_arcs`.
+        at: The breaks, (n,).
+        tolerance: As in `fit_arcs` [m].
+        through: Keep a vertex at every break, and use no lines; else only the end vertices stay.
+    """
     with np.errstate(all="ignore"):
-        intervals = _without_points(_split(curve, _whole(curve, at), tolerance, lines=not through))
+        intervals = _split(curve, _intervals_of(curve, at), tolerance, lines=not through)
+        intervals = _drop_points(intervals)
         arcs, row = _arcs(intervals)
         kept = row[np.searchsorted(intervals.begin, at[:-1] if through else at[:1])]
         merged, rows = _merge(arcs, kept)
@@ -109,7 +122,17 @@ def _fit(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Intervals:
-    """Intervals of a curve with points and tangents at their ends, and whether each is a line."""
+    """The n intervals of a curve.
+
+    Args:
+        begin: Parameter at the start of each interval, (n,).
+        end: Parameter at the end of each interval, (n,).
+        p0: Points at the starts [m], (n, dimension).
+        p1: Points at the ends [m], (n, dimension).
+        t0: Unit tangents at the starts, (n, dimension).
+        t1: Unit tangents at the ends, (n, dimension).
+        line: Whether each interval is a line, (n,).
+    """
 
     begin: FloatArray
     end: FloatArray
@@ -119,23 +142,23 @@ class _Intervals:
     t1: FloatArray
     line: BoolArray
 
-    def of(self, chosen: Any, **changed: Any) -> _Intervals:
-        """Some of them, with other values."""
+    def select(self, chosen: Any, **changed: Any) -> _Intervals:
+        """The chosen intervals, with some attributes changed."""
         kept = {name: getattr(self, name)[chosen] for name in self.__slots__}
         return _Intervals(**{**kept, **changed})
 
 
-def _whole(curve: Curve, at: FloatArray) -> _Intervals:
-    """The intervals between the breaks, and between where the curve turns back."""
-    at, turned = split_at_cusps(curve, at)
+def _intervals_of(curve: Curve, at: FloatArray) -> _Intervals:
+    """The intervals between the breaks and cusps of a curve."""
+    at, cusp = split_at_cusps(curve, at)
     points = np.array(curve(at, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
-    (t0, slack0), (t1, slack1) = _tangents(curve, at, points, turned)
+    (t0, slack0), (t1, slack1) = _tangents(curve, at, points, cusp)
     closed = length(points[-1] - points[0]) <= REPEATED_POINT
     if closed:
         points[-1] = points[0]
-    # What differs by rounding is one tangent.
+    # Tangents that differ by rounding errors become one tangent.
     last, first = (t1, np.roll(t0, -1, axis=0)) if closed else (t1[:-1], t0[1:])
     slack = np.maximum(slack1, np.roll(slack0, -1))[: len(last)]
     same = length(first - last) <= slack
@@ -155,9 +178,19 @@ def _whole(curve: Curve, at: FloatArray) -> _Intervals:
 
 
 def _tangents(
-    curve: Curve, at: FloatArray, points: FloatArray, turned: BoolArray
+    curve: Curve, at: FloatArray, points: FloatArray, cusp: BoolArray
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Tangents at starts and at ends of intervals, from within, and how sure they are [rad]."""
+    """One-sided unit tangents of intervals and their uncertainty, at the starts and at the ends.
+
+    Args:
+        curve: The curve.
+        at: Parameters of the ends of the intervals, (n + 1,).
+        points: Points there [m], (n + 1, dimension).
+        cusp: Mask of the parameters at which the derivative vanishes, (n + 1,).
+
+    Returns:
+        Two pairs of tangents, (n, dimension), and uncertainties [rad], (n,).
+    """
     begin, end = at[:-1], at[1:]
     span = end - begin
     places = begin[:, None] + span[:, None] * PLACES[1:-1]
@@ -165,33 +198,33 @@ def _tangents(
     size = np.abs(points).max()
     still = STILL * speed + ROUNDING * size / span
     found = []
-    for here, sign, turns in ((begin, 1.0, turned[:-1]), (end, -1.0, turned[1:])):
-        # The next number on that side: a derivative may jump at a break.
+    for here, sign, vanishes in ((begin, 1.0, cusp[:-1]), (end, -1.0, cusp[1:])):
+        # The derivative may jump at a break, so it is taken at the next number inside.
         derivative = curve(np.nextafter(here, here + sign * span), 1)
-        weak = (length(derivative) <= still) | turns
+        weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
         if weak.any():
             near = here[weak, None] + sign * span[weak, None] * NEAR_END
             nearby = unit(curve(near.ravel(), 1)).reshape(*near.shape, -1)
-            direction[weak] = unit(_at_zero(nearby))
+            direction[weak] = unit(_extrapolate_to_zero(nearby))
         slack = ROUGH * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
         found.append((direction, np.where(weak, SAME_LIMIT, slack)))
     return found
 
 
-def _at_zero(values: FloatArray) -> FloatArray:
-    """Values at NEAR_END, (n, 4, dimension), continued to zero."""
+def _extrapolate_to_zero(values: FloatArray) -> FloatArray:
+    """Values given at NEAR_END, (n, 4, dimension), extrapolated to 0 by a cubic polynomial."""
     x = NEAR_END
     weights = [np.prod([-b / (a - b) for b in x if b != a]) for a in x]
     return np.asarray(np.einsum("k,nkd->nd", np.array(weights), values))
 
 
 def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
-    """Intervals so short that each can be two arcs, or one line.
+    """Split intervals until each is within the tolerance as a biarc or as a line.
 
-    A line takes the direction of its chord, which on a short one need not be tangent to the last
-    digit; without lines, a straight interval is two arcs of no curvature.
+    A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
+    Without `lines`, a straight interval is a biarc of zero curvature.
     """
     done: list[_Intervals] = []
     count = 0
@@ -200,19 +233,19 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
         points = np.asarray(curve(places.ravel(), 0)).reshape(*places.shape, -1)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
-        missed = _distances_from_arcs(todo, points)
+        distances = _distances_from_arcs(todo, points)
         along = np.concatenate([todo.p0[:, None], points, todo.p1[:, None]], axis=1)
         extent = length(along - todo.p0[:, None]).max(axis=1)
         steps = length(np.diff(along, axis=1))
-        missed[steps.max(axis=1) > RUSH * steps.sum(axis=1)] = np.inf
+        distances[steps.max(axis=1) > RUSH * steps.sum(axis=1)] = np.inf
         corner = (extent <= REPEATED_POINT) | (
-            (extent <= CORNER * tolerance) & (missed > SHARE * tolerance)
+            (extent <= CORNER * tolerance) & (distances > SHARE * tolerance)
         )
-        line = (_straight(todo, points) & np.isfinite(missed) & lines) | corner
-        ready = line | (missed <= SHARE * tolerance)
-        done.append(todo.of(ready, line=line[ready]))
+        line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
+        ready = line | (distances <= SHARE * tolerance)
+        done.append(todo.select(ready, line=line[ready]))
         rest = ~ready
-        todo = _parts(curve, todo.of(rest), missed[rest] / (SHARE * tolerance))
+        todo = _divide(curve, todo.select(rest), distances[rest] / (SHARE * tolerance))
         count += int(ready.sum())
         if count + len(todo.begin) > MOST_INTERVALS:
             raise InvalidInput(
@@ -221,27 +254,30 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
             )
     names = _Intervals.__slots__
     whole = _Intervals(**{x: np.concatenate([getattr(part, x) for part in done]) for x in names})
-    return whole.of(np.argsort(whole.begin, kind="stable"))
+    return whole.select(np.argsort(whole.begin, kind="stable"))
 
 
 def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArray:
-    """Largest distance of the curve from its arcs; infinite where they are none worth having."""
+    """Largest distance of the sampled curve from the biarc of each interval [m], (n,).
+
+    The distance is infinite for a biarc with an arc of more than a quarter circle.
+    """
     x = intervals
     first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
-    apart = distance(points, first, second)
-    # Past their ends it is the ends that count.
+    distances = distance(points, first, second)
+    # Beyond the ends of the biarc, the nearest point is the end.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
         outside = np.sum(v * tangent[:, None], axis=2) < 0
-        apart = np.maximum(apart, np.where(outside, length(v), 0.0).max(axis=1))
-    # Of arcs up to a quarter, each has its own part of the plane between the planes at its ends.
+        distances = np.maximum(distances, np.where(outside, length(v), 0.0).max(axis=1))
+    # Arcs of at most a quarter circle do not overlap between the planes at their ends.
     quarter = np.pi / 2 * (1 + 1e-9)
     bent = np.maximum(first.curvatures * first.lengths, second.curvatures * second.lengths)
-    return np.where(bent <= quarter, apart, np.inf)
+    return np.where(bent <= quarter, distances, np.inf)
 
 
-def _straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
-    """Whether the curve is its chord, run through in one direction."""
+def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
+    """Whether the curve runs straight along its chord without turning back, (n,)."""
     chord = intervals.p1 - intervals.p0
     size = length(chord)
     along = unit(chord)
@@ -254,13 +290,21 @@ def _straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
     return np.asarray((across <= allowed) & onward.all(axis=1))
 
 
-def _parts(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Intervals:
-    """Missed intervals in equal parts; the distance goes with the cube of their length."""
+def _divide(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Intervals:
+    """Divide intervals into equal parts, as many as their distances need.
+
+    The distance between curve and biarc falls with the cube of the interval's length.
+
+    Args:
+        curve: The curve.
+        intervals: Intervals out of tolerance, n of them.
+        excess: Their distances over the allowed distance, (n,).
+    """
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
     i = np.repeat(np.arange(len(parts)), parts)
     k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
-    old = intervals.of(i)
+    old = intervals.select(i)
     first, last = k == 0, k == parts[i] - 1
     span = (old.end - old.begin) / parts[i]
     begin = old.begin + k * span
@@ -276,22 +320,22 @@ def _parts(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Interval
     return _Intervals(begin=begin, end=end, p0=p0, p1=p1, t0=t0, t1=t1, line=old.line)
 
 
-def _without_points(intervals: _Intervals) -> _Intervals:
-    """Intervals without the lines that are points; what is left still meets."""
+def _drop_points(intervals: _Intervals) -> _Intervals:
+    """Intervals without lines shorter than a repeated point; the remaining intervals still meet."""
     x = intervals
     p0, kept = close_up(x.p0, x.p1, ~x.line, REPEATED_POINT)
     if kept.all():
         return x
     if not kept.any():
         raise InvalidInput(f"A curve has no length at {tuple(x.p0[0].tolist())} m.")
-    left = x.of(kept, p0=p0[kept])
+    left = x.select(kept, p0=p0[kept])
     if length(x.p1[-1] - x.p0[0]) <= REPEATED_POINT:
         left.p1[-1] = left.p0[0]
     return left
 
 
 def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
-    """Lines and arcs of the intervals, and the first of each interval, (n,)."""
+    """Lines and arcs of the intervals, and the row of the first segment of each interval, (n,)."""
     x = intervals
     first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
     chord, line = x.p1 - x.p0, x.line[:, None]
@@ -308,11 +352,14 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
 
 
 def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
-    """Lines and arcs with neighbours on one line or circle in one, and of which rows they are.
+    """Merge neighbours that lie on one line or one circle.
 
     Args:
         arcs: The lines and arcs.
-        kept: Those that no arc before them takes in.
+        kept: Rows that are not merged into the segment before them.
+
+    Returns:
+        The merged lines and arcs, and the row in `arcs` at which each starts.
     """
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
@@ -323,8 +370,8 @@ def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
     )
     same[kept[1:] - 1] = False
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
-    # No arc is more than its circle: a longer run is cut at three quarters of it, as what it is
-    # made of are arcs of up to a quarter.
+    # No arc may be more than a full circle. A longer run is cut at three quarters of a circle,
+    # as the arcs of the run are quarters at most.
     run = np.cumsum(np.concatenate([[False], ~same]))
     whole = np.add.reduceat(turn, first)[run]
     before = np.cumsum(turn) - turn
@@ -336,7 +383,7 @@ def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
     joined = arcs[first].replace(curvatures=bend, lengths=size)
     ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
     off = length(joined.ends - ends) > SAME_POINT
-    # A run whose arc would end elsewhere stays as it is.
+    # A run is not merged if the end of its arc would move.
     run = np.cumsum(np.concatenate([[False], ~same]))
     rows = np.union1d(first, np.flatnonzero(off[run]))
     if len(rows) == len(u):

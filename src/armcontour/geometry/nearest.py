@@ -1,7 +1,8 @@
-"""Nearest points of a path: a tree of boxes, or a grid of cells for tangled paths in the plane.
+"""Nearest points of a path, by a tree of boxes or, for tangled plane paths, a grid of cells.
 
-One index does not serve both. Of 10,000 segments and 100,000 random points (benchmarks/projection),
-the tree takes 0.09 s on a spiral and 0.27 s on chords across a square, the grid 12 s and 0.09 s.
+Neither index serves both kinds of paths: for 10,000 segments and 100,000 random points
+(benchmarks/projection) the tree takes 0.09 s on a spiral and 0.27 s on chords across a square, the
+grid 12 s and 0.09 s.
 """
 
 from __future__ import annotations
@@ -17,24 +18,23 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
 
-# Long segments are cut for their boxes' sake, until a place lies in about this many boxes ...
+# Long segments are split into pieces with smaller boxes, until a point lies in about this many
+# boxes, but into at most this many pieces per segment on average.
 OVERLAP = 8
-# ... but the pieces number at most this many times the segments.
 PIECES_PER_SEGMENT = 32
-# Leaves of the tree hold this many pieces; with fewer the tree costs, with more the pieces.
+# Pieces in a leaf of the tree: with fewer, searching nodes dominates; with more, searching pieces.
 LEAF_SIZE = 4
-# About this many segments come through a cell of the grid ...
+# About this many segments run through a cell of the grid, which has at most this many cells.
 THROUGH_A_CELL = 16
-# ... and the cells number at most this many.
 MOST_CELLS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Nearest points of a path.
+    """Nearest points of a path to n query points.
 
     Args:
-        distance: Distance from each query to the path [m], (n,).
+        distance: Distance from each query point to the path [m], (n,).
         s: Arc length of the nearest point [m], (n,).
     """
 
@@ -43,13 +43,17 @@ class Projection:
 
 
 def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
-    """The nearest point of a path for each of `points`, (n, dimension) [m].
+    """The nearest point of a path for each of `points`, exact on lines and arcs.
 
-    Exact on lines and arcs. An index is built at the first call for a table of segments and kept
-    for as long as the table; a query then costs about the logarithm of the number of segments.
+    An index is built at the first call for a table of segments and kept as long as the table. A
+    query then takes time about proportional to the logarithm of the number of segments.
+
+    Args:
+        segments: Segments of the path.
+        points: Query points [m], (n, dimension).
 
     Raises:
-        InvalidInput: Points of another dimension, or not finite.
+        InvalidInput: The points have another dimension than the path, or are not finite.
     """
     queries = _checks.points("points to project", points)
     if queries.shape[1] != segments.dimension:
@@ -60,7 +64,7 @@ def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
     index = _indices.get(segments)
     if index is None:
         index = _indices[segments] = _build_index(segments)
-    # Neighbours in turn: each then starts from a good guess, and in warm memory.
+    # Queries are searched in spatial order: each starts from a good guess and finds memory cached.
     order = _sort_along_a_curve(queries)
     found = index.search(pad(queries[order]))
     distance, s = np.empty(len(queries)), np.empty(len(queries))
@@ -69,7 +73,10 @@ def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
 
 
 def pack(segments: Segments) -> FloatArray:
-    """Per segment, padded to space: start, tangent, normal, curvature, length, place; (n, 12)."""
+    """Segments as an array for compiled functions, padded to space, (n, 12).
+
+    Columns: start (3), tangent (3), normal (3), curvature, length, arc length at the start.
+    """
     vectors = [pad(x) for x in (segments.starts, segments.tangents, segments.normals)]
     return np.column_stack(
         [*vectors, segments.curvatures, segments.lengths, segments.breaks[:-1]],
@@ -77,7 +84,7 @@ def pack(segments: Segments) -> FloatArray:
 
 
 def pad(points: FloatArray) -> FloatArray:
-    """Points of the plane or of space as points of space, (n, 3)."""
+    """Points of the plane or of space as points of space with z = 0 if missing, (n, 3)."""
     padded = np.zeros((len(points), 3))
     padded[:, : points.shape[1]] = points
     return padded
@@ -88,9 +95,9 @@ class _Tree:
     """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve.
 
     Args:
-        geometry: Segments as `pack` makes them.
-        pieces: Segment of each piece, in tree order.
-        boxes: Lower and upper corner of every node's box in heap order, (2 m - 1, 6) for m leaves.
+        geometry: Segments from `pack`, (n, 12).
+        pieces: Index of the segment of each piece, in tree order, (pieces,).
+        boxes: Lower and upper corners of the nodes' boxes in heap order, (2 m - 1, 6) for m leaves.
     """
 
     geometry: FloatArray
@@ -99,11 +106,11 @@ class _Tree:
 
     @classmethod
     def build(cls, segments: Segments) -> _Tree:
-        """The tree of a path: O(n log n)."""
-        segment, low, high = _pieces(segments)
+        """The tree of a path, in O(n log n)."""
+        segment, low, high = _divide(segments)
         order = _sort_along_a_curve((low + high) / 2, digits=4)
         leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
-        # Every leaf gets pieces: the k-th holds order[k n / leaves : (k + 1) n / leaves].
+        # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves], so that none is empty.
         first = (np.arange(leaves + 1) * len(order)) // leaves
         levels_low = [np.minimum.reduceat(low[order], first[:-1], axis=0)]
         levels_high = [np.maximum.reduceat(high[order], first[:-1], axis=0)]
@@ -125,15 +132,15 @@ class _Tree:
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """A grid of cells over a plane path, each with the segments that come through it.
+    """A grid of cells over a plane path, each with a list of the segments that run through it.
 
     Args:
-        geometry: Segments as `pack` makes them.
-        low: Lower corner of the grid, (2,).
-        size: Edge of a cell [m].
-        columns, rows: Cells along x and y.
-        first: Where every cell's list starts in `entries`, (cells + 1,).
-        entries: Segments, cell by cell.
+        geometry: Segments from `pack`, (n, 12).
+        low: Lower corner of the grid [m], (2,).
+        size: Edge length of a cell [m].
+        columns, rows: Numbers of cells along x and y.
+        first: Index in `entries` at which the list of each cell starts, (cells + 1,).
+        entries: Indices of segments, cell by cell.
     """
 
     geometry: FloatArray
@@ -149,14 +156,14 @@ class _Grid:
         """The grid of a path in the plane."""
         from armcontour.geometry._nearest import fill_cells
 
-        reach = np.where(segments.curvatures > 0, 2 / np.maximum(segments.curvatures, 1e-300), 0)
-        reach = np.minimum(reach, segments.lengths)[:, None]
+        diameter = np.where(segments.curvatures > 0, 2 / np.maximum(segments.curvatures, 1e-300), 0)
+        diameter = np.minimum(diameter, segments.lengths)[:, None]
         last = segments[-1:].ends
-        low = np.min(np.concatenate([segments.starts - reach, last]), axis=0)
-        high = np.max(np.concatenate([segments.starts + reach, last]), axis=0)
+        low = np.min(np.concatenate([segments.starts - diameter, last]), axis=0)
+        high = np.max(np.concatenate([segments.starts + diameter, last]), axis=0)
         extent = np.maximum(high - low, 1e-3 * (high - low).max())
         area, length = float(extent.prod()), float(segments.lengths.sum())
-        # A line of length l comes through about 4 l / (pi size) cells.
+        # A line of length l runs through about 4 l / (pi size) cells.
         size = max(THROUGH_A_CELL * np.pi * area / (4 * length), np.sqrt(area / MOST_CELLS))
         columns, rows = (int(np.ceil(x / size)) + 1 for x in extent)
         geometry = pack(segments)
@@ -175,26 +182,30 @@ _indices: WeakKeyDictionary[Segments, _Tree | _Grid] = WeakKeyDictionary()
 
 
 def _build_index(segments: Segments) -> _Tree | _Grid:
-    """A grid for a path so tangled that a tree would need too many pieces, else a tree."""
-    tangled = _pieces_wanted(segments) > PIECES_PER_SEGMENT * len(segments)
+    """A tree; or a grid, for a plane path so tangled that a tree would need too many pieces."""
+    tangled = _target_pieces(segments) > PIECES_PER_SEGMENT * len(segments)
     return (_Grid if tangled and segments.dimension == 2 else _Tree).build(segments)
 
 
-def _pieces_wanted(segments: Segments) -> float:
-    """Pieces of a path after which a place lies in `OVERLAP` of their boxes.
+def _target_pieces(segments: Segments) -> float:
+    """Number of pieces of a path with which a point lies in about `OVERLAP` of their boxes.
 
-    A box over a piece of length l has an area of about l² / pi, so N pieces of a path of length L
-    overlap any place of an area A about L² / (pi A N) times.
+    The box of a piece of length l has an area of about l² / pi, so that of N pieces of a path of
+    length L in an area A, about L² / (pi A N) boxes contain a point.
     """
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
     area = max(extent[0], 1e-3 * extent[1]) * extent[1]
     return float(segments.lengths.sum() ** 2 / (np.pi * max(area, 1e-300) * OVERLAP))
 
 
-def _pieces(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Segment and box of every piece; a piece of an arc turns by a quarter circle at most."""
+def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Divide segments into pieces, of at most a quarter circle each.
+
+    Returns:
+        Index of the segment of every piece, and lower and upper corner of its box, (pieces, 3).
+    """
     n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
-    target = lengths.sum() / np.clip(_pieces_wanted(segments), n, PIECES_PER_SEGMENT * n)
+    target = lengths.sum() / np.clip(_target_pieces(segments), n, PIECES_PER_SEGMENT * n)
     by_length = np.ceil(lengths / target)
     by_turn = np.ceil(lengths * curvatures / (np.pi / 2))
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
@@ -202,7 +213,7 @@ def _pieces(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     step = lengths[segment] / count[segment]
     start, end = (segments.at(segment, k * step) for k in (number, number + 1))
-    # The arc bulges from its chord by at most the sagitta (1 - cos(turn / 2)) / curvature.
+    # An arc leaves its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.
     sagitta = step * np.tan(curvatures[segment] * step / 4) / 2
     rounding = 1e-15 * (np.abs(start) + np.abs(end)).max(axis=1)
     margin = (sagitta + rounding)[:, None]
@@ -210,25 +221,26 @@ def _pieces(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
 
 
 def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:
-    """Order of points along a Morton curve, so that neighbours in order are neighbours in space.
+    """Indices that sort points along a Morton curve, so that points next in order are near.
 
     Args:
-        points: (n, 2) or (n, 3).
-        digits: How fine the cells of the curve are: 8 bits an axis each in the plane, 5 in space.
+        points: The points, (n, 2) or (n, 3).
+        digits: Fineness of the curve's cells: each digit is 8 bits per axis in the plane, 5 in
+            space.
     """
     axes = points.shape[1]
     bits = 16 // axes
     low = points.min(axis=0)
     span = float((points.max(axis=0) - low).max()) or 1.0
     cells = ((points - low) * ((2 ** (bits * digits) - 1) / span)).astype(np.uint32)
-    every = np.arange(2**bits)
-    apart = np.zeros(2**bits, dtype=np.uint16)
+    values = np.arange(2**bits)
+    spread = np.zeros(2**bits, dtype=np.uint16)
     for bit in range(bits):
-        apart |= ((every >> bit & 1) << (bit * axes)).astype(np.uint16)
+        spread |= ((values >> bit & 1) << (bit * axes)).astype(np.uint16)
     keys = []
     for digit in range(digits):
         code = np.zeros(len(points), dtype=np.uint16)
         for axis in range(axes):
-            code |= apart[cells[:, axis] >> (bits * digit) & (2**bits - 1)] << np.uint16(axis)
+            code |= spread[cells[:, axis] >> (bits * digit) & (2**bits - 1)] << np.uint16(axis)
         keys.append(code)
     return np.lexsort(keys)

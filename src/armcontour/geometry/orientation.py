@@ -1,4 +1,4 @@
-"""Tool orientation over arc length, with exact derivatives."""
+"""Tool orientation as a function of arc length, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -14,40 +14,41 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp
 
-# Orientations closer than this are one orientation [rad].
+# Orientations that differ by less than this count as equal [rad].
 SAME_ORIENTATION = 1e-9
-# Rates of turning closer than this part of their size are one rate; so are rates below the floor
-# [rad/m], at which a metre of path turns the tool by no more than one orientation's play.
+# Angular rates that differ by less than this relative difference, or less than the floor [rad/m],
+# count as equal: over a metre of path the floor turns the tool by SAME_ORIENTATION only.
 SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
-# Of an arc length, in parts of it.
+# Relative rounding error of an arc length.
 ROUNDING = 1e-15
+# Coefficients of f(u) = u.
 LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orientation:
-    """Rotations along a path, piece by piece.
+    """Tool orientation along a path, in n pieces.
 
     On piece i, at distance u after its start, the tool's axes are the columns of
-    `exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`; f and g are cubic polynomials. A piece that
-    turns evenly has f(u) = u and g = 0.
+    `exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`; f and g are cubic polynomials. A piece of
+    constant angular rate has f(u) = u and g = 0.
 
     Args:
-        breaks: Arc lengths of the pieces' ends, from 0 [m], (n + 1,).
+        breaks: Arc lengths of the ends of the pieces, from 0 [m], (n + 1,).
         starts: Rotation matrices at the starts of the pieces, (n, 3, 3).
         first: Rotation vectors per unit of f [rad/m], (n, 3).
         second: Rotation vectors per unit of g [rad/m], (n, 3).
-        f: Coefficients of 1, u, u², u³, (n, 4).
-        g: Coefficients of 1, u, u², u³, (n, 4).
-        axis_only: Only the tool axis, the third column, counts: turning about it is free.
+        f: Coefficients of 1, u, u², u³ in f, (n, 4).
+        g: Coefficients of 1, u, u², u³ in g, (n, 4).
+        axis_only: Only the tool axis, the third column, is prescribed; rotation about it is free.
         follows: The orientation follows the tangent of its path.
 
     Attributes:
         fixed: The tool does not turn on any piece.
 
     Raises:
-        InvalidInput: Arrays that do not fit.
+        InvalidInput: The arrays have wrong shapes, are not finite, or breaks do not increase.
     """
 
     breaks: FloatArray
@@ -88,14 +89,14 @@ class Orientation:
         axis_only: bool = False,
         follows: bool = False,
     ) -> Orientation:
-        """Pieces that turn evenly.
+        """An orientation with a constant angular rate on each piece.
 
         Args:
-            lengths: Of the pieces [m], (n,).
-            starts: Rotations at their starts, (n, 3, 3).
-            rates: Rotation vectors per length [rad/m], (n, 3).
-            axis_only: Turning about the tool axis is free.
-            follows: It follows the tangent.
+            lengths: Lengths of the pieces [m], (n,).
+            starts: Rotation matrices at the starts of the pieces, (n, 3, 3).
+            rates: Angular rates of the pieces [rad/m], (n, 3).
+            axis_only: Rotation about the tool axis is free.
+            follows: The orientation follows the tangent of its path.
         """
         n = len(lengths)
         return cls(
@@ -111,11 +112,11 @@ class Orientation:
 
     @classmethod
     def join(cls, parts: Sequence[Orientation], lengths: Sequence[float]) -> Orientation:
-        """One orientation of several in order.
+        """One orientation made of the orientations of consecutive paths.
 
         Args:
-            parts: The orientations, each along a path of its own.
-            lengths: Lengths of these paths [m].
+            parts: The orientations in order.
+            lengths: Lengths of their paths [m].
         """
         offsets = np.concatenate([[0.0], np.cumsum(lengths)])
         breaks = [x.breaks[:-1] + offset for x, offset in zip(parts, offsets, strict=False)]
@@ -140,7 +141,7 @@ class Orientation:
         return self.on_piece(i, at - self.breaks[i])
 
     def rates(self, s: npt.ArrayLike, *, side: str = "right") -> tuple[FloatArray, FloatArray]:
-        """How the tool turns: rate [rad/m] and its derivative [rad/m²], `s.shape + (3,)` each.
+        """Angular rate [rad/m] and its derivative [rad/m²] along s, `s.shape + (3,)` each.
 
         Args:
             s: Arc lengths [m], any shape.
@@ -169,12 +170,12 @@ class Orientation:
         """
         if self.fixed:
             return np.array(self.starts[i])
-        turn = exp(_value(self.f[i], u)[..., None] * self.first[i])
-        back = exp(_value(self.g[i], u)[..., None] * self.second[i])
-        return np.asarray(back @ turn @ self.starts[i])
+        first = exp(_value(self.f[i], u)[..., None] * self.first[i])
+        second = exp(_value(self.g[i], u)[..., None] * self.second[i])
+        return np.asarray(second @ first @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rate of turning and its derivative at distance `u` after the start of piece `i`.
+        """Angular rate [rad/m] and its derivative at distance `u` after the start of piece `i`.
 
         Args:
             i: Indices of pieces, (n,).
@@ -185,7 +186,7 @@ class Orientation:
         g, dg, ddg = (_value(self.g[i], u, order)[..., None] for order in range(3))
         df, ddf = (_value(self.f[i], u, order)[..., None] for order in (1, 2))
         second = self.second[i]
-        # The first rotation's axis is carried round by the second rotation.
+        # The second rotation turns the axis of the first one.
         first = np.einsum("...ij,...j->...i", exp(g * second), self.first[i])
         rate = dg * second + df * first
         change = ddg * second + ddf * first + df * dg * np.cross(second, first)
@@ -204,26 +205,26 @@ class Orientation:
 
     @property
     def kinks(self) -> FloatArray:
-        """Amount by which the rate jumps at every inner break [rad/m], 0 for rounding, (n - 1,)."""
+        """Jumps of the angular rate at inner breaks [rad/m], 0 for rounding errors, (n - 1,)."""
         if self.fixed:
             return np.zeros(len(self) - 1)
         i = np.arange(len(self) - 1)
-        before, ending = self.rates_on_piece(i, np.diff(self.breaks)[:-1])
-        after, beginning = self.rates_on_piece(i + 1, np.zeros(len(i)))
+        before, slope_before = self.rates_on_piece(i, np.diff(self.breaks)[:-1])
+        after, slope_after = self.rates_on_piece(i + 1, np.zeros(len(i)))
         step = after - before
         if self.axis_only:
             axis = self.on_piece(i + 1, np.zeros(len(i)))[:, :, 2]
             step = step - np.sum(step * axis, axis=1, keepdims=True) * axis
         kink = np.linalg.norm(step, axis=1)
         size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-        # On a tight corner a rate changes by much within the last digit of an arc length.
-        change = np.linalg.norm(ending, axis=1) + np.linalg.norm(beginning, axis=1)
-        play = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * change
-        return np.asarray(np.where(kink > play, kink, 0.0))
+        # At a tight corner the rate changes much within the rounding error of an arc length.
+        slope = np.linalg.norm(slope_before, axis=1) + np.linalg.norm(slope_after, axis=1)
+        rounding = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * slope
+        return np.asarray(np.where(kink > rounding, kink, 0.0))
 
     @property
     def stops(self) -> FloatArray:
-        """Arc lengths at which the rate jumps, (k,): no motion passes them moving."""
+        """Arc lengths [m] at which orientation or angular rate jumps: the tool stops, (k,)."""
         return self.breaks[1:-1][(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)]
 
     def cut(self, begin: float, length: float, shortest: float) -> Orientation:
@@ -239,7 +240,7 @@ class Orientation:
         rows = {x: getattr(self, x)[i].copy() for x in ("starts", "first", "second", "f", "g")}
         before = max(-float(breaks[i[0]]), 0.0)
         if before > 0:
-            # A piece starts with its own rotation; what g has turned so far carries the axis of f.
+            # The piece gets a new start rotation; the second rotation up to there turns `first`.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
                 c[0] = _shift_cubic(c[0], before)
@@ -250,14 +251,14 @@ class Orientation:
         return dataclasses.replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
-        """From its end to its start; each piece starts with the rotation that it ends with."""
+        """The orientation along the reversed path; each piece starts with its former end."""
         lengths = np.diff(self.breaks)
         at_end = [
             np.array([_shift_cubic(c, u) for c, u in zip(x, lengths, strict=True)])
             for x in (self.f, self.g)
         ]
         back = exp(at_end[1][:, :1] * self.second)
-        # f(end) - f(end - u), about the axis turned round.
+        # The reversed f is f(end) - f(end - u), about the reversed axis.
         f, g = (-x * [0, -1, 1, -1] for x in at_end)
         return dataclasses.replace(
             self,
@@ -270,11 +271,11 @@ class Orientation:
         )
 
     def place(self, rotation: FloatArray, scale: float) -> Orientation:
-        """The orientation along a path that is scaled and then turned.
+        """The orientation along the path after it is scaled and rotated.
 
         Args:
             rotation: Rotation matrix, (3, 3).
-            scale: Factor of lengths.
+            scale: Factor of all lengths.
         """
         return dataclasses.replace(
             self,
@@ -288,7 +289,7 @@ class Orientation:
 
 
 def _shift_cubic(c: FloatArray, by: float) -> FloatArray:
-    """Coefficients of the cubic polynomial with `u + by` in the place of u."""
+    """Coefficients of the cubic polynomial c(u + by), from those of c(u)."""
     a0, a1, a2, a3 = c
     return np.array(
         [
@@ -301,7 +302,7 @@ def _shift_cubic(c: FloatArray, by: float) -> FloatArray:
 
 
 def _value(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """A cubic polynomial or its derivative; coefficients (..., 4)."""
+    """Value (order 0) or derivative (order 1 or 2) of cubic polynomials, coefficients (..., 4)."""
     if order == 0:
         return np.asarray(c[..., 0] + u * (c[..., 1] + u * (c[..., 2] + u * c[..., 3])))
     if order == 1:

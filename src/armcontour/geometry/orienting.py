@@ -1,4 +1,4 @@
-"""Ways to say how the tool is held along a path, before its corners are rounded."""
+"""Constructors of the tool orientation along a path whose corners are not rounded yet."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from armcontour.frames import exp, log, rotations, shortest
 from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
 from armcontour.geometry.segments import Segments
 
-# Orientations that differ by half a turn have no shortest rotation between them [rad].
+# Between orientations that differ by more than this there is no shortest rotation [rad].
 HALF_TURN = np.pi - 1e-6
-# Rotations closer than this differ by rounding [rad].
+# Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
-# The tool's x axis along the path and its z axis, the tool axis, against `up`.
+# Tool in the frame of the path: its x axis along the path, its z axis (the tool axis) against `up`.
 POINTING_DOWN = _checks.lock_floats(np.diag([1.0, -1.0, -1.0]))
 
 
@@ -30,40 +30,40 @@ def orient(
     *,
     axis_only: bool,
 ) -> Orientation:
-    """One rotation for the whole path, or one per waypoint with the shortest rotation between.
+    """A constant orientation, or one per waypoint with the shortest rotations between them.
 
     Args:
-        segments: The path's segments.
-        waypoints: Vertices at which the points that the path was given lie.
-        merged: Indices of given points that repeat the one before.
-        values: Anything that `rotations` takes; one, or one per point that the path was given.
-        axis_only: Turning about the tool axis is free.
+        segments: Segments of the path.
+        waypoints: Indices of the vertices at which the input points of the path lie.
+        merged: Indices of the input points that repeat the point before them.
+        values: Rotations as `rotations` takes them: one, or one per input point.
+        axis_only: Rotation about the tool axis is free.
 
     Raises:
-        InvalidInput: No rotations, a wrong number of them, two orientations at one point, or
-            neighbours that differ by half a turn.
+        InvalidInput: The values are not rotations, their number is wrong, a repeated point has two
+            orientations, or neighbours differ by half a turn.
     """
     given = rotations("tool orientation", values)
     if given.ndim == 2:
         return _constant(segments, given, axis_only)
     at, names = _per_waypoint("tool orientation", given, waypoints, merged)
-    turn = _between(log(at[1:] @ np.swapaxes(at[:-1], 1, 2)), names)
-    return _turning(segments, waypoints, at[:-1], turn, axis_only)
+    turn = _check_turns(log(at[1:] @ np.swapaxes(at[:-1], 1, 2)), names)
+    return _turn_evenly(segments, waypoints, at[:-1], turn, axis_only)
 
 
 def point(
     segments: Segments, waypoints: IntArray, merged: tuple[int, ...], values: npt.ArrayLike
 ) -> Orientation:
-    """A direction of the tool axis for the whole path, or one per waypoint; turning about it free.
+    """A constant direction of the tool axis, or one per waypoint; rotation about it is free.
 
     Args:
         segments: As in `orient`.
         waypoints: As in `orient`.
         merged: As in `orient`.
-        values: (3,), or one per point that the path was given.
+        values: Directions of the tool axis: one, (3,), or one per input point, (n, 3).
 
     Raises:
-        InvalidInput: As in `orient`, or a direction of no length.
+        InvalidInput: As in `orient`, or a direction has no length.
     """
     given = _checks.numbers("direction of the tool axis", values)
     if given.shape[-1:] != (3,) or given.ndim > 2:
@@ -76,55 +76,47 @@ def point(
     if unit.ndim == 1:
         return _constant(segments, start, axis_only=True)
     axes, names = _per_waypoint("direction of the tool axis", unit, waypoints, merged)
-    turn = _between(shortest(axes[:-1], axes[1:]), names)
+    turn = _check_turns(shortest(axes[:-1], axes[1:]), names)
     starts = np.empty((len(turn), 3, 3))
     steps = exp(turn)
     for i in range(len(turn)):
         starts[i] = start
         start = steps[i] @ start
-    return _turning(segments, waypoints, starts, turn, axis_only=True)
+    return _turn_evenly(segments, waypoints, starts, turn, axis_only=True)
 
 
 def follow(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
-    """An orientation that keeps its angle to the tangent of a path.
+    """An orientation that stays at a fixed angle to the tangent of a path.
 
-    It is carried along without turning about the tangent: on a line it stays as it is, on an arc it
-    turns with it, at a corner it jumps by the turn until the corner is rounded.
+    The tool never turns about the tangent: its orientation is constant on a line, turns with the
+    tangent on an arc, and jumps by the turn at a corner until the corner is rounded.
 
     Args:
-        segments: Those of a path in space.
-        up: Direction that, made perpendicular to the first tangent, is z of the path's frame; its x
-            is the tangent.
-        tool: The tool in the path's frame, one of what `rotations` takes; by default its z axis
-            points against `up` and its x axis along the path.
-        axis_only: Turning about the tool axis is free.
+        segments: Segments of a path in space.
+        up: Direction that, made perpendicular to the first tangent, is z of the path's frame, whose
+            x is the tangent, (3,).
+        tool: Rotation of the tool in the path's frame, as `rotations` takes it; by default its z
+            axis points against `up` and its x axis along the path.
+        axis_only: Rotation about the tool axis is free.
 
     Raises:
-        InvalidInput: `up` along the first tangent, or a corner of 180°, at which the frame can turn
-            either way.
+        InvalidInput: `up` lies along the first tangent, or the path turns back by 180°, where the
+            frame could turn to either side.
     """
     in_path = POINTING_DOWN if tool is None else rotations("tool in the path's frame", tool)
     if in_path.shape != (3, 3):
-        raise InvalidInput("The tool is held in one way along the whole path: give one rotation.")
-    upward = _checks.numbers("up", up)
-    if upward.shape != (3,):
-        raise InvalidInput("The direction up is 3 numbers.")
-    x = segments.tangents[0]
-    z = upward - (upward @ x) * x
-    if np.linalg.norm(z) < 1e-6 * np.linalg.norm(upward) or not np.linalg.norm(upward) > 0:
         raise InvalidInput(
-            "up lies along the first tangent of the path: give a direction across it."
+            "A tool that follows the tangent has one rotation for the whole path: give one."
         )
-    z = z / np.linalg.norm(z)
-    frame = np.stack([x, np.cross(z, x), z], axis=1) @ in_path
+    frame = _first_frame(segments.tangents[0], up) @ in_path
     n = len(segments)
     rates = tangent_rates(segments)
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
-    about = np.linalg.norm(corners, axis=1)
-    if (about > HALF_TURN).any():
-        first = int(np.argmax(about > HALF_TURN))
+    turn = np.linalg.norm(corners, axis=1)
+    if (turn > HALF_TURN).any():
+        first = int(np.argmax(turn > HALF_TURN))
         raise InvalidInput(
             f"At the vertex after segment {first + 1} the path turns back by 180°, where a tool "
             "that follows the tangent could turn either way: leave the tool's orientation fixed "
@@ -133,50 +125,78 @@ def follow(
             point=segments.starts[first + 1].tolist(),
         )
     starts = np.empty((n, 3, 3))
-    along, around = exp(rates * segments.lengths[:, None]), exp(corners)
+    segment_turns, corner_turns = exp(rates * segments.lengths[:, None]), exp(corners)
     for k in range(n):
         starts[k] = frame
         if k + 1 < n:
-            frame = around[k] @ along[k] @ frame
+            frame = corner_turns[k] @ segment_turns[k] @ frame
     return Orientation.even(segments.lengths, starts, rates, axis_only=axis_only, follows=True)
 
 
+def _first_frame(tangent: FloatArray, up: npt.ArrayLike) -> FloatArray:
+    """The path's frame at its start, (3, 3): x is the tangent, z is near `up`.
+
+    Raises:
+        InvalidInput: `up` is not a vector, or lies along the tangent.
+    """
+    upward = _checks.numbers("up", up)
+    if upward.shape != (3,):
+        raise InvalidInput("The direction up is 3 numbers.")
+    z = upward - (upward @ tangent) * tangent
+    if np.linalg.norm(z) < 1e-6 * np.linalg.norm(upward) or not np.linalg.norm(upward) > 0:
+        raise InvalidInput(
+            "up lies along the first tangent of the path: give a direction across it."
+        )
+    z = z / np.linalg.norm(z)
+    return np.stack([tangent, np.cross(z, tangent), z], axis=1)
+
+
 def tangent_rates(segments: Segments) -> FloatArray:
-    """Rotation vectors per length by which the tangents of segments turn [rad/m], (n, 3)."""
+    """Angular rates of the tangents of segments [rad/m], (n, 3)."""
     return np.asarray(segments.curvatures[:, None] * np.cross(segments.tangents, segments.normals))
 
 
 def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orientation:
-    """One rotation all along."""
+    """The same rotation along the whole path."""
     n = len(segments)
     starts = np.tile(rotation, (n, 1, 1))
     return Orientation.even(segments.lengths, starts, np.zeros((n, 3)), axis_only=axis_only)
 
 
-def _turning(
+def _turn_evenly(
     segments: Segments, waypoints: IntArray, starts: FloatArray, turn: FloatArray, axis_only: bool
 ) -> Orientation:
-    """Turning that is even over arc length from waypoint to waypoint.
+    """An orientation with a constant angular rate from waypoint to waypoint.
 
     Args:
-        segments: The path's segments.
-        waypoints: Vertices between which the tool turns evenly, (k + 1,).
-        starts: Rotations at all waypoints but the last, (k, 3, 3).
-        turn: How the tool turns from each to the next [rad], (k, 3).
-        axis_only: Turning about the tool axis is free.
+        segments: Segments of the path.
+        waypoints: Indices of the vertices that are waypoints, (k + 1,).
+        starts: Rotation matrices at all waypoints but the last, (k, 3, 3).
+        turn: Rotation vectors from each waypoint to the next [rad], (k, 3).
+        axis_only: Rotation about the tool axis is free.
     """
     first, breaks = waypoints[:-1], segments.breaks
-    of = np.repeat(np.arange(len(turn)), np.diff(waypoints))
-    rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[of]
-    after = breaks[:-1] - breaks[first[of]]
-    rotations_there = exp(after[:, None] * rates) @ starts[of]
-    return Orientation.even(segments.lengths, rotations_there, rates, axis_only=axis_only)
+    section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
+    rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[section]
+    after = breaks[:-1] - breaks[first[section]]
+    segment_starts = exp(after[:, None] * rates) @ starts[section]
+    return Orientation.even(segments.lengths, segment_starts, rates, axis_only=axis_only)
 
 
 def _per_waypoint(
     name: str, given: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
-    """One value per waypoint of the path, from one per given point, and what users call them."""
+    """One value per waypoint of the path, and the indices of these waypoints in the input points.
+
+    Args:
+        name: Name of the values in refusals.
+        given: One value per input point, or per input point without repeated ones.
+        waypoints: Indices of the vertices that are waypoints.
+        merged: Indices of the input points that repeat the point before them.
+
+    Raises:
+        InvalidInput: The number of values is wrong, or two values at one point differ.
+    """
     kept = len(waypoints)
     points = kept + len(merged)
     if len(given) not in (points, kept):
@@ -197,11 +217,11 @@ def _per_waypoint(
     return given[names], names
 
 
-def _between(turn: FloatArray, names: IntArray) -> FloatArray:
-    """Turns from waypoint to waypoint, without those that are rounding of what was given.
+def _check_turns(turn: FloatArray, names: IntArray) -> FloatArray:
+    """Rotation vectors from waypoint to waypoint, with rounding errors set to zero.
 
     Raises:
-        InvalidInput: One of half a turn, which has no shortest way.
+        InvalidInput: A rotation is half a turn, so that no shortest rotation exists.
     """
     angle = np.linalg.norm(turn, axis=1)
     if (angle > HALF_TURN).any():

@@ -1,4 +1,4 @@
-"""A path: what the tool draws, with no time in it."""
+"""The path of the tool as a function of arc length, without time."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
 EVERY_VERTEX = _checks.lock_copy(np.empty(0, dtype=np.intp))
-# Breaks of an orientation this near to a vertex of its path are at that vertex, in metres and in
-# path lengths: what rounding of corners leaves out, and what adding lengths up rounds.
+# A break of an orientation within this distance of a vertex of its path, in metres plus the same
+# fraction of the path length, is moved to the vertex. The differences come from remainders that
+# corner rounding leaves out, and from rounding errors of summed lengths.
 SAME_BREAK = 1e-12
 
 
-# Without slots: with them Python's frozen classes have no clear refusal to set a property.
+# No slots: with slots, Python's frozen classes give no clear error for setting a property.
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
@@ -35,18 +36,18 @@ class Path:
     Build one with `polyline`, `spline` or `from_segments`.
 
     Args:
-        segments: The table of its lines and arcs, whose columns are properties of the path.
-        merged: Indices of the input points that were left out because they repeat the one before.
-        waypoints: Vertices at which the input points that were kept lie; by default every vertex is
-            one. A spline has more vertices than points.
-        orientation: How the tool is held along the path, in space only; None says nothing of it.
-            `oriented`, `pointing` and `following_tangent` give it.
+        segments: Table of the n lines and arcs, whose columns are properties of the path.
+        merged: Indices of the input points that were left out because they repeat the point before.
+        waypoints: Indices of the vertices at which the kept input points lie; by default all
+            vertices. A spline has more vertices than points.
+        orientation: Tool orientation along a path in space, or None; `oriented`, `pointing` and
+            `following_tangent` set it.
 
     Attributes:
-        breaks: Arc lengths of the segments' ends, from 0 [m], (n + 1,).
+        breaks: Arc lengths of the ends of the segments, from 0 [m], (n + 1,).
 
     Raises:
-        InvalidInput: Columns that do not fit, or a gap between segments.
+        InvalidInput: The columns do not fit together, or there is a gap between segments.
     """
 
     segments: Segments
@@ -68,14 +69,14 @@ class Path:
 
     @classmethod
     def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
-        """Straight lines through `points`, (n, 2) or (n, 3) [m]; repeated points are merged.
+        """The path of straight lines through `points`.
 
         Args:
-            points: The vertices [m], (n, 2) or (n, 3).
+            points: The vertices [m], (n, 2) or (n, 3); repeated points are merged.
             demand: Speed, corner error and tag of all segments.
 
         Raises:
-            InvalidInput: Not such points, or fewer than two different ones.
+            InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
         given = _checks.points("points of a path", points)
         kept = _without_repeats(given)
@@ -92,13 +93,13 @@ class Path:
 
     @classmethod
     def from_segments(cls, segments: Iterable[Line | Arc]) -> Path:
-        """A chain of lines and arcs, each starting where the one before ends.
+        """The path of lines and arcs, each of which starts where the one before it ends.
 
         Args:
             segments: The lines and arcs, in the order of travel.
 
         Raises:
-            InvalidInput: A segment that is none, or a gap, with the segment's index.
+            InvalidInput: An item is not a Line or Arc, or there is a gap; with its index.
         """
         return Path(segments=tabulate(segments))
 
@@ -114,14 +115,13 @@ class Path:
         """The cubic spline through `points`, as tangent arcs within `tolerance` of it.
 
         Args:
-            points: (n, 2) or (n, 3) [m]; repeated points are merged.
+            points: Points of the spline [m], (n, 2) or (n, 3); repeated points are merged.
             tolerance: Largest distance between the spline and the arcs [m].
-            closed: Whether the spline goes on smoothly from the last point, which must repeat the
-                first, to the first.
-            demand: What the process asks of it.
+            closed: Whether the spline is periodic; its last point must then repeat the first.
+            demand: Speed, corner error and tag of all segments.
 
         Raises:
-            InvalidInput: Fewer than two different points, or a closed spline that is not closed.
+            InvalidInput: Fewer than two points differ, or the ends of a closed spline differ.
         """
         from armcontour.geometry.spline import fit_spline
 
@@ -142,19 +142,19 @@ class Path:
         )
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Path:
-        """The same path with the tool held in one way, or in a given way at every waypoint.
+        """The path with a constant tool orientation, or with one per waypoint.
 
-        Between waypoints, the points that the path was made of, the tool turns evenly, by the
-        shortest rotation.
+        The waypoints are the points that the path was made of. Between them the tool turns by the
+        shortest rotation, at a constant rate over arc length.
 
         Args:
             rotations: Tool axes in the path's coordinates, as columns: one rotation or one per
-                waypoint; matrices, quaternions (x, y, z, w) or a rotation of scipy.
-            axis_only: Only the tool axis (z) counts; turning about it is free.
+                waypoint; matrices, quaternions (x, y, z, w) or a scipy Rotation.
+            axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
         Raises:
-            InvalidInput: A path in the plane; no rotations or a wrong number of them; or
-                neighbours that differ by half a turn.
+            InvalidInput: The path lies in the plane, the rotations are not valid or not as many
+                as the waypoints, or neighbours differ by half a turn.
         """
         found = orienting.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
@@ -162,15 +162,15 @@ class Path:
         return dataclasses.replace(self, orientation=found)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
-        """The same path with the tool axis (z) in one direction, or in one per waypoint.
+        """The path with a constant direction of the tool axis (z), or with one per waypoint.
 
-        Turning about the tool axis is free, as in cutting, dispensing and welding.
+        Rotation about the tool axis is free, as in cutting, dispensing and welding.
 
         Args:
-            directions: (3,) or one per waypoint, (n, 3).
+            directions: One direction, (3,), or one per waypoint, (n, 3).
 
         Raises:
-            InvalidInput: A path in the plane, or directions that are none.
+            InvalidInput: The path lies in the plane, or a direction is not a vector with a length.
         """
         found = orienting.point(self.segments, self.waypoints, self.merged, directions)
         return dataclasses.replace(self, orientation=found)
@@ -178,16 +178,17 @@ class Path:
     def following_tangent(
         self, up: npt.ArrayLike, *, tool: Any | None = None, axis_only: bool = False
     ) -> Path:
-        """The same path with the tool held at a fixed angle to the tangent.
+        """The path with a tool orientation at a fixed angle to the tangent.
 
         Args:
-            up: Direction across the first tangent; it makes z of the path's frame, whose x is the
-                tangent. The frame is carried along without turning about the tangent.
-            tool: The tool in the path's frame; by default its axis points against `up`.
-            axis_only: Only the tool axis (z) counts; turning about it is free.
+            up: Direction across the first tangent, (3,); made perpendicular to it, it is z of the
+                path's frame, whose x is the tangent. The frame never turns about the tangent.
+            tool: Rotation of the tool in the path's frame; by default its axis points against `up`.
+            axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
         Raises:
-            InvalidInput: A path in the plane, `up` along the first tangent, or a turn of 180°.
+            InvalidInput: The path lies in the plane, `up` lies along the first tangent, or the
+                path turns back by 180°.
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
@@ -206,7 +207,7 @@ class Path:
 
     @property
     def normals(self) -> FloatArray:
-        """Unit vectors at the segments' starts towards the arcs' centres, zero for lines."""
+        """Unit normals at the segments' starts, towards the arcs' centres; zero for lines."""
         return self.segments.normals
 
     @property
@@ -221,12 +222,12 @@ class Path:
 
     @property
     def speeds(self) -> FloatArray:
-        """Assigned velocities of the segments [m/s], NaN where they have none, (n,)."""
+        """Assigned velocities of the segments [m/s], NaN for segments without one, (n,)."""
         return self.segments.speeds
 
     @property
     def tolerances(self) -> FloatArray:
-        """Largest corner errors of the segments [m], NaN where they have none, (n,)."""
+        """Largest corner errors of the segments [m], NaN for segments without one, (n,)."""
         return self.segments.tolerances
 
     @property
@@ -253,16 +254,16 @@ class Path:
 
         Args:
             s: Arc lengths [m], any shape, within the path.
-            order: 0, 1, 2, ...
-            side: "right" or "left": whose derivative to take at a vertex between segments.
+            order: Order of the derivative: 0, 1, 2, ...
+            side: At a vertex, the derivative on the segment after ("right") or before it ("left").
 
         Returns:
             Shape `s.shape + (dimension,)` [m, -, 1/m, ...].
 
         Raises:
-            InvalidInput: An arc length outside the path.
+            InvalidInput: An arc length is outside the path.
         """
-        at = _within(s, self.length)
+        at = _check_arc_length(s, self.length)
         i = self.locate(at, side=side)
         return self.segments.at(i, at - self.breaks[i], order)
 
@@ -287,16 +288,16 @@ class Path:
         return self.segments.at(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
-        """The nearest point of the path for each of `points`, (n, dimension) [m].
+        """The nearest point of the path for each of `points`, exact on lines and arcs.
 
-        Exact on lines and arcs. A spatial index is built at the first call and kept; a query then
-        costs about the logarithm of the number of segments.
+        A spatial index is built at the first call and kept. A query then takes time about
+        proportional to the logarithm of the number of segments.
 
         Args:
-            points: The points [m], (n, dimension).
+            points: Query points [m], (n, dimension).
 
         Raises:
-            InvalidInput: Points of another dimension, or not finite.
+            InvalidInput: The points have another dimension than the path, or are not finite.
         """
         return find_nearest(self.segments, points)
 
@@ -307,7 +308,7 @@ class Path:
 
     @property
     def stops(self) -> FloatArray:
-        """Arc lengths [m] where the tangent or the rate of turning jumps: no motion passes them."""
+        """Arc lengths [m] at which tangent, orientation or angular rate jumps: the tool stops."""
         corners = self.breaks[1:-1][self.turns > TANGENT_TOLERANCE]
         return corners if self.orientation is None else np.union1d(corners, self.orientation.stops)
 
@@ -317,10 +318,10 @@ class Path:
         return np.concatenate([self.starts, self.segments[-1:].ends])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
-        """The orientation with its breaks on the path's own where they are the same.
+        """The orientation, with breaks near the path's breaks moved onto them.
 
         Raises:
-            InvalidInput: A path in the plane, or an orientation of another length.
+            InvalidInput: The path lies in the plane, or the orientation has another length.
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
@@ -344,7 +345,12 @@ class Path:
         return dataclasses.replace(orientation, breaks=snapped)
 
 
-def _within(s: npt.ArrayLike, length: float) -> FloatArray:
+def _check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
+    """Arc lengths clipped to the path, after refusing those outside by more than rounding errors.
+
+    Raises:
+        InvalidInput: An arc length is outside the path.
+    """
     at = np.asarray(s, dtype=np.float64)
     slack = 1e-12 * max(length, 1e-3)
     outside = ~((at >= -slack) & (at <= length + slack))
@@ -359,7 +365,7 @@ def _within(s: npt.ArrayLike, length: float) -> FloatArray:
 
 
 def _without_repeats(points: FloatArray) -> IntArray:
-    """Indices of the points that differ from the last one kept."""
+    """Indices of the points that differ from the point kept before them."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
     _, kept = close_up(points[:-1], points[1:], none, REPEATED_POINT)
     return np.flatnonzero(np.append(True, kept))

@@ -1,4 +1,4 @@
-"""Paths put somewhere else: placed in a frame, lifted to space, and projected onto the plane."""
+"""Functions that place a path in a frame, lift it to space, and project it onto the plane."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from armcontour.frames import Frame
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT
 
-# A frame keeps a plane path in the plane if it lifts and tilts it by no more than this; an arc lies
-# in a plane of constant z if its vectors leave that plane by no more than this.
+# Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
+# z component of the vectors of an arc that lies in a plane of constant z.
 IN_PLANE = 1e-12
 
 
 def place_path(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
-    """A path drawn in a frame, as seen from where the frame stands.
+    """A path given in a frame, in the coordinates in which the frame is given.
 
-    Speeds and tolerances stay what they are. A path in the plane stays there if the frame neither
-    lifts nor tilts it, and is otherwise one in space.
+    Speeds and tolerances are kept. A path in the plane stays in the plane if the frame neither
+    lifts nor tilts it; otherwise it becomes a path in space.
 
     Args:
         path: The path in the frame's coordinates.
-        frame: Where its origin is and how it is turned.
-        scale: Factor of all lengths, before that.
+        frame: Position and rotation of the frame.
+        scale: Factor of all lengths, applied first.
 
     Raises:
-        InvalidInput: A scale that is not above zero, or no frame.
+        InvalidInput: The scale is not above zero, or `frame` is not a Frame.
     """
     if not isinstance(frame, Frame):
         raise InvalidInput(
@@ -47,23 +47,21 @@ def place_path(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
 
 
 def keeps_plane(frame: Frame) -> bool:
-    """Whether a frame leaves what is drawn in the x-y plane there."""
+    """Whether a path in the x-y plane stays in it when it is placed in the frame."""
     lifted = max(abs(frame.position[2]), float(np.abs(frame.rotation[2] - [0, 0, 1]).max()))
     return bool(lifted <= IN_PLANE)
 
 
 def lift_path(path: Path) -> Path:
-    """A path in the plane as one in space, at z = 0."""
+    """A path in the plane as a path in space at z = 0; a path in space is returned as it is."""
     return path if path.dimension == 3 else _with_segments(path, segments=path.segments.lift())
 
 
 def drop_z(path: Path) -> Path:
-    """A path in space without its z, of lines and of arcs in planes of constant z.
-
-    It has no orientation: a tool is oriented in space only.
+    """Projection of a path in space onto the x-y plane, without its orientation.
 
     Raises:
-        InvalidInput: An arc that stands across the plane, or nothing that is left.
+        InvalidInput: An arc does not lie in a plane of constant z, or the projection has no length.
     """
     if path.dimension == 2:
         return path
@@ -79,25 +77,25 @@ def drop_z(path: Path) -> Path:
     kept = run * path.lengths > REPEATED_POINT
     if not kept.any():
         raise InvalidInput("The path only goes up and down: nothing is left of it in the plane.")
-    rows, steep = path.segments[kept], run[kept]
+    rows, shortening = path.segments[kept], run[kept]
     return Path(
         segments=rows.replace(
             starts=rows.starts[:, :2],
-            tangents=rows.tangents[:, :2] / steep[:, None],
+            tangents=rows.tangents[:, :2] / shortening[:, None],
             normals=rows.normals[:, :2],
-            lengths=rows.lengths * steep,
+            lengths=rows.lengths * shortening,
         )
     )
 
 
 def has_length_without_z(path: Path) -> bool:
-    """Whether something of a path is left without its z."""
+    """Whether the projection of a path onto the x-y plane has any length."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
     return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
 
 
 def arc_length_without_z(path: Path, s: float) -> float:
-    """Arc length at which the place `s` of a path lies once its z is dropped [m]."""
+    """Arc length on the projected path of the point at arc length `s` on a path in space [m]."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
     run = np.where(path.curvatures > 0, 1.0, run)
     run = np.where(run * path.lengths > REPEATED_POINT, run, 0.0)
@@ -105,6 +103,6 @@ def arc_length_without_z(path: Path, s: float) -> float:
 
 
 def _with_segments(path: Path, **changed: object) -> Path:
-    """A path with other values, and without what a path of another kind knows of the old ones."""
+    """A plain Path with some attributes changed, without the attributes of a subclass of Path."""
     kept = {x.name: getattr(path, x.name) for x in dataclasses.fields(Path) if x.init}
     return Path(**{**kept, **changed})

@@ -1,4 +1,4 @@
-"""What a path is described by: straight lines, circular arcs, and what the process demands."""
+"""Lines and circular arcs from which users build a path, with their process requirements."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from armcontour.geometry.segments import Segments
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand:
-    """What the process asks of one segment; limits cap it.
+    """Process requirements of one segment; stricter limits of the job override them.
 
     Args:
         speed: Assigned velocity on the segment [m/s].
         tolerance: Largest corner error at the segment's ends [m].
-        tag: Free text that results carry along.
+        tag: Free text that is copied to the results.
     """
 
     speed: Speed | None = None
@@ -37,7 +37,7 @@ class Demand:
             )
 
     def columns(self, n: int) -> dict[str, Any]:
-        """The demand as columns of a table of segments.
+        """The requirements as columns of a table of segments.
 
         Args:
             n: Number of segments.
@@ -60,7 +60,7 @@ class Line:
 
     Args:
         start: First point [m], 2 or 3 coordinates.
-        end: Last point [m], as many coordinates.
+        end: Last point [m], same number of coordinates.
         demand: Speed, corner error and tag of this segment.
     """
 
@@ -74,12 +74,12 @@ class Arc:
     """A circular segment from `start` around `center` [m].
 
     Args:
-        start: First point.
-        center: Centre of the circle.
-        angle: Swept angle [rad], not zero, up to a full circle. In the plane, positive is
-            counter-clockwise; in space it turns about `normal` by the right-hand rule.
+        start: First point [m], 2 or 3 coordinates.
+        center: Centre of the circle [m].
+        angle: Swept angle [rad], not zero, up to a full circle. In the plane a positive angle is
+            counter-clockwise; in space it is about `normal` by the right-hand rule.
         normal: Axis of the circle, in space only.
-        demand: What the process asks of the segment.
+        demand: Speed, corner error and tag of this segment.
     """
 
     start: Sequence[float]
@@ -99,8 +99,8 @@ class Arc:
     ) -> Arc:
         """The arc from `start` through `via` to `end`, in the plane or in space.
 
-        Where `end` repeats `start`, the full circle through both points that has them at the ends
-        of a diameter: in the plane only, because in space there are many.
+        In the plane, if `end` repeats `start`, this is the full circle with `start` and `via` at
+        the ends of a diameter. In space there are many such circles, so that none is given.
 
         Args:
             start: First point [m], 2 or 3 coordinates.
@@ -109,7 +109,7 @@ class Arc:
             demand: Speed, corner error and tag of this segment.
 
         Raises:
-            InvalidInput: Points on one line, or a circle that is not determined.
+            InvalidInput: The points lie on one line, or do not determine a circle.
         """
         a, b, c = (
             numbers(f"{name} of an arc", x, "m")
@@ -121,29 +121,8 @@ class Arc:
             return cls(
                 start=a.tolist(), center=((a + b) / 2).tolist(), angle=2 * np.pi, demand=demand
             )
-        u, v = b - a, c - a
-        uu, vv, uv = u @ u, v @ v, u @ v
-        # Of the parallelogram, squared; not from the products above, which cancel where it is flat.
-        across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
-        area = across @ across
-        if not area > (1e-9**2) * max(uu, vv) ** 2:
-            raise InvalidInput(
-                f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
-                "lie on one line: an arc needs three points that do not; for a full circle in "
-                "space give its center, angle and normal."
-            )
-        center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
-        # The turn seen from the centre is twice the turn seen from the via point.
-        along, back = b - a, c - b
-        size = np.linalg.norm(along) * np.linalg.norm(back)
-        turn = 2 * np.arctan2(np.sqrt(area) / size, along @ back / size)
-        if len(a) == 3:
-            normal = np.cross(along, back).tolist()
-            return cls(
-                start=a.tolist(), center=center, angle=float(turn), normal=normal, demand=demand
-            )
-        sign = np.sign(along[0] * back[1] - along[1] * back[0])
-        return cls(start=a.tolist(), center=center, angle=float(sign * turn), demand=demand)
+        center, angle, normal = _circle_through(a, b, c)
+        return cls(start=a.tolist(), center=center, angle=angle, normal=normal, demand=demand)
 
     @classmethod
     def circle(
@@ -159,17 +138,48 @@ class Arc:
         Args:
             start: Point where the circle starts and ends [m], 2 or 3 coordinates.
             center: Centre of the circle [m].
-            normal: Axis of the circle, at right angles to its radius, in space only.
+            normal: Axis of the circle, perpendicular to its radius, in space only.
             demand: Speed, corner error and tag of this segment.
         """
         return cls(start=start, center=center, angle=2 * np.pi, normal=normal, demand=demand)
+
+
+def _circle_through(
+    a: FloatArray, b: FloatArray, c: FloatArray
+) -> tuple[list[float], float, list[float] | None]:
+    """Centre, swept angle and, in space, normal of the arc from a through b to c.
+
+    Raises:
+        InvalidInput: The points lie on one line.
+    """
+    u, v = b - a, c - a
+    uu, vv, uv = u @ u, v @ v, u @ v
+    # Squared area of the parallelogram of u and v. Computed from uu, vv and uv it would lose its
+    # digits to cancellation if the parallelogram is flat.
+    across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
+    area = across @ across
+    if not area > (1e-9**2) * max(uu, vv) ** 2:
+        raise InvalidInput(
+            f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
+            "lie on one line: an arc needs three points that do not; for a full circle in "
+            "space give its center, angle and normal."
+        )
+    center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
+    # The swept angle is twice the angle between the chords to and from the via point.
+    to_via, from_via = b - a, c - b
+    size = np.linalg.norm(to_via) * np.linalg.norm(from_via)
+    angle = 2 * np.arctan2(np.sqrt(area) / size, to_via @ from_via / size)
+    if len(a) == 3:
+        return center, float(angle), np.cross(to_via, from_via).tolist()
+    sign = np.sign(to_via[0] * from_via[1] - to_via[1] * from_via[0])
+    return center, float(sign * angle), None
 
 
 def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     """Lines and arcs as a table of segments.
 
     Raises:
-        InvalidInput: Something else than a line or an arc, none, or one without an extent.
+        InvalidInput: There is no segment, an item is not a Line or Arc, or one has no length.
     """
     listed = list(segments)
     for i, x in enumerate(listed):
@@ -196,18 +206,19 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     )
 
 
+# Start, tangent, normal, curvature and length of a segment.
 Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
 
 
 def _line(line: Line, index: int) -> Row:
-    """The row of a line.
+    """The table row of a line.
 
     Raises:
-        InvalidInput: Its ends coincide.
+        InvalidInput: The ends of the line coincide.
     """
     start = numbers(f"start of segment {index + 1}", line.start, "m")
     end = numbers(f"end of segment {index + 1}", line.end, "m")
-    _same_dimension(index, start, end)
+    _check_dimensions(index, start, end)
     length = float(np.linalg.norm(end - start))
     if length == 0:
         raise InvalidInput(
@@ -220,14 +231,15 @@ def _line(line: Line, index: int) -> Row:
 
 
 def _arc(arc: Arc, index: int) -> Row:
-    """The row of an arc.
+    """The table row of an arc.
 
     Raises:
-        InvalidInput: No radius, no angle, more than a circle, or a normal that does not fit.
+        InvalidInput: The radius or angle is zero, the angle is more than a full circle, or the
+            normal is not perpendicular to the radius.
     """
     start = numbers(f"start of segment {index + 1}", arc.start, "m")
     center = numbers(f"centre of segment {index + 1}", arc.center, "m")
-    _same_dimension(index, start, center)
+    _check_dimensions(index, start, center)
     angle = number(f"angle of segment {index + 1}", arc.angle, "rad")
     radius = float(np.linalg.norm(center - start))
     if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
@@ -236,35 +248,36 @@ def _arc(arc: Arc, index: int) -> Row:
             f"and 2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
             index=index,
         )
-    towards = (center - start) / radius
-    tangent = np.sign(angle) * _counter_clockwise(towards, arc.normal, index)
-    return start, tangent, towards, 1 / radius, radius * abs(angle)
+    to_center = (center - start) / radius
+    tangent = np.sign(angle) * _counter_clockwise(to_center, arc.normal, index)
+    return start, tangent, to_center, 1 / radius, radius * abs(angle)
 
 
 def _counter_clockwise(
-    towards: FloatArray, normal: Sequence[float] | None, index: int
+    to_center: FloatArray, normal: Sequence[float] | None, index: int
 ) -> FloatArray:
-    """Unit tangent of the counter-clockwise motion, from the direction towards the centre."""
-    if len(towards) == 2:
+    """Unit tangent of the counter-clockwise motion, from the unit vector towards the centre."""
+    if len(to_center) == 2:
         if normal is not None:
             raise InvalidInput(f"Segment {index + 1} lies in the plane and takes no normal.")
-        return np.array([towards[1], -towards[0]])
+        return np.array([to_center[1], -to_center[0]])
     if normal is None:
         raise InvalidInput(
             f"Segment {index + 1} is an arc in space and needs its normal.", index=index
         )
     axis = numbers(f"normal of segment {index + 1}", normal)
     size = float(np.linalg.norm(axis))
-    if axis.shape != (3,) or size == 0 or abs(axis @ towards) > 1e-9 * size:
+    if axis.shape != (3,) or size == 0 or abs(axis @ to_center) > 1e-9 * size:
         raise InvalidInput(
             f"The normal of segment {index + 1} must be a vector at right angles to its radius.",
             index=index,
         )
-    tangent: FloatArray = np.cross(towards, axis / size)
+    tangent: FloatArray = np.cross(to_center, axis / size)
     return tangent / np.linalg.norm(tangent)
 
 
-def _same_dimension(index: int, first: FloatArray, second: FloatArray) -> None:
+def _check_dimensions(index: int, first: FloatArray, second: FloatArray) -> None:
+    """Refuse two points of segment `index` that do not both have 2 or both have 3 coordinates."""
     if first.shape not in ((2,), (3,)) or first.shape != second.shape:
         raise InvalidInput(
             f"The points of segment {index + 1} must both have 2 or both have 3 coordinates.",

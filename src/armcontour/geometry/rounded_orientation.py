@@ -1,9 +1,9 @@
-"""What rounding makes of a tool's orientation: its rate of turning becomes continuous.
+"""Tool orientation of a rounded path, with a continuous angular rate.
 
-Across a rounded vertex the orientation leaves the rotation before it and takes up the next one
-together, `exp(g b) exp(f a) R`, where R is the orientation at the vertex, a and b are the rates
-before and after it, f runs out to 0 with slope 0 and g starts from 0 with slope 0. A vertex is
-given by the segment before it.
+Across a rounded vertex the orientation is `exp(g b) exp(f a) R`, where R is the orientation at the
+vertex, and a and b are the angular rates before and after the vertex. f ends at 0 with slope 0, and
+g starts at 0 with slope 0, so that rate a fades out while rate b sets in. The index of a vertex is
+that of the segment before it.
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ from armcontour.geometry.orienting import tangent_rates
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
-# A rest of even turning between two roundings that is shorter than this is left out [m].
+# A remainder of constant rate between two blends that is shorter than this is left out [m].
 SLIVER = 1e-12
 
 
 def find_kinks(path: Path) -> IntArray:
-    """Vertices of a path at which its orientation's rate of turning jumps.
+    """Vertices at which the angular rate of the path's orientation jumps.
+
+    An orientation that follows the tangent, or none, has no such vertices.
 
     Raises:
-        InvalidInput: The path's orientation was rounded before.
+        InvalidInput: The path or its orientation is already rounded.
     """
     orientation = path.orientation
     if orientation is None or orientation.follows:
@@ -41,39 +43,42 @@ def find_kinks(path: Path) -> IntArray:
 
 
 def largest_tangent(path: Path, vertex: IntArray, half: FloatArray, allowed: float) -> FloatArray:
-    """Tangent lengths at which the orientation in the middle of a corner is off by `allowed`.
+    """Largest tangent lengths that keep the angular tolerance in the middle of each corner.
 
     With tangent length t, the middle is `exp(k b) exp(-k a) R` with `k = t (1/2 - arc / 8 t)`.
 
     Args:
         path: The objective path.
-        vertex: Vertices, (k,).
-        half: Half of the turn at each [rad], (k,).
-        allowed: Largest angle [rad].
+        vertex: Indices of the vertices, (k,).
+        half: Half of the turn at each vertex [rad], (k,).
+        allowed: Largest angle between the orientation and its value at the vertex [rad].
 
     Returns:
-        (k,) [m], infinite where the rate does not jump or the orientation follows the tangent.
+        Tangent lengths [m], (k,); infinite if the rate does not jump or the orientation follows
+        the tangent.
     """
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return np.full(len(vertex), np.inf)
-    return np.asarray(_largest_part(orientation, vertex, allowed) / (0.5 - _ratio(half) / 8))
+    largest = _largest_blend(orientation, vertex, allowed)
+    return np.asarray(largest / (0.5 - _arc_ratio(half) / 8))
 
 
 def round_orientation(
     objective: Path, vertex: IntArray, half: FloatArray, tangent: FloatArray
 ) -> tuple[Orientation, FloatArray]:
-    """Orientation of a rounded path, where it does not follow the tangent.
+    """Orientation of a rounded path if the orientation does not follow the tangent.
 
     Args:
         objective: The path before rounding.
-        vertex: Rounded vertices, (k,).
-        half: Half of the turn at each [rad], (k,).
-        tangent: Tangent length of each [m], (k,); 0 where it stays sharp.
+        vertex: Indices of the rounded vertices, (k,).
+        half: Half of the turn at each vertex [rad], (k,).
+        tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
 
     Returns:
-        The orientation, and by how much it, or its axis where only that counts, is off in the
-        middle of each rounding [rad], (k,).
+        The orientation, and the angle between it and the vertex's orientation in the middle of
+        each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is
+        between the axes.
     """
     own = objective.orientation
     assert own is not None
@@ -86,116 +91,118 @@ def round_orientation(
             axis_only=own.axis_only,
         )
         return one, np.zeros(len(vertex))
-    reach, way = np.zeros(n - 1), np.zeros(n - 1)
-    reach[vertex] = tangent
-    way[vertex] = _arc_lengths(half, tangent)
-    found = _pieces(lengths, own, reach, way)
-    middle = exp((tangent / 2 - way[vertex] / 8)[:, None] * own.first[vertex + 1]) @ exp(
-        -(tangent / 2 - way[vertex] / 8)[:, None] * own.first[vertex]
+    cut, blend = np.zeros(n - 1), np.zeros(n - 1)
+    cut[vertex] = tangent
+    blend[vertex] = _arc_lengths(half, tangent)
+    blended = _blend(lengths, own, cut, blend)
+    middle = exp((tangent / 2 - blend[vertex] / 8)[:, None] * own.first[vertex + 1]) @ exp(
+        -(tangent / 2 - blend[vertex] / 8)[:, None] * own.first[vertex]
     )
     if own.axis_only:
         axis = own.starts[vertex + 1][:, :, 2]
-        return found, angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
-    return found, np.linalg.norm(log(middle), axis=1)
+        return blended, angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
+    return blended, np.linalg.norm(log(middle), axis=1)
 
 
 def follow_rounded(
     rounded: Segments, objective: Path, segment: IntArray, allowed: float
 ) -> Orientation:
-    """Orientation of a rounded path whose tangent it follows.
+    """Orientation of a rounded path if the orientation follows the tangent.
 
     Args:
-        rounded: The segments of the rounded path.
+        rounded: The segments of the rounded path, n of them.
         objective: The path before rounding.
-        segment: For each segment of the rounded path, the objective one that it is a part of or
-            that lies before its corner, (n,).
-        allowed: Largest angle from the tangent's own orientation [rad].
+        segment: For each segment of the rounded path, index of the objective segment that contains
+            it, or that lies before its corner, (n,).
+        allowed: Largest angle between the orientation and one that follows the tangent exactly
+            [rad].
     """
     own = objective.orientation
     assert own is not None
     rates = tangent_rates(rounded)
     starts = np.empty((len(rounded), 3, 3))
-    here = own.starts[0]
-    turned = exp(rates * rounded.lengths[:, None])
+    frame = own.starts[0]
+    segment_turns = exp(rates * rounded.lengths[:, None])
     for k in range(len(rounded)):
         if k and segment[k] != segment[k - 1]:
-            # On a corner's arc the frame has turned into the next segment's, but for rounding.
-            here = own.starts[segment[k]]
-        starts[k] = here
-        here = turned[k] @ here
+            # The corner's arc has turned the frame into that of the next segment, up to rounding.
+            frame = own.starts[segment[k]]
+        starts[k] = frame
+        frame = segment_turns[k] @ frame
     sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
     vertex = np.arange(len(sharp) - 1)
-    wanted = np.where(sharp.kinks > 0, 4 * _largest_part(sharp, vertex, allowed), 0.0)
+    wanted = np.where(sharp.kinks > 0, 4 * _largest_blend(sharp, vertex, allowed), 0.0)
     room = rounded.lengths / 2
-    reach = np.minimum(wanted, np.minimum(room[:-1], room[1:]))
-    reach[sharp.jumps > 1e-9] = 0.0
-    return _pieces(rounded.lengths, sharp, reach, 2 * reach)
+    cut = np.minimum(wanted, np.minimum(room[:-1], room[1:]))
+    cut[sharp.jumps > 1e-9] = 0.0
+    return _blend(rounded.lengths, sharp, cut, 2 * cut)
 
 
-def _largest_part(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
-    """The largest k with which `exp(k b) exp(-k a)` turns the tool by no more than `allowed`.
+def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
+    """The largest k at which `exp(k b) exp(-k a)` is a rotation by at most `allowed`.
 
-    Rotations are nowhere farther apart than their rotation vectors: it turns by no more than
-    `k |b - a|`. The tool axis alone turns by no more than `k d + k² e m / 2` either, where d is the
-    part of b - a across the axis, e that along it, and m what the slower of both rates tilts it by:
-    see docs/concepts/rounding.md.
+    The angle between two rotations is at most the distance of their rotation vectors, so that this
+    rotation is by at most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m / 2`,
+    where d and e are the parts of b - a across and along the axis, and m is the rate by which the
+    slower of a and b tilts the axis: see docs/concepts/rounding.md.
 
     Args:
-        sharp: The even orientation.
-        vertex: Vertices between its pieces, (k,).
+        sharp: The orientation of constant rates.
+        vertex: Indices of the vertices between its pieces, (k,).
         allowed: Largest angle [rad].
 
     Returns:
-        (k,) [m], infinite where the rate goes on.
+        Values of k [m], (k,), infinite at vertices where the rate does not jump.
     """
     a, b = sharp.first[vertex], sharp.first[vertex + 1]
     step = b - a
     size = np.linalg.norm(step, axis=1)
-    # A rate that goes on asks for nothing, though rounding makes two numbers of it.
+    # Rates that differ by rounding errors only do not limit k.
     rates = np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1)
-    play = SAME_RATE * rates + RATE_FLOOR
+    rounding = SAME_RATE * rates + RATE_FLOOR
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.where(size > play, allowed / size, np.inf)
+        found = np.where(size > rounding, allowed / size, np.inf)
         if sharp.axis_only and np.isfinite(allowed):
             axis = sharp.starts[vertex + 1][:, :, 2]
             across = sharp.kinks[vertex]
             along = np.abs(np.sum(step * axis, axis=1))
             tilt = np.minimum(*(np.linalg.norm(np.cross(x, axis), axis=1) for x in (a, b)))
-            bend = along * np.where(tilt > play, tilt, 0.0)
+            bend = along * np.where(tilt > rounding, tilt, 0.0)
             root = across + np.sqrt(across**2 + 2 * allowed * bend)
             free = np.where(root > 0, 2 * allowed / root, np.where(bend > 0, 0.0, np.inf))
             found = np.maximum(found, free)
     return np.asarray(found)
 
 
-def _ratio(half: FloatArray) -> FloatArray:
-    """Length of a corner's arc over its tangent length."""
+def _arc_ratio(half: FloatArray) -> FloatArray:
+    """Length of a corner's arc over its tangent length, from half of the turn [rad]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(half > 0, 2 * half / np.tan(half), 2.0))
 
 
 def _arc_lengths(half: FloatArray, tangent: FloatArray) -> FloatArray:
-    return np.asarray(tangent * _ratio(half))
+    """Lengths of corners' arcs, from halves of their turns [rad] and their tangent lengths [m]."""
+    return np.asarray(tangent * _arc_ratio(half))
 
 
-def _pieces(
-    lengths: FloatArray, sharp: Orientation, reach: FloatArray, way: FloatArray
+def _blend(
+    lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray
 ) -> Orientation:
-    """Even pieces with roundings between them.
+    """Pieces of constant rate with blends between them.
 
     Args:
-        lengths: Of the even pieces [m], (n,).
-        sharp: The even orientation.
-        reach: How far each vertex's rounding reaches into both neighbours, (n - 1,) [m].
-        way: Path length of each rounding, (n - 1,) [m].
+        lengths: Lengths of the pieces of constant rate [m], (n,).
+        sharp: The orientation of constant rates.
+        cut: Length that each vertex's blend takes from each of its two pieces [m], (n - 1,).
+        blend: Path length of each blend [m], (n - 1,).
     """
     n = len(lengths)
     size = 2 * n - 1
-    before, after = np.append(0.0, reach), np.append(reach, 0.0)
+    before, after = np.append(0.0, cut), np.append(cut, 0.0)
     spans = np.zeros(size)
     spans[::2] = lengths - before - after
     spans[::2][spans[::2] <= SLIVER] = 0.0
-    spans[1::2] = way
+    spans[1::2] = blend
     starts, first, second = np.empty((size, 3, 3)), np.empty((size, 3)), np.zeros((size, 3))
     f, g = np.zeros((size, 4)), np.zeros((size, 4))
     starts[::2] = exp(before[:, None] * sharp.first) @ sharp.starts
@@ -204,10 +211,10 @@ def _pieces(
     second[1::2] = sharp.first[1:]
     f[::2] = LINEAR
     with np.errstate(divide="ignore", invalid="ignore"):
-        left = reach - way
-        f[1::2, 0], f[1::2, 1] = -reach, 1.0
-        f[1::2, 2], f[1::2, 3] = (3 * left + way) / way**2, -(way + 2 * left) / way**3
-        g[1::2, 2], g[1::2, 3] = (3 * reach - way) / way**2, (way - 2 * reach) / way**3
+        rest = cut - blend
+        f[1::2, 0], f[1::2, 1] = -cut, 1.0
+        f[1::2, 2], f[1::2, 3] = (3 * rest + blend) / blend**2, -(blend + 2 * rest) / blend**3
+        g[1::2, 2], g[1::2, 3] = (3 * cut - blend) / blend**2, (blend - 2 * cut) / blend**3
     used = spans > 0
     return Orientation(
         breaks=np.concatenate([[0.0], np.cumsum(spans[used])]),

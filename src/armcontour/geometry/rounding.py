@@ -1,9 +1,10 @@
-"""Corner rounding: every corner of a path becomes an arc that keeps a corner error, (10)-(16).
+"""Corner rounding: replaces the corners of a path by arcs within a corner error, (10)-(16).
 
-The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3. Two
-other lengths are called tolerance elsewhere; with half the turn h, `gap = r (1 - cos h) / cos h`,
-the arc's distance from the path is `r (1 - cos h) = gap cos h`, and the tangent length (the part of
-each line that the arc replaces) is `r tan h`. See docs/concepts/rounding.md.
+The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3:
+`gap = r (1 - cos h) / cos h` for radius r and half the turn h. Elsewhere two other lengths are
+called tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent
+length, `r tan h`, which is the part of each line that the arc replaces. See
+docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -26,29 +27,30 @@ from armcontour.geometry.rounded_orientation import (
 )
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
-# A rest of a line between two arcs that is shorter than this is left out [m]: it is rounding.
+# A remainder of a line between two arcs that is shorter than this is a rounding error and is left
+# out [m].
 SLIVER = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Corners:
-    """The corners of an objective path and what became of each, in path order.
+    """The n corners of an objective path in path order, and the arcs that replace them.
 
     Args:
         vertex: Index of the corner among the vertices of the objective path, from 0, (n,).
         point: The corner points [m], (n, dimension).
         turn: Angle between the lines [rad], above 0 and at most pi, (n,).
-        radius: Radius of the arc [m], 0 where the tool stops at the corner, (n,).
+        radius: Radius of the arc [m], 0 if the tool stops at the corner, (n,).
         error: Corner error: gap between corner point and arc [m], (n,).
         tangent: Tangent length [m], (n,).
-        start, end: Arc length on the rounded path where the arc starts and ends [m], (n,).
-        shrunk: True where the arc is smaller than its position asks for, because its lines are
-            short or its orientation turns too far, (n,).
+        start, end: Arc lengths on the rounded path at which the arc starts and ends [m], (n,).
+        shrunk: True if the arc is smaller than its case requires, because its lines are too short
+            or its orientation turns too much, (n,).
         speed: Largest speed on the arc under the given acceleration, (16) [m/s], (n,); NaN if no
             acceleration was given.
-        angular_error: Angle between the tool's orientation in the middle of the arc and that at the
-            corner point [rad], (n,), or that between the tool axes where only they count; 0 where
-            the orientation follows the tangent or is not given.
+        angular_error: Angle between the tool orientation in the middle of the arc and that at the
+            corner point [rad], (n,); between the tool axes if only they are prescribed; 0 if the
+            orientation follows the tangent or is missing.
     """
 
     vertex: IntArray
@@ -73,24 +75,26 @@ class Corners:
 
     @property
     def stopped(self) -> BoolArray:
-        """True where the corner stays sharp and the tool has to stop, (n,)."""
+        """True for corners that stay sharp, so that the tool has to stop, (n,)."""
         return np.asarray(self.radius == 0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoundedPath(Path):
-    """A path whose corners were rounded; it remembers how, and from what.
+    """A path with rounded corners, together with its objective path and its corners.
 
     Args:
         objective: The path before rounding.
-        corners: What became of each of its corners.
+        corners: The corners of the objective path, and their arcs.
     """
 
     objective: Path
     corners: Corners
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths on this path of those on the objective path [m]; on an arc, by their share.
+        """Arc lengths on this path that correspond to arc lengths on the objective path [m].
+
+        Within a rounded corner the correspondence is linear.
 
         Args:
             s: Arc lengths of the objective path [m], any shape.
@@ -114,34 +118,34 @@ def round_corners(
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
 ) -> RoundedPath:
-    """Replace every corner by the arc that the paper's case I or case II asks for.
+    """Replace every corner of a path by an arc, by the paper's case I or case II.
 
     Case II: `tolerance` bounds the corner error, and the radius is the largest that keeps it, (15).
     Case I: `speed` is the lowest speed allowed on the corner; under `acceleration` this gives the
-    smallest radius (13) and the smallest corner error (14). Where both are given, `tolerance`
-    caps the corner error of case I.
+    smallest radius (13) and the smallest corner error (14). With both, `tolerance` caps the corner
+    error of case I.
 
-    Each value is one for all corners, or one per vertex between segments (vertices where the path
-    goes straight on ignore theirs). A tolerance of the path's own segments caps the corner error.
-    Arcs that would overlap shrink, each as far as its own lines ask. A zero radius (zero
-    tolerance, a turn of 180°, a corner beside an arc) leaves the corner as a full stop.
+    Each value holds for all corners, or there is one per vertex between segments (values of
+    vertices without a corner are ignored). Tolerances of the path's own segments cap the corner
+    error. Arcs that would overlap shrink until they fit their lines. A zero radius (zero tolerance,
+    a turn of 180°, a corner beside an arc) keeps the corner sharp, and the tool stops there.
 
-    The tool's orientation is rounded with the position: `angular_tolerance` bounds how far it is
-    off in the middle of a corner, and makes arcs smaller where it has to. It also rounds what only
-    the orientation does at a vertex where the path goes straight on. An orientation that follows
-    the tangent may leave it by that angle where lines and arcs meet.
+    The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
+    the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
+    angular rate jumps. An orientation that follows the tangent may leave it by that angle where
+    lines and arcs meet.
 
     Args:
         path: The objective path.
-        tolerance: Largest corner error [m].
-        speed: Lowest corner speed [m/s].
-        acceleration: Centripetal acceleration at that speed [m/s²]; with `tolerance` alone it is
-            only used to report the corner speed (16).
-        angular_tolerance: Largest angle by which the orientation may be off [rad].
+        tolerance: Largest corner error [m], a number or (vertices,).
+        speed: Lowest corner speed [m/s], a number or (vertices,).
+        acceleration: Centripetal acceleration at that speed [m/s²], a number or (vertices,); with
+            `tolerance` alone it is only used to report the corner speed (16).
+        angular_tolerance: Largest angle between the orientation and its value at the vertex [rad].
 
     Raises:
-        InvalidInput: Neither case given, a negative value, a wrong number of values, or no
-            angular tolerance where the orientation needs one.
+        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
+            the orientation needs an angular tolerance.
     """
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
@@ -153,28 +157,99 @@ def round_corners(
     kinked = np.setdiff1d(find_kinks(path), corner)
     angle = _angular_tolerance(path, angular_tolerance, kinked)
     half = turn[corner] / 2
-    radius, pull = _required_radius(path, corner, half, (tolerance, speed, acceleration))
-    straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
-    reach = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
-    wanted = np.where(straight_sides, reach, 0.0)
-    # An arc below the resolution of a point is no arc; at a turn of 180° every radius vanishes.
-    wanted[wanted <= REPEATED_POINT] = 0.0
-    wanted[np.pi - turn[corner] <= TANGENT_TOLERANCE] = 0.0
-    # Where only the orientation turns, it shares the segments with the corners.
+    radius, accelerations = _required_radius(path, corner, half, (tolerance, speed, acceleration))
     which, halves = np.concatenate([corner, kinked]), np.append(half, np.zeros(len(kinked)))
-    turning = largest_tangent(path, kinked, halves[len(corner) :], angle)
+    tangents, shrunk = _tangent_lengths(path, corner, kinked, half, radius, angle)
+    tangent = tangents[: len(corner)]
+    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
+    speeds = np.sqrt(accelerations * radius)
+    rounded, source = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
+    return _add_orientation(rounded, source, which, halves, tangents, angle)
+
+
+def _assemble(
+    path: Path,
+    corner: IntArray,
+    half: FloatArray,
+    radius: FloatArray,
+    tangent: FloatArray,
+    shrunk: BoolArray,
+    speed: FloatArray,
+) -> tuple[RoundedPath, IntArray]:
+    """The rounded path without orientation, and the objective segment of each of its segments.
+
+    Args:
+        path: The objective path.
+        corner: Segments after which there is a corner, (n,).
+        half: Half of the turn at each corner [rad], (n,).
+        radius: Radius of each arc [m], 0 for a sharp corner, (n,).
+        tangent: Tangent length of each arc [m], (n,).
+        shrunk: Mask of arcs smaller than required, (n,).
+        speed: Largest speed on each arc [m/s], (n,).
+    """
+    table, source, ends = _replace_corners(path, corner, half, radius, tangent)
+    rounded = RoundedPath(
+        segments=table,
+        merged=path.merged,
+        # The arc does not pass the waypoint of its corner, so that all vertices become waypoints.
+        waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
+        objective=path,
+        corners=Corners(
+            vertex=corner + 1,
+            point=path.starts[corner + 1],
+            turn=2 * half,
+            radius=radius,
+            error=corner_error(radius, half),
+            tangent=tangent,
+            start=ends - radius * 2 * half,
+            end=ends,
+            shrunk=shrunk,
+            speed=speed,
+            angular_error=np.zeros(len(corner)),
+        ),
+    )
+    return rounded, source
+
+
+def _tangent_lengths(
+    path: Path,
+    corner: IntArray,
+    kinked: IntArray,
+    half: FloatArray,
+    radius: FloatArray,
+    angle: float,
+) -> tuple[FloatArray, BoolArray]:
+    """Tangent lengths that keep the tolerances and fit the lines.
+
+    Args:
+        path: The objective path.
+        corner: Segments after which there is a corner, (n,).
+        kinked: Segments after which only the angular rate jumps, (k,).
+        half: Half of the turn at each corner [rad], (n,).
+        radius: Required radius of each corner [m], (n,).
+        angle: Angular tolerance [rad].
+
+    Returns:
+        Tangent lengths of corners, then of kinks [m], (n + k,); 0 for sharp corners. And the mask
+        of corners whose arcs are smaller than required, (n,).
+    """
+    straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
+    largest = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
+    wanted = np.where(straight_sides, largest, 0.0)
+    # Arcs smaller than the resolution of a point are dropped; at a turn of 180° no radius is left.
+    wanted[wanted <= REPEATED_POINT] = 0.0
+    wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
+    # Blends of the orientation alone share the segments with the corners' arcs.
+    which = np.concatenate([corner, kinked])
+    blends = largest_tangent(path, kinked, np.zeros(len(kinked)), angle)
     order = np.argsort(which)
     tangents = np.empty(len(which))
-    tangents[order] = _fit(np.concatenate([wanted, turning])[order], which[order], path.lengths)
+    tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
     tangent = tangents[: len(corner)]
-    # A micro-segment between two corners can leave an arc below that resolution too.
+    # A very short segment between two corners can leave an arc below that resolution, too.
     tangent[tangent <= REPEATED_POINT / 4] = 0.0
     shrunk = tangent < radius * np.tan(half) * (1 - 1e-12)
-    shrunk &= straight_sides & (wanted > 0)
-    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
-    speeds = np.sqrt(pull * radius)
-    rounded, of = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
-    return _with_orientation(rounded, of, which, halves, tangents, angle)
+    return tangents, shrunk & straight_sides & (wanted > 0)
 
 
 def _required_radius(
@@ -183,55 +258,55 @@ def _required_radius(
     half: FloatArray,
     given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
 ) -> tuple[FloatArray, FloatArray]:
-    """Radii that case I or case II asks for, and the acceleration at each corner, (n,) each.
+    """Radii by case I or case II [m], and centripetal accelerations [m/s²] of the corners, (n,).
 
     Args:
         path: The objective path.
         corner: Segments after which there is a corner, (n,).
-        half: Half of the turn at each [rad], (n,).
+        half: Half of the turn at each corner [rad], (n,).
         given: Tolerance, speed and acceleration as in `round_corners`.
 
     Raises:
-        InvalidInput: Values that are none.
+        InvalidInput: A value is negative or not a number, or their number is wrong.
     """
     tolerance, speed, acceleration = given
     vertices = len(path) - 1
     allowed = _per_vertex("corner error tolerance", tolerance, vertices, "m", np.inf)
     slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.nan)
-    pull = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
+    accelerations = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
     if acceleration is not None and vertices:
-        _checks.positive("corner acceleration", pull.min(), "m/s²")
+        _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))
     radius = _largest_radius(allowed[corner], half)
     if speed is not None:
-        radius = np.minimum(radius, slowest[corner] ** 2 / pull[corner])
-    return radius, pull[corner]
+        radius = np.minimum(radius, slowest[corner] ** 2 / accelerations[corner])
+    return radius, accelerations[corner]
 
 
-def _with_orientation(
+def _add_orientation(
     rounded: RoundedPath,
-    of: IntArray,
+    source: IntArray,
     which: IntArray,
     half: FloatArray,
     tangent: FloatArray,
     angle: float,
 ) -> RoundedPath:
-    """The rounded path with the orientation of its objective path, rounded too.
+    """The rounded path with the rounded orientation of its objective path.
 
     Args:
-        rounded: The path without it.
-        of: As `_assemble` tells.
-        which: Segments after which it may turn: at corners, and then at kinks, (k,).
-        half: Half of the turn at each [rad], (k,).
-        tangent: Tangent length of each [m], (k,).
-        angle: Largest angle by which it may be off [rad].
+        rounded: The rounded path without orientation.
+        source: Index of the objective segment of each segment, from `_assemble`.
+        which: Segments after which there is a corner, then those after which there is a kink, (k,).
+        half: Half of the turn at each of these vertices [rad], (k,).
+        tangent: Tangent length of each of these vertices [m], (k,).
+        angle: Angular tolerance [rad].
     """
     path = rounded.objective
     if path.orientation is None:
         return rounded
     if path.orientation.follows:
-        orientation = follow_rounded(rounded.segments, path, of, angle)
+        orientation = follow_rounded(rounded.segments, path, source, angle)
         return dataclasses.replace(rounded, orientation=orientation)
     orientation, off = round_orientation(path, which, half, tangent)
     corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
@@ -239,10 +314,10 @@ def _with_orientation(
 
 
 def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> float:
-    """The angular tolerance [rad], infinite where none is given and none is needed.
+    """The angular tolerance [rad], infinite if none is given and none is needed.
 
     Raises:
-        InvalidInput: A negative one, or none where the orientation needs one.
+        InvalidInput: The tolerance is negative, or missing though the orientation needs one.
     """
     if given is not None:
         return _checks.not_negative("angular tolerance", given, "rad")
@@ -263,18 +338,28 @@ def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> flo
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
-    """Gap between corner point and arc [m], from (10): `r (1 - cos h) / cos h`."""
+    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`.
+
+    Args:
+        radius: Radius r of the arc [m].
+        half_turn: Half h of the angle between the lines [rad].
+    """
     return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
 
 
 def _largest_radius(error: FloatArray, half: FloatArray) -> FloatArray:
-    """Radius whose corner error is `error`, (11), without cancellation at small turns."""
+    """Radius with the corner error `error`, (11) [m], without cancellation at small turns."""
     return np.asarray(error * np.cos(half) / (2 * np.sin(half / 2) ** 2))
 
 
 def _per_vertex(
     name: str, values: npt.ArrayLike | None, vertices: int, unit: str, default: float
 ) -> FloatArray:
+    """One value per vertex, from one for all, one per vertex, or None for the default.
+
+    Raises:
+        InvalidInput: A value is negative or not a number, or their number is wrong.
+    """
     if values is None:
         return np.full(vertices, default)
     array = _checks.numbers(name, values, unit)
@@ -289,11 +374,16 @@ def _per_vertex(
 
 
 def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArray:
-    """Tangent lengths that fit their lines.
+    """Tangent lengths reduced to fit their lines [m], (n,).
 
-    A corner may always take half of a line, and what the other corner of the line leaves over. The
-    rule looks at two neighbours only, gives a corner the same in either direction of travel, and
-    never fails.
+    A corner may take half of a line, or all that the corner at the line's other end does not want.
+    This rule depends on direct neighbours only, is independent of the direction of travel, and
+    always has a solution.
+
+    Args:
+        wanted: Wanted tangent lengths [m], (n,).
+        corner: Segments after which the corners are, increasing, (n,).
+        lengths: Lengths of all segments [m].
     """
     at = np.zeros(len(lengths) + 1)
     at[corner + 1] = wanted
@@ -302,20 +392,26 @@ def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArra
     return np.asarray(np.minimum(wanted, np.minimum(room_before[corner], room_after[corner + 1])))
 
 
-def _assemble(
-    path: Path,
-    corner: IntArray,
-    half: FloatArray,
-    radius: FloatArray,
-    tangent: FloatArray,
-    shrunk: BoolArray,
-    speed: FloatArray,
-) -> tuple[RoundedPath, IntArray]:
-    """The rounded path, and of which objective segment each of its segments is, or comes after."""
+def _replace_corners(
+    path: Path, corner: IntArray, half: FloatArray, radius: FloatArray, tangent: FloatArray
+) -> tuple[Segments, IntArray, FloatArray]:
+    """Segments of the rounded path.
+
+    Args:
+        path: The objective path.
+        corner: Segments after which there is a corner, (n,).
+        half: Half of the turn at each corner [rad], (n,).
+        radius: Radius of each arc [m], 0 for a sharp corner, (n,).
+        tangent: Tangent length of each arc [m], (n,).
+
+    Returns:
+        The segments; for each, the index of its objective segment, or of the one before its
+        corner; and the arc lengths at which the corners' arcs end [m], (n,).
+    """
     n, rounded = len(path), radius > 0
     cut = np.zeros(n + 1)
     cut[corner + 1] = tangent
-    # Only lines give something up to a corner.
+    # Only lines are shortened, as only corners between two lines are rounded.
     lines = path.segments.replace(
         starts=path.starts + cut[:-1, None] * path.tangents,
         lengths=path.lengths - cut[:-1] - cut[1:],
@@ -329,36 +425,16 @@ def _assemble(
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         curvatures=1 / radius[rounded],
         lengths=radius[rounded] * 2 * half[rounded],
-        # An arc lies on both its lines: the lower of their speeds and tolerances holds on it.
+        # The arc replaces parts of both lines, so the lower speed and tolerance apply to it.
         speeds=np.fmin(before.speeds, after.speeds),
         tolerances=np.fmin(before.tolerances, after.tolerances),
     )
     # Each segment, and the arc after it.
-    of = np.append(np.arange(n), which)
-    in_order = np.argsort(of, kind="stable")
-    of, table = of[in_order], Segments.join([lines, arcs])[in_order]
+    source = np.append(np.arange(n), which)
+    in_order = np.argsort(source, kind="stable")
+    source, table = source[in_order], Segments.join([lines, arcs])[in_order]
     used = (table.lengths > SLIVER) | (in_order >= n)
     ends = np.cumsum(np.where(used, table.lengths, 0.0))[
-        np.searchsorted(of, corner, side="right") - 1
+        np.searchsorted(source, corner, side="right") - 1
     ]
-    rounded_path = RoundedPath(
-        segments=table[used],
-        merged=path.merged,
-        # An arc leaves the waypoint of its corner aside: then every vertex is one.
-        waypoints=EVERY_VERTEX if rounded.any() else path.waypoints,
-        objective=path,
-        corners=Corners(
-            vertex=corner + 1,
-            point=path.starts[corner + 1],
-            turn=2 * half,
-            radius=radius,
-            error=corner_error(radius, half),
-            tangent=tangent,
-            start=ends - radius * 2 * half,
-            end=ends,
-            shrunk=shrunk,
-            speed=speed,
-            angular_error=np.zeros(len(corner)),
-        ),
-    )
-    return rounded_path, of[used]
+    return table[used], source[used], ends

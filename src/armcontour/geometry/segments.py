@@ -1,4 +1,4 @@
-"""The table of lines and arcs that every path is made of."""
+"""Table of the lines and arcs of a path."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 
-# Points closer than this are one point: a nanometre is below what any arm can resolve.
+# Points closer than this count as one point: no arm resolves a nanometre [m].
 REPEATED_POINT = 1e-9
-# Tangents closer than this [rad] are one tangent: at 1 m/s the step in velocity is 1 nm/s.
+# Tangents that differ by less than this count as equal: at 1 m/s the velocity jumps by 1 nm/s
+# [rad].
 TANGENT_TOLERANCE = 1e-9
-# Beyond this [m] the rounding of coordinates comes near to a repeated point.
+# Rounding errors of coordinates beyond this come near the distance of repeated points [m].
 FAR = 1e3
 EVERY = slice(None)
 VECTORS = ("starts", "tangents", "normals")
@@ -35,15 +36,15 @@ class Segments:
     `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0.
 
     Args:
-        starts: First point of every segment [m], (n, 2) or (n, 3).
-        tangents: Unit tangents there, same shape.
-        normals: Unit vectors there towards the arcs' centres, zero for lines, same shape.
-        curvatures: (n,) [1/m], zero for lines.
-        lengths: (n,) [m], above zero.
-        speeds: (n,) assigned velocity of the segment [m/s], NaN where it has none of its own.
-        tolerances: (n,) largest corner error of the segment [m], NaN where it has none.
-        tags: Free text per segment, or None.
-        checked: Whether the segments are known to make a path; `check` finds out.
+        starts: First points of the segments [m], (n, 2) or (n, 3).
+        tangents: Unit tangents at the starts, same shape.
+        normals: Unit normals at the starts towards the arcs' centres, zero for lines, same shape.
+        curvatures: Curvatures of the segments [1/m], zero for lines, (n,).
+        lengths: Lengths of the segments, above zero [m], (n,).
+        speeds: Assigned velocities of the segments [m/s], NaN for segments without one, (n,).
+        tolerances: Largest corner errors of the segments [m], NaN for segments without one, (n,).
+        tags: Free text per segment, or None, (n,).
+        checked: Whether `check` has found that the segments make a continuous path.
     """
 
     starts: FloatArray
@@ -65,17 +66,17 @@ class Segments:
             object.__setattr__(self, "tags", np.full(n, None))
         for name in COLUMNS:
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
-            # What another table has locked is shared with it.
+            # Arrays that are locked already are shared, not copied.
             if array.flags.writeable or not array.flags.owndata:
                 object.__setattr__(self, name, _checks.lock_copy(array))
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
-        """Straight lines through points, (n + 1, dimension) [m], no two neighbours of them equal.
+        """The table of straight lines through points.
 
         Args:
-            points: The ends of the lines.
-            columns: Other columns of the table.
+            points: Ends of the lines without equal neighbours [m], (n + 1, dimension).
+            columns: Other columns of the table, such as speeds.
         """
         steps = np.diff(points, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
@@ -90,14 +91,14 @@ class Segments:
 
     @classmethod
     def join(cls, tables: Sequence[Segments], *, checked: bool = False) -> Segments:
-        """The rows of several tables in one."""
+        """One table with the rows of several tables in order."""
         if len(tables) == 1:
             return tables[0]
         columns = {x: np.concatenate([getattr(table, x) for table in tables]) for x in COLUMNS}
         return tables[0].replace(**columns, checked=checked)
 
     def replace(self, *, checked: bool = False, **columns: npt.NDArray[Any]) -> Segments:
-        """The table with other columns: new arrays, which are locked and not copied."""
+        """The table with some columns replaced by new arrays, which are locked and not copied."""
         table = object.__new__(Segments)
         for column in columns.values():
             column.setflags(write=False)
@@ -111,7 +112,7 @@ class Segments:
         return len(self.lengths)
 
     def __getitem__(self, rows: Any) -> Segments:
-        """Some of the rows."""
+        """The table of the selected rows."""
         return self.replace(**{name: getattr(self, name)[rows] for name in COLUMNS})
 
     @property
@@ -121,7 +122,7 @@ class Segments:
 
     @property
     def breaks(self) -> FloatArray:
-        """Arc lengths of the segments' ends, from 0 [m], (n + 1,)."""
+        """Arc lengths of the ends of the segments, from 0 [m], (n + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.lengths)])
 
     @property
@@ -152,12 +153,12 @@ class Segments:
         return np.asarray(along[..., None] * self.tangents[i] + across[..., None] * self.normals[i])
 
     def normals_at(self, i: IntArray | slice, u: FloatArray) -> FloatArray:
-        """Unit vectors towards the centre at distance `u` [m] from the start of segment `i`."""
+        """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
         turn = (self.curvatures[i] * u)[..., None]
         return np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
-        """Parts of segments `i`, each between two distances from its start [m]."""
+        """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
         rows, later = self[i], begin > 0
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
         at = i[later], begin[later]
@@ -166,7 +167,7 @@ class Segments:
         return rows.replace(starts=starts, tangents=tangents, normals=normals, lengths=end - begin)
 
     def run(self, i: IntArray, back: BoolArray) -> Segments:
-        """Segments `i`, those from end to start where `back` says so."""
+        """Segments `i`, with those in mask `back` reversed."""
         rows, k = self[i], i[back]
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
         at = k, self.lengths[k]
@@ -175,16 +176,16 @@ class Segments:
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
     def put(self, which: BoolArray, rows: Segments) -> Segments:
-        """The table with other rows in the place of some."""
+        """The table with the rows in mask `which` replaced by `rows`."""
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
             column[which] = getattr(rows, name)
         return self.replace(**columns)
 
     def place(self, rotation: FloatArray, origin: FloatArray, scale: float = 1.0) -> Segments:
-        """The segments, first scaled about zero, then turned, then moved by `origin`."""
+        """The segments scaled about zero, then rotated, then translated by `origin`."""
         starts = origin + scale * self.starts @ rotation.T
-        # Only what grows, or goes where coordinates are coarse, can come apart.
+        # Gaps can exceed their limit only by scaling or by the rounding of large coordinates.
         close = scale == 1.0 and float(np.abs(starts).max()) <= FAR
         return self.replace(
             starts=starts,
@@ -201,16 +202,10 @@ class Segments:
         return self.replace(checked=self.checked, **deeper)
 
     def check(self) -> Segments:
-        """The same segments, known to make a path.
-
-        Args:
-            start: First point [m], 2 or 3 coordinates.
-            via: A point of the arc between its ends [m].
-            end: Last point [m].
-            demand: Speed, corner error and tag of this segment.
+        """The same segments, after a check that they make a continuous path.
 
         Raises:
-            InvalidInput: Arrays that do not fit, or a gap between segments.
+            InvalidInput: The columns do not fit together, or there is a gap between segments.
         """
         if self.checked:
             return self
@@ -235,7 +230,11 @@ class Segments:
         return self.replace(checked=True)
 
     def refuse_gaps(self) -> None:
-        """Refuse segments of which one does not start where the segment before ends."""
+        """Refuse a table in which a segment does not start where the segment before it ends.
+
+        Raises:
+            InvalidInput: There is a gap; with the index of the segment after it.
+        """
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
@@ -255,17 +254,17 @@ class Segments:
 def close_up(
     starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Leave out what goes nowhere, so that what is left still meets.
+    """Drop segments that are too short, and move the starts of the next ones to close the gaps.
 
     Args:
-        starts: Starts of segments in a row, (n, dimension).
-        ends: Their ends, (n, dimension).
-        stay: Segments that stay, however near their ends are.
-        nearest: Others stay if they end farther than this from the last end kept [m], which is how
-            many small steps are not lost.
+        starts: Starts of consecutive segments [m], (n, dimension).
+        ends: Ends of these segments [m], (n, dimension).
+        stay: Mask of segments that are kept whatever their length, (n,).
+        nearest: Other segments are kept if they end farther than this from the last kept end [m],
+            so that many small steps are not lost.
 
     Returns:
-        The starts once the others are left out, and which are kept.
+        The new starts, (n, dimension), and the mask of kept segments, (n,).
     """
     kept = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
     if kept.all():

@@ -1,4 +1,4 @@
-"""Cubic splines as tangent arcs."""
+"""Approximation of a cubic spline through points by tangent arcs."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 
 
 def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segments, IntArray]:
-    """Arcs along the cubic spline through points, tangent to each other.
+    """Tangent arcs along the cubic spline through points.
 
     The spline is C² over chord length, natural at its ends or periodic.
 
     Args:
-        points: (n, dimension), no two neighbours equal [m].
+        points: Points of the spline without equal neighbours [m], (n, dimension).
         tolerance: Largest distance between the arcs and the spline [m].
-        closed: Whether it is periodic.
+        closed: Whether the spline is periodic.
 
     Returns:
-        The arcs, and which of their vertices the points are, (n,).
+        The arcs, and the index of the vertex at each point, (n,).
 
     Raises:
-        InvalidInput: A closed spline whose ends differ, one that turns back on the spot, points too
-            far apart for their distances to be numbers, or a tolerance that needs too many arcs.
+        InvalidInput: The ends of a closed spline differ, the spline turns back on the spot, the
+            points are so far apart that rounding loses distances, or the tolerance needs too many
+            arcs.
     """
     from scipy.interpolate import CubicSpline
 
@@ -39,7 +40,7 @@ def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segm
         far = float(np.abs(points).max())
         raise InvalidInput(
             f"The points of a spline lie as far as {far:g} m apart, so that the distances between "
-            "others are lost in rounding: look at their units."
+            "others are lost in rounding: check their units."
         )
     curve = CubicSpline(at, points, bc_type="periodic" if closed else "natural")
     segments, vertices = fit_through(curve, at, tolerance)

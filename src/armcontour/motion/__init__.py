@@ -1,4 +1,4 @@
-"""What flows from step to step: joint paths, trajectories, taught data, executions."""
+"""Motions as values: joint paths, trajectories, taught data, executions."""
 
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath, quintic

@@ -1,4 +1,4 @@
-"""The compiled part of smoothing: moving averages of the position along a path, exact."""
+"""Compiled moving averages of the arc length over time, exact."""
 
 from __future__ import annotations
 
@@ -8,23 +8,24 @@ from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 from armcontour.motion.laws import Rates
 
-# Terms of the series below; they end at rounding for `|slope| t²` up to 10, which is more than half
-# a turn of the circular law.
+# Terms of the series below. They converge to rounding errors for `|slope| t²` up to 10, more than a
+# half period of a law with circular functions.
 TERMS = 18
-# Steps of a search that halves its bracket at least every second one.
+# Steps of a search whose bracket is halved at least in every second step.
 STEPS = 110
 
 
 @compiled()
 def advance(rates: Rates, i: int, u: float) -> tuple[float, float, float, float, float]:
-    """A law of path acceleration linear in s, `u` seconds after its interval `i` began.
+    """State of a law with path acceleration linear in s, at time u after the start of interval i.
 
     Returns:
-        dds, ds, the way since then, and its first and second integral over time.
+        dds, ds, the distance from the start of the interval, and the first and second integral of
+        that distance over time.
     """
     ds, dds, slope = rates.ds[i], rates.dds[i], rates.slope[i]
     z = slope * u * u
-    # f_n = sum_j z^j / (2 j + n)!, of which hyperbolic and circular functions are made.
+    # f_n = sum_j z^j / (2 j + n)!, which hyperbolic and circular functions are made of.
     f0, f1, f2, f3, f4 = 1.0, 1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0
     a0, a1, a2, a3, a4 = f0, f1, f2, f3, f4
     for j in range(1, TERMS):
@@ -53,7 +54,7 @@ def advance(rates: Rates, i: int, u: float) -> tuple[float, float, float, float,
 
 @compiled()
 def whole(breaks: FloatArray, rates: Rates) -> FloatArray:
-    """First and second integral of the way over every interval, from its begin, (n, 2)."""
+    """Integrals over each interval of the distance from its start: first and second, (n, 2)."""
     n = len(breaks) - 1
     found = np.empty((n, 2))
     for i in range(n):
@@ -70,14 +71,16 @@ def _from(
     begin: float,
     ends: FloatArray,
 ) -> FloatArray:
-    """At increasing times `ends`: dds, ds, way since `begin`, and its two integrals from there.
+    """State of a law at increasing times `ends`, with integrals from time `begin`, (n, 5).
 
-    Before its first break and after its last the law is at rest.
+    The columns are dds, ds, the distance from the position at `begin`, and the first and second
+    integral of that distance over time. The law is at rest before its first and after its last
+    break.
     """
     n = len(breaks) - 1
     found = np.zeros((len(ends), 5))
     i = -1 if begin < breaks[0] else min(int(np.searchsorted(breaks, begin, side="right")) - 1, n)
-    # Time and way at the last event passed, and the integrals up to there.
+    # Time of the last break passed, arc length at `begin`, and the integrals up to that time.
     now, origin = begin, s[0]
     if i >= n:
         origin = s[n]
@@ -96,7 +99,7 @@ def _from(
             found[k, 2] = here
             found[k, 3], found[k, 4] = one + here * u, two + one * u + here * u * u / 2
             continue
-        # From the begin of the interval, less what lies before `now`.
+        # Integrals from the start of the interval, less those up to `now`.
         own = advance(rates, i, ends[k] - breaks[i])
         lag = now - breaks[i]
         first = advance(rates, i, lag)
@@ -119,7 +122,7 @@ def _advance_integrals(
     one: float,
     two: float,
 ) -> tuple[float, float]:
-    """Both integrals at the end of interval i, from those at `now` within it."""
+    """First and second integral at the end of interval i, from those at time `now` inside it."""
     u = breaks[i + 1] - now
     here = s[max(i, 0)] - origin
     if i < 0:
@@ -143,21 +146,21 @@ def average(
     first: float,
     second: float,
 ) -> FloatArray:
-    """The law averaged over the last `first` seconds, and that over the last `second` again.
+    """Moving average of a law over the last `first` seconds, then over the last `second` seconds.
 
-    Integrals are taken from the window's begin, so that no digits are lost to what lies before it.
+    Integrals start at the window's start, so that the motion before it costs no digits.
 
     Args:
         t: Times [s], (n,).
-        breaks: Of the law [s], (m + 1,).
-        s: At the breaks [m], (m + 1,).
-        rates: Of every interval.
-        integrals: Of `whole`, (m, 2).
-        first: The longer window [s].
-        second: The shorter one, or 0 [s].
+        breaks: Breaks of the law [s], (m + 1,).
+        s: Arc lengths at the breaks [m], (m + 1,).
+        rates: Rates of the law's intervals.
+        integrals: Integrals from `whole`, (m, 2).
+        first: Length of the longer window [s].
+        second: Length of the shorter window, or 0 [s].
 
     Returns:
-        s, ds and dds, (n, 3).
+        s, ds and dds of the averaged law, (n, 3).
     """
     found = np.empty((len(t), 3))
     last = len(breaks) - 1
@@ -195,9 +198,10 @@ def crossings(
     first: float,
     second: float,
 ) -> FloatArray:
-    """Times between `low` and `high` at which the averaged law, which never turns, is at `target`.
+    """Times between `low` and `high` at which the averaged law, never moving back, is at `target`.
 
-    Newton's steps, and halves of the bracket where they leave it or do not shorten it.
+    By Newton's method; the bracket is halved if a step leaves it, and in every second step. The
+    other arguments are those of `average`.
     """
     found = np.empty(len(target))
     at = np.empty(1)

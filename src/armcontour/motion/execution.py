@@ -1,4 +1,4 @@
-"""An execution: what the joints did."""
+"""Executed motion of the joints and of the tool."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from armcontour.motion.taught import TaughtData
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution:
-    """The motion of the joints under a plant, from the first set-point until rest.
+    """Motion of the joints of a plant, from the first set-point until rest.
 
     Args:
         arm: The arm that moved.
-        taught: The set-points it was given.
+        taught: The set-points that the plant executed.
         t: Regular times [s], (n,).
-        q, dq, ddq: What the joints did, (n, dof).
-        demand: Acceleration that the servo asked for, before saturation, (n, dof) [rad/s²].
-        demand_range: Its lowest and its highest value at any time, not only at `t`, (2, dof)
-            [rad/s²].
-        saturated_time: Time for which each joint was saturated, (dof,) [s].
-        torque: What the drives gave, (n, dof) [N m]; None from a plant without torques.
-        torque_demand: The same before saturation; given with it.
+        q, dq, ddq: Joint positions, velocities and accelerations [rad, rad/s, rad/s²], (n, dof).
+        demand: Accelerations that the servos demand, before saturation [rad/s²], (n, dof).
+        demand_range: Lowest and highest demand at any time, not only at `t` [rad/s²], (2, dof).
+        saturated_time: Time in saturation of each joint [s], (dof,).
+        torque: Torques of the drives [N m], (n, dof); None from a plant without torques.
+        torque_demand: Torques before saturation [N m], (n, dof); None without `torque`.
 
     Raises:
-        InvalidInput: Torques without what was asked for, or the other way round.
+        InvalidInput: Only one of `torque` and `torque_demand` is given.
     """
 
     arm: Arm
@@ -56,12 +55,12 @@ class Execution:
 
     @property
     def peak_demand(self) -> FloatArray:
-        """Largest amount of the demand at any time, either way, (dof,) [rad/s²]."""
+        """Largest absolute demand of each joint at any time [rad/s²], (dof,)."""
         return np.asarray(np.abs(self.demand_range).max(axis=0))
 
     @property
     def tool(self) -> FloatArray:
-        """Tool points [m], (n, dimension)."""
+        """Positions of the tool [m], (n, dimension)."""
         return self.arm.forward(self.q)
 
     @property
@@ -71,7 +70,7 @@ class Execution:
 
     @property
     def saturated(self) -> BoolArray:
-        """Where the servo asked for more than it got, (n, dof)."""
+        """Mask of the times at which a joint is saturated, (n, dof)."""
         asked, given = self.demand, self.ddq
         if self.torque is not None and self.torque_demand is not None:
             asked, given = self.torque_demand, self.torque

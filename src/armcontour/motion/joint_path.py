@@ -1,4 +1,4 @@
-"""A path in joint space, piecewise polynomial: what lies between knots is algebra."""
+"""Piecewise polynomial path in joint space."""
 
 from __future__ import annotations
 
@@ -12,32 +12,33 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
-# Joint positions out of inverse kinematics are rounded by about this, in turns of a radian.
+# Rounding error of joint positions from inverse kinematics, relative to 1 rad or to their size.
 ROUNDING = 2e-15
-# Differences of arc lengths are rounded by this share of the largest.
+# Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
-# Positions may jump by this at a break, which no robot resolves [rad].
+# Largest jump of a position at a break; no robot resolves it [rad].
 LARGEST_JUMP = 1e-6
-# The direction may turn by this at a break without a stop, relatively: the play of a traced path.
+# Largest relative jump of dq_ds at a break without a stop: traced paths have such errors.
 LARGEST_KINK = 1e-6
 NO_STOPS = _checks.lock_floats([])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointPath:
-    """Joint positions over arc length, quintic per interval, callable with derivatives.
+    """Joint positions as a function of arc length, a quintic per interval, with derivatives.
 
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
 
     Args:
-        breaks: Interval ends [m], or whatever s means for a path without a tool path, (n + 1,).
-        coefficients: (n, 6, dof) [rad].
-        stops: Breaks that no motion passes moving; those at which the direction jumps are added.
+        breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path they are
+            values of any parameter s.
+        coefficients: Coefficients of the quintics [rad], (n, 6, dof).
+        stops: Breaks at which the motion has to stop; breaks at which dq_ds jumps are added.
         tool_path: The tool path that was traced, if there is one.
 
     Raises:
-        InvalidInput: Arrays that do not fit, breaks that do not increase, a stop that is no inner
-            break, or a jump of the position.
+        InvalidInput: The arrays have wrong shapes or are not finite, breaks do not increase, a
+            stop is not an inner break, or a position jumps.
     """
 
     breaks: FloatArray
@@ -57,6 +58,7 @@ class JointPath:
         object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops()))
 
     def _refuse_jumps(self) -> None:
+        """Raise InvalidInput for the largest jump of a joint position at a break, if any."""
         ends = self.coefficients[:-1].sum(axis=1)
         jumps = np.abs(ends - self.coefficients[1:, 0])
         if (jumps > LARGEST_JUMP).any():
@@ -72,7 +74,11 @@ class JointPath:
             )
 
     def _all_stops(self) -> FloatArray:
-        """The given stops, and the breaks at which the direction jumps."""
+        """The given stops, and the breaks at which dq_ds jumps.
+
+        Raises:
+            InvalidInput: A given stop is not an inner break.
+        """
         inner = self.breaks[1:-1]
         for stop in self.stops:
             if stop not in inner:
@@ -94,10 +100,10 @@ class JointPath:
         stops: FloatArray = NO_STOPS,
         tool_path: Path | None = None,
     ) -> JointPath:
-        """The quintics with given q, dq_ds and d2q_ds2 at both ends of every interval.
+        """The path of quintics with given q, dq_ds and d2q_ds2 at both ends of every interval.
 
         Args:
-            breaks: Arc lengths of the intervals' ends [m], (n + 1,).
+            breaks: Arc lengths of the ends of the intervals [m], (n + 1,).
             begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
             stops: Arc lengths at which the motion has to stop [m], (m,).
@@ -114,14 +120,15 @@ class JointPath:
 
     @classmethod
     def spline(cls, points: npt.ArrayLike, s: npt.ArrayLike | None = None) -> JointPath:
-        """The natural cubic spline through joint positions, (n, dof) [rad].
+        """The natural cubic spline through joint positions.
 
         Args:
-            points: Joint positions, at least two.
-            s: Their parameters, increasing; by default the chord length in joint space [rad].
+            points: At least two joint positions [rad], (n, dof).
+            s: Increasing parameters of the points, (n,); by default the chord length in joint
+                space [rad].
 
         Raises:
-            InvalidInput: Fewer than two points, repeated points, or not increasing parameters.
+            InvalidInput: There are fewer than two points, or the parameters do not increase.
         """
         from scipy.linalg import solve_banded
 
@@ -165,8 +172,13 @@ class JointPath:
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Joint positions or their derivatives with respect to s, shape `s.shape + (dof,)`.
 
+        Args:
+            s: Arc lengths [m], any shape.
+            order: Order of the derivative, 0 for the position.
+            side: At a break, "right" for the interval after it, "left" for the interval before it.
+
         Raises:
-            InvalidInput: An s outside the path.
+            InvalidInput: An arc length is outside the path.
         """
         at = np.asarray(s, dtype=np.float64)
         low, high = float(self.breaks[0]), float(self.breaks[-1])
@@ -209,7 +221,7 @@ class JointPath:
         return np.asarray(result / width[..., None] ** order)
 
     def motion(self, i: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, together.
+        """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, (n, dof) each.
 
         Args:
             i: Indices of intervals, (n,).
@@ -220,7 +232,7 @@ class JointPath:
         c = self.coefficients[i]
         value = np.zeros(x.shape[:-1] + (self.dof,))
         first, second = np.zeros_like(value), np.zeros_like(value)
-        # Horner's rule carries the derivatives along.
+        # Horner's rule for the value and both derivatives; `second` is the second derivative.
         for k in range(5, -1, -1):
             second = second * x + 2 * first
             first = first * x + value
@@ -234,16 +246,16 @@ def quintic(
     end: tuple[FloatArray, FloatArray, FloatArray],
     play: float = 0.0,
 ) -> FloatArray:
-    """Coefficients in x = u / width of the quintics with given value and two derivatives.
+    """Coefficients of quintics with given values and derivatives at both ends of intervals.
 
     Args:
-        width: (n,).
+        width: Lengths of the intervals, (n,).
         begin: Value, first and second derivative at the start of each interval, (n, dof) each.
-        end: The same at the end.
-        play: What the widths may be off by, as differences of large arc lengths are.
+        end: Value, first and second derivative at the end of each interval, (n, dof) each.
+        play: Rounding error of the widths, which are differences of arc lengths.
 
     Returns:
-        (n, 6, dof).
+        Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
     h = width[:, None]
     a0, a1, a2 = begin[0], begin[1] * h, begin[2] * h**2 / 2
@@ -253,8 +265,9 @@ def quintic(
     a3 = 10 * value - 4 * slope + bend / 2
     a4 = -15 * value + 7 * slope - bend
     a5 = 6 * value - 3 * slope + bend / 2
-    # On a very short interval `value` is the rounding of positions, which the derivatives of the
-    # quintic would blow up; the quartic through the given derivatives then ends at it all the same.
+    # On a very short interval `value` consists of rounding errors of positions, which the
+    # derivatives of the quintic would magnify. The quartic with the given derivatives then ends at
+    # the given value up to rounding errors, and is used instead.
     cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
     rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0])) + play * np.abs(begin[1])
     short = np.abs(value - cubic - quartic) <= rounding

@@ -1,4 +1,4 @@
-"""Laws of motion: the pieces of which a trajectory is made, each callable in its own time."""
+"""Time laws: joint positions, and for most laws the arc length, over time."""
 
 from __future__ import annotations
 
@@ -14,12 +14,16 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.motion.joint_path import JointPath
 
-# Halvings of a lap's time that find when a place is reached, to the last digit.
+# Bisection steps for the time at which a lap reaches an arc length, to the last digit.
 HALVINGS = 50
 
 
 class Law(ABC):
-    """Joint positions over time, from 0 to the last of `breaks`; smooth between two breaks."""
+    """Joint positions over time, from 0 to the last break; smooth between breaks.
+
+    Attributes:
+        breaks: Times of the ends of the intervals, from 0 [s], (n + 1,).
+    """
 
     breaks: FloatArray
 
@@ -29,7 +33,7 @@ class Law(ABC):
 
 
 class LawAlongPath(Law):
-    """A law that knows its arc length s(t), which never falls.
+    """A law with a known arc length s(t), which never decreases.
 
     Attributes:
         s: Arc lengths at the breaks [m], (n + 1,).
@@ -43,22 +47,23 @@ class LawAlongPath(Law):
 
     @abstractmethod
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Times at which interval `i` reaches arc lengths that lie inside it, (n,) [s]."""
+        """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
 
     def reach(self, s: FloatArray, side: str = "left") -> tuple[IntArray, FloatArray]:
-        """Intervals and times at which the law reaches arc lengths from its start to its end.
+        """Intervals and times at which the law reaches or leaves arc lengths.
 
         Args:
-            s: Arc lengths [m], (n,).
-            side: "left" for when the law gets there, "right" for when the law goes on from there.
+            s: Arc lengths between the start and the end of the law [m], (n,).
+            side: "left" for the time at which the law reaches s, "right" for the time at which it
+                leaves s.
 
         Returns:
-            Intervals (n,) and times (n,) [s].
+            Indices of intervals, (n,), and times [s], (n,).
         """
         found = np.searchsorted(self.s, s, side=_checks.side(side)) - 1
         i = np.clip(found, 0, len(self.breaks) - 2)
         t = self.breaks[i]
-        # The times of breaks are known without a formula, and exactly.
+        # At breaks the times are known exactly.
         t = np.where(s >= self.s[i + 1], self.breaks[i + 1], t)
         inside = (s > self.s[i]) & (s < self.s[i + 1])
         if inside.any():
@@ -101,15 +106,15 @@ class LapLaw(Law):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineLaw(LapLaw, LawAlongPath):
-    """Laps along a straight line of the tool path: s is how far along the line the tool is.
+    """Laps along a straight line of the tool path.
 
-    Between knots uniform joint accelerations leave the line a little; s is then the arc length of
+    Between knots, uniform joint accelerations leave the line slightly; s is then the arc length of
     the nearest point of the line.
 
     Args:
         arm: The arm, whose tool follows the line.
         ends: Arc lengths at the first and the last knot [m].
-        point: Point of the line at the first of them [m], (dimension,).
+        point: Point of the line at the first knot [m], (dimension,).
         direction: Unit vector along the line, (dimension,).
     """
 
@@ -124,7 +129,7 @@ class LineLaw(LapLaw, LawAlongPath):
         LapLaw.__post_init__(self)
         for name in ("point", "direction"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        # A traced path has its knots on the line but for rounding.
+        # The knots of a traced path are on the line, up to rounding errors.
         s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
         s[0], s[-1] = self.ends
         object.__setattr__(self, "s", _checks.lock_floats(s))
@@ -141,6 +146,7 @@ class LineLaw(LapLaw, LawAlongPath):
         return np.asarray(found @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
         low, high = self.breaks[i], self.breaks[i + 1]
         for _ in range(HALVINGS):
             middle = (low + high) / 2
@@ -149,17 +155,17 @@ class LineLaw(LapLaw, LawAlongPath):
         return high
 
     def _along(self, q: FloatArray) -> FloatArray:
-        """Arc lengths of the line's points nearest to the tool, (n,) [m]."""
+        """Arc lengths of the points of the line nearest to the tool [m], (n,)."""
         return np.asarray(self.ends[0] + (self.arm.forward(q) - self.point) @ self.direction)
 
 
 class Rates(NamedTuple):
-    """How intervals of a `PathLaw` begin, and how their path acceleration changes.
+    """Path speed and path acceleration of a `PathLaw` at the starts of its n intervals.
 
     Args:
         ds: Path speed at the start of every interval [m/s], (n,).
-        dds: Path acceleration there [m/s²], (n,).
-        slope: Slope of dds over s on the interval [1/s²], (n,).
+        dds: Path acceleration at the start of every interval [m/s²], (n,).
+        slope: Slope of dds over s on every interval [1/s²], (n,).
     """
 
     ds: FloatArray
@@ -169,19 +175,19 @@ class Rates(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PathLaw(LawAlongPath):
-    """A joint path run along with a path acceleration that is linear in s on every interval.
+    """Motion along a joint path with a path acceleration that is linear in s on every interval.
 
-    Every joint between segments that lies on the way must be one of the breaks.
+    Every break of the joint path between the start and the end of the law must be a break of the
+    law.
 
     Args:
-        joint_path: The path.
-        breaks: Interval ends, from 0 [s], (n + 1,).
+        joint_path: The joint path.
+        breaks: Times of the ends of the intervals, from 0 [s], (n + 1,).
         s: Arc lengths at the breaks [m], (n + 1,).
-        rates: Path speed and path acceleration at the start of every interval, and the slope of the
-            acceleration over s.
+        rates: Path speed, path acceleration and slope of the path acceleration of every interval.
 
     Raises:
-        InvalidInput: Breaks that do not start at 0 and increase, or rates that do not fit.
+        InvalidInput: The breaks do not start at 0 and increase, or the rates have wrong shapes.
     """
 
     joint_path: JointPath
@@ -200,7 +206,7 @@ class PathLaw(LawAlongPath):
 
     @property
     def speeds(self) -> FloatArray:
-        """Ds at the breaks, (n + 1,) [m/s]."""
+        """Path speeds at the breaks [m/s], (n + 1,)."""
         last = np.array([len(self.breaks) - 2])
         return np.append(self.rates.ds, self.path_position(last, self.breaks[-1:], 1))
 
@@ -212,7 +218,7 @@ class PathLaw(LawAlongPath):
         c, h, p = _linear_motion(slope, u)
         if order == 0:
             s = self.s[i] + ds * h + dds * p
-            # Rounding must not carry s over a joint, whose two sides differ.
+            # Rounding errors must not move s past a break, at which derivatives may jump.
             return np.asarray(np.clip(s, self.s[i], self.s[i + 1]))
         return np.asarray(ds * c + dds * h if order == 1 else ds * slope * h + dds * c)
 
@@ -228,9 +234,10 @@ class PathLaw(LawAlongPath):
         return path_states(self.joint_path, (self.s[i], self.s[i + 1]), s, ds, dds, order)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
         ds, dds, slope = (x[i] for x in self.rates)
         width = s - self.s[i]
-        # ds² grows by the integral of 2 dds over s, in which dds is linear.
+        # ds² grows by the integral of 2 dds over s, and dds is linear in s.
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
         return np.asarray(self.breaks[i] + interval_times(width, ds, end, slope))
 
@@ -246,12 +253,12 @@ def path_states(
     """q, dq or ddq along a joint path by the chain rule.
 
     Args:
-        joint_path: The path.
-        ends: Between which s each place lies: at a joint of the joint path they decide which side
-            is meant.
-        s: Places [m].
-        ds: Their rates, if the order is 1 or 2 [m/s].
-        dds: The rates of these, if the order is 2 [m/s²].
+        joint_path: The joint path.
+        ends: Arc lengths of the start and end of the law's interval at each s [m]. At a break of
+            the joint path they decide between the interval before and after it.
+        s: Arc lengths [m].
+        ds: Path speeds, if the order is 1 or 2 [m/s].
+        dds: Path accelerations, if the order is 2 [m/s²].
         order: 0, 1 or 2.
     """
     first = joint_path.locate(ends[0], side="right")
@@ -267,6 +274,7 @@ def path_states(
 
 
 def _refuse_disorder(breaks: FloatArray) -> None:
+    """Raise InvalidInput unless breaks start at 0 and increase."""
     if len(breaks) < 2 or breaks[0] != 0 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must start at 0 and increase.")
 
@@ -274,16 +282,16 @@ def _refuse_disorder(breaks: FloatArray) -> None:
 def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
-    """Times of intervals run with a path acceleration linear in s.
+    """Durations of intervals with a path acceleration linear in s.
 
     Args:
-        width: Lengths [m], (n,).
-        begin: ds at the starts [m/s], (n,).
-        end: ds at the ends [m/s], (n,).
-        slope: Slope of dds over s [1/s²], (n,).
+        width: Lengths of the intervals [m], (n,).
+        begin: Path speeds at the starts [m/s], (n,).
+        end: Path speeds at the ends [m/s], (n,).
+        slope: Slopes of dds over s [1/s²], (n,).
 
     Returns:
-        `(2 / k) atanh(k width / (begin + end))` with `k² = slope`, (n,) [s].
+        Durations [s], (n,): `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
     """
     simple = 2 * width / (begin + end)
     z = slope * simple**2 / 4
@@ -298,7 +306,7 @@ def interval_times(
 
 
 def _linear_motion(slope: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """cosh(k t), sinh(k t) / k and (cosh(k t) - 1) / k², `k² = slope`, for any sign of it."""
+    """cosh(k t), sinh(k t) / k and (cosh(k t) - 1) / k² with `k² = slope`, of either sign."""
     z = slope * t * t
     size = np.sqrt(np.abs(z))
     half = size / 2

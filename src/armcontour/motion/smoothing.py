@@ -1,4 +1,4 @@
-"""Smoothing: the way along a path as a moving average over time, on the same path."""
+"""Smoothing of a trajectory: a moving average of the arc length over time, on the same path."""
 
 from __future__ import annotations
 
@@ -15,25 +15,27 @@ from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw, Rates, path_states
 from armcontour.motion.trajectory import Trajectory
 
-# Breaks closer than this share of the duration are one.
+# Breaks that differ by less than this fraction of the duration count as one.
 SAME = 1e-13
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SmoothedLaw(LawAlongPath):
-    """A law along a joint path, averaged over one window or over two, one after the other.
+    """A law along a joint path, averaged over one time window, or over two in succession.
 
-    Averaging s(t), and not the joints, leaves the path as it is. The average of a path speed or a
-    path acceleration is never above its largest; where the path bends, joint accelerations may be.
+    The path stays the same, as s(t) is averaged and not the joints. Averaged path speeds and path
+    accelerations never exceed the largest original ones; joint accelerations may, on a curved path.
 
     Args:
-        law: What is averaged, from rest to rest.
-        windows: Lengths of the averages [s]: the longer one, and the shorter one or 0.
+        law: The original law, from rest to rest.
+        windows: Lengths of the longer window, and of the shorter window or 0 [s].
 
     Attributes:
-        breaks: Those of the law, each at the begin and at the end of every window, and when joints
-            of the joint path are passed; the last one is later by both windows.
-        s: At the breaks [m].
+        breaks: Times at which a window starts or ends at a break of the law, and at which the
+            motion passes a break of the joint path [s], (n + 1,). The motion takes longer than the
+            law by the sum of both windows.
+        s: Arc lengths at the breaks [m], (n + 1,).
+        integrals: Integrals of the original law over its intervals, see `_averaging.whole`.
     """
 
     law: PathLaw
@@ -51,7 +53,7 @@ class SmoothedLaw(LawAlongPath):
         times = times[np.append(True, np.diff(times) > SAME * end)]
         times[-1] = end
         way = np.maximum.accumulate(self._path(times)[:, 0])
-        # Rounding must neither fall short of the ends nor go beyond them.
+        # The law must start and end exactly at the ends, in spite of rounding errors.
         way = np.clip(way, self.law.s[0], self.law.s[-1])
         way[0], way[-1] = self.law.s[0], self.law.s[-1]
         times, way = self._with_joints(times, way)
@@ -60,16 +62,16 @@ class SmoothedLaw(LawAlongPath):
 
     @property
     def joint_path(self) -> JointPath:
-        """The path."""
+        """The joint path of the law."""
         return self.law.joint_path
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t`; `i` is the interval that holds each."""
+        """s, ds or dds at times `t`; `i` is the interval that contains each."""
         found = self._path(np.ravel(t))[:, order].reshape(np.shape(t))
         return np.clip(found, self.s[i], self.s[i + 1]) if order == 0 else found
 
     def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """s, ds and dds at times `t`; `i` is the interval that holds each."""
+        """s, ds and dds at times `t`; `i` is the interval that contains each."""
         found = self._path(np.ravel(t)).reshape((*np.shape(t), 3))
         return np.clip(found[..., 0], self.s[i], self.s[i + 1]), found[..., 1], found[..., 2]
 
@@ -80,29 +82,30 @@ class SmoothedLaw(LawAlongPath):
         )
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
+        """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
         return self._crossings(s, self.breaks[i], self.breaks[i + 1])
 
     def _crossings(self, s: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Times between `low` and `high` at which the way is at `s`, (n,)."""
+        """Times between `low` and `high` at which the averaged law is at `s` [s], (n,)."""
         law = self.law
         return np.asarray(
             crossings(s, low, high, law.breaks, law.s, law.rates, self.integrals, *self.windows)
         )
 
     def _path(self, t: FloatArray) -> FloatArray:
-        """s, ds and dds, (n, 3)."""
+        """s, ds and dds of the averaged law at times `t`, (n, 3)."""
         at = np.ascontiguousarray(t, dtype=np.float64)
         return average(
             at, self.law.breaks, self.law.s, self.law.rates, self.integrals, *self.windows
         )
 
     def _with_joints(self, t: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The breaks, and those at which the way passes a joint of the joint path."""
+        """Times and arc lengths of breaks, with those of the joint path's breaks added."""
         joints = self.joint_path.breaks
         joints = joints[(joints > s[0]) & (joints < s[-1])]
         k = np.searchsorted(s, joints, side="left")
         passed = self._crossings(joints, t[k - 1], t[k])
-        # A break that is a joint's already, but for rounding, becomes the joint's.
+        # A break that equals one of the joint path's, up to rounding errors, is replaced by it.
         near = SAME * t[-1]
         apart = np.ones(len(t), dtype=bool)
         for side in (k - 1, k):
@@ -114,19 +117,19 @@ class SmoothedLaw(LawAlongPath):
 
 
 def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
-    """The same path, run with a way s(t) that is averaged over time.
+    """The trajectory along the same path with the arc length s(t) averaged over time.
 
-    One window makes accelerations continuous, as far as the joint path's bend is; a second one
-    makes their rates finite. Stops stay stops: what lies between two of them is averaged by itself,
-    and takes longer by the windows.
+    One window makes path accelerations continuous; a second window bounds their rate of change.
+    Stops remain: each part between two stops is averaged by itself, and takes longer by the sum of
+    the windows.
 
     Args:
-        trajectory: Along joint paths, such as the method "optimal" plans, from rest to rest.
-        windows: One or two lengths of time [s], above 0.
+        trajectory: Trajectory along joint paths from rest to rest, such as by method "optimal".
+        windows: Lengths of one or two windows, above 0 [s].
 
     Raises:
-        InvalidInput: Another number of windows, laws that do not run along a joint path, or one
-            that begins or ends moving.
+        InvalidInput: The number of windows is wrong, a law is not along a joint path, or a law does
+            not start or end at rest.
     """
     if len(windows) not in (1, 2):
         raise InvalidInput(f"A trajectory is smoothed over one or two windows, not {len(windows)}.")
@@ -146,13 +149,13 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
 
 
 def _between_rests(law: PathLaw) -> Iterator[PathLaw]:
-    """The parts of a law between two rests.
+    """The parts of a law between times at rest.
 
     Raises:
-        InvalidInput: It begins or ends moving.
+        InvalidInput: The law does not start or end at rest.
     """
     speeds = law.speeds
-    # The last speed comes out of the last interval's formula, and is right up to rounding.
+    # The last speed comes from the formula of the last interval, and has rounding errors.
     speeds[-1] = 0.0 if abs(speeds[-1]) < 1e-9 * speeds.max() else speeds[-1]
     for place, at in (("begins", 0), ("ends", -1)):
         if speeds[at] != 0:

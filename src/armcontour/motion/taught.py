@@ -1,4 +1,4 @@
-"""Taught data: what the controller is given."""
+"""Taught data: the joint set-points that the controller receives."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory
 
-# The plan begins at a set-point if that is off by less than this part of an interval.
+# The start of the plan counts as a set-point's time if they differ by less than this fraction of a
+# command interval.
 WHOLE = 1e-9
-# Command intervals that controllers have [s]: below, times of set-points run into their rounding;
-# above, nothing between two of them is told.
+# Smallest and largest command interval [s]: shorter ones come near rounding errors of times; longer
+# ones say nothing about the motion between set-points.
 INTERVALS = (1e-6, 10.0)
 
 
 def check_interval(period: float) -> float:
-    """A command interval [s].
+    """A checked command interval [s].
 
     Raises:
-        InvalidInput: Not a number, or outside INTERVALS.
+        InvalidInput: The interval is not a number, or outside INTERVALS.
     """
     return _checks.between("command interval", period, *INTERVALS, "s")
 
@@ -33,16 +34,16 @@ class TaughtData:
 
     Args:
         period: Command interval [s].
-        q: Set-points [rad], (n, dof); the k-th holds k periods after the first, the first before
-            that, the last from then on.
-        trajectory: The realizable trajectory they are to bring about.
-        method: Name of the compensation that made them.
-        start_time: Time of the first set-point [s], not above 0: the plan's motion begins at 0, and
-            a command that leads it begins before.
+        q: Set-points [rad], (n, dof); set-point k is due k periods after the first. Before the
+            first and after the last set-point the command is constant.
+        trajectory: The realizable trajectory that the joints should follow.
+        method: Name of the compensation method that made the set-points.
+        start_time: Time of the first set-point [s], not above 0. The planned motion starts at 0;
+            set-points with a time advance start before.
 
     Raises:
-        InvalidInput: Not one finite set-point per time and joint, an interval outside
-            INTERVALS, or a start after the plan's.
+        InvalidInput: The set-points are not finite numbers, (n, dof), the interval is outside
+            INTERVALS, or the start time is above 0.
     """
 
     period: float
@@ -60,23 +61,23 @@ class TaughtData:
         start = _checks.number("start_time", self.start_time, "s")
         if start > 0:
             raise InvalidInput(
-                f"start_time must not be above zero, when the plan begins, but is {start:g} s."
+                f"start_time must not be above zero, when the plan starts, but is {start:g} s."
             )
         object.__setattr__(self, "start_time", start)
 
     @property
     def t(self) -> FloatArray:
-        """Times of the set-points [s], (n,); 0 is when the plan begins."""
+        """Times of the set-points [s], (n,); the planned motion starts at 0."""
         return self.times(len(self.q), self.period)
 
     def times(self, count: int, step: float) -> FloatArray:
-        """So many times from the first set-point on, `step` apart [s], (count,).
+        """Regular times from the first set-point on [s], (count,).
 
-        They are multiples of the step, without rounding, if the first one is.
+        If the first time is a multiple of the step, all times are, without rounding errors.
 
         Args:
             count: Number of times.
-            step: Time between two of them [s].
+            step: Time between two times [s].
         """
         number = np.arange(count, dtype=np.float64)
         before = self.start_time / step

@@ -1,4 +1,4 @@
-"""A trajectory: joint positions over time as one continuous law."""
+"""Trajectory: joint positions over time, made of one time law after another."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion.laws import Law, LawAlongPath
 
-# Times that are looked at together.
+# Number of times that are computed together, to save memory.
 AT_ONCE = 50_000
-# Arc lengths and times may lie outside by this share of the whole: rounding.
+# Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12
-# Where one law ends and the next one begins differ by less than this along one path [m].
+# Along one path, the end of a law and the start of the next differ by less than this [m].
 SAME_PLACE = 1e-9
 
 
 class Method(StrEnum):
-    """The planning methods, by the names that people read."""
+    """Names of the planning methods."""
 
     OPTIMAL = "optimal"
     MAC = "mac"
@@ -33,13 +33,13 @@ class Method(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stretch:
-    """A part of a trajectory that was made by one rule.
+    """A part of a trajectory that was planned by one rule.
 
     Args:
-        name: Where it is, such as "line 1" or "corner 2".
+        name: Name of the part of the path, such as "line 1" or "corner 2".
         kind: The rule: "MAC", "AVC", "MDC", "corner" or "uniform".
-        t: Start and end [s].
-        s: Start and end along the path [m].
+        t: Times of start and end [s].
+        s: Arc lengths of start and end [m].
         demand: Largest acceleration of each joint [rad/s²], (dof,).
         speed: Largest tool speed [m/s].
     """
@@ -57,16 +57,16 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Span:
-    """The share that a move of a program has of its trajectory.
+    """The part of a program's trajectory that belongs to one move.
 
     Args:
-        move: Its index among the program's moves; None for a rapid that leads to the next one.
+        move: Index of the move in the program; None for a rapid that leads to the next move.
         kind: "contour", "rapid" or "dwell".
-        name: Of its contour; may be empty.
-        t: Start and end [s].
-        s: Start and end along the contours of the program, one after the other [m].
-        work: Of a contour: from when to when the process is at work [s].
-        trajectory: Its own, from 0; None where the tool stands still.
+        name: Name of the contour; may be empty.
+        t: Times of start and end [s].
+        s: Arc lengths of start and end, over all contours of the program [m].
+        work: For a contour, times from which and until which the process is at work [s].
+        trajectory: Trajectory of the move, from time 0; None if the tool is at rest.
     """
 
     move: int | None
@@ -80,15 +80,15 @@ class Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimedEvent:
-    """Something that is switched at a time of a trajectory.
+    """An output that is switched at a time of a trajectory.
 
     Args:
-        name: What is switched.
-        value: What to.
-        t: When, its lead taken off [s].
-        due: When the tool is at its place [s].
-        s: That place along the contours of the program, one after the other [m].
-        point: The same in space or in the plane [m].
+        name: Name of the output.
+        value: New value of the output.
+        t: Switching time, with the event's time advance [s].
+        due: Time at which the tool is at the event's position [s].
+        s: Arc length of the event, over all contours of the program [m].
+        point: Position of the event [m], 2 or 3 coordinates.
     """
 
     name: str
@@ -101,7 +101,12 @@ class TimedEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Samples:
-    """A trajectory at regular times: t (n,), q, dq, ddq (n, dof)."""
+    """A trajectory sampled at regular times.
+
+    Args:
+        t: Times [s], (n,).
+        q, dq, ddq: Joint positions, velocities and accelerations, (n, dof).
+    """
 
     t: FloatArray
     q: FloatArray
@@ -115,18 +120,22 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory:
-    """Laws of motion one after the other, callable at any time, two-sided at breaks.
+    """Joint positions over time, made of consecutive time laws; two-sided at breaks.
 
     Args:
-        laws: The pieces.
-        method: Name of the planner that made it; a `Method` if it is one of these planners.
-        path: The tool path it follows, if there is one.
-        stretches: What was made by which rule, in order.
-        spans: The moves of the program it does, in order; none where it was not planned as one.
-        events: What is switched on the way, by their times.
+        laws: The time laws in order.
+        method: Name of the planning method; a `Method` if it is one of these.
+        path: The tool path that the trajectory follows, if there is one.
+        stretches: Parts of the trajectory by the rule that planned them, in order.
+        spans: Parts of the trajectory by the moves of the program, in order; empty for a single
+            path.
+        events: Outputs that are switched during the motion, by time.
+
+    Attributes:
+        starts: Start times of the laws, and the end of the last [s], (laws + 1,).
 
     Raises:
-        InvalidInput: No law, or spans whose own laws are not those of the trajectory.
+        InvalidInput: There is no law, or the laws of the spans are not those of the trajectory.
     """
 
     laws: tuple[Law, ...]
@@ -149,7 +158,7 @@ class Trajectory:
         object.__setattr__(self, "_ends", _checks.lock_floats([x.s for x in parts]))
 
     def __repr__(self) -> str:
-        """What it is, and not all of its numbers."""
+        """Method, duration and number of joints, without arrays."""
         return f"Trajectory({str(self.method)!r}, {self.duration:.6g} s, {self.dof} joints)"
 
     @property
@@ -164,15 +173,12 @@ class Trajectory:
 
     @property
     def contour_spans(self) -> tuple[Span, ...]:
-        """Those of its spans that are contours, in order; without spans, all of it is one."""
-        if not self.spans:
-            t, s = (0.0, self.duration), (float(self._ends[0, 0]), float(self._ends[-1, 1]))
-            return (Span(move=0, kind="contour", t=t, s=s, work=t, trajectory=self),)
+        """Spans of the contours of a program, in order."""
         return tuple(x for x in self.spans if x.kind == "contour")
 
     @property
     def breaks(self) -> FloatArray:
-        """All times between which the motion is smooth, 0 and the end included [s]."""
+        """Times between which the motion is smooth, with start and end [s]."""
         inner = [
             np.append(start + law.breaks[:-1], end)
             for law, start, end in zip(self.laws, self.starts[:-1], self.starts[1:], strict=True)
@@ -181,7 +187,7 @@ class Trajectory:
 
     @property
     def switching_points(self) -> FloatArray:
-        """Times of the paper's switching points P0, P1, ...: the stretches' ends [s]."""
+        """Times of the paper's switching points P0, P1, ...: the ends of the stretches [s]."""
         return np.array([0.0, *(x.t[1] for x in self.stretches)])
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
@@ -190,10 +196,10 @@ class Trajectory:
         Args:
             t: Times from 0 to `duration` [s], any shape.
             order: 0, 1 or 2.
-            side: "right" or "left": whose value to take where it jumps.
+            side: At a jump, "right" for the value after it, "left" for the value before it.
 
         Raises:
-            InvalidInput: A time outside the trajectory, or another order.
+            InvalidInput: A time is outside the trajectory, or the order is not 0, 1 or 2.
         """
         at = self._check_times(t, order)
         result: FloatArray | None = None
@@ -207,19 +213,19 @@ class Trajectory:
         return result.reshape((*at.shape, result.shape[1]))
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Arc length, path speed or path acceleration, of the shape of `t` [m, m/s, m/s²].
+        """Arc length, path speed or path acceleration, with the shape of `t` [m, m/s, m/s²].
 
-        Of a program s counts along its contours, one after the other, as in its spans; s stands
-        still in rapids and dwells. Where a joint path traces no tool path, s is its own parameter.
+        For a program, s counts over all contours, as in its spans, and is constant in rapids and
+        dwells. For a joint path without a tool path, s is the parameter of the joint path.
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
             order: 0, 1 or 2.
-            side: "right" or "left": whose value to take where it jumps.
+            side: At a jump, "right" for the value after it, "left" for the value before it.
 
         Raises:
-            InvalidInput: A time outside the trajectory, another order, or laws that do not run
-                along one path.
+            InvalidInput: A time is outside the trajectory, the order is not 0, 1 or 2, or the laws
+                are not along one path.
         """
         at = self._check_times(t, order)
         self._refuse_no_arc_length()
@@ -232,15 +238,15 @@ class Trajectory:
         return found.reshape(at.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
-        """When the motion gets to arc lengths, of the shape of `s` [s].
+        """Times at which the motion reaches or leaves arc lengths, with the shape of `s` [s].
 
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
-            side: "left" for when the motion gets there; "right" for when the motion goes on, which
-                is later where s stands still.
+            side: "left" for the time at which the motion reaches s; "right" for the time at which
+                it leaves s, which is later if s is constant for a while.
 
         Raises:
-            InvalidInput: An arc length outside the path, or laws that do not run along one path.
+            InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
         at = self._check_lengths(s)
         found = np.empty(at.size)
@@ -249,14 +255,14 @@ class Trajectory:
         return found.reshape(at.shape)
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
-        """Path speed at arc lengths, of the shape of `s` [m/s].
+        """Path speeds at arc lengths, with the shape of `s` [m/s].
 
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
-            side: "right" or "left": whose value to take where it jumps.
+            side: At a jump, "right" for the value after it, "left" for the value before it.
 
         Raises:
-            InvalidInput: An arc length outside the path, or laws that do not run along one path.
+            InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
         at = self._check_lengths(s)
         found = np.zeros(at.size)
@@ -267,7 +273,7 @@ class Trajectory:
         return found.reshape(at.shape)
 
     def sample(self, period: float) -> Samples:
-        """The trajectory every `period` [s], and at its end.
+        """The trajectory sampled every `period` [s], and at its end.
 
         Args:
             period: Time between two samples [s]; the last interval may be shorter.
@@ -277,6 +283,11 @@ class Trajectory:
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
 
     def _check_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
+        """Times clipped to the trajectory, after refusing those outside and other orders.
+
+        Raises:
+            InvalidInput: A time is outside the trajectory, or the order is not 0, 1 or 2.
+        """
         at = np.asarray(t)
         if at.dtype != np.float64:
             at = _checks.numbers("t", t, "s")
@@ -295,6 +306,11 @@ class Trajectory:
         return np.asarray(np.clip(at, 0, self.duration))
 
     def _check_lengths(self, s: npt.ArrayLike) -> FloatArray:
+        """Arc lengths clipped to the motion, after refusing those outside.
+
+        Raises:
+            InvalidInput: An arc length is outside the motion, or the laws are not along one path.
+        """
         self._refuse_no_arc_length()
         at = _checks.numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
@@ -313,7 +329,12 @@ class Trajectory:
     def _by_law(
         self, t: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Times law by law: its index, which times, their intervals, and the law's own times."""
+        """Group times by law.
+
+        Yields:
+            Index of the law, indices of its times in `t`, their intervals, and their times since
+            the start of the law [s].
+        """
         found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
         for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
             breaks = self.laws[k].breaks
@@ -324,7 +345,12 @@ class Trajectory:
     def _by_length(
         self, s: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Arc lengths law by law, as `_by_law`: when the motion gets there, or goes on."""
+        """Group arc lengths by law, with the times at which the motion reaches or leaves them.
+
+        Yields:
+            Index of the law, indices of its arc lengths in `s`, their intervals, and the times
+            since the start of the law [s].
+        """
         ends = self._ends
         if _checks.side(side) == "left":
             which = np.searchsorted(ends[:, 1], s, side="left")
@@ -339,7 +365,11 @@ class Trajectory:
                 yield k, of, *part.law.reach(s[of] - part.offset, side)
 
     def _refuse_no_arc_length(self) -> None:
-        """Refuse laws that do not follow each other along one path."""
+        """Refuse laws that do not follow each other along one path.
+
+        Raises:
+            InvalidInput: A law has no arc length, or does not start where the law before it ends.
+        """
         unknown = np.isnan(self._ends[:, 0])
         if unknown.any():
             raise InvalidInput(
@@ -350,20 +380,20 @@ class Trajectory:
         if (gaps > SAME_PLACE).any():
             k = int(np.argmax(gaps > SAME_PLACE)) + 1
             raise InvalidInput(
-                f"Law {k + 1} of the trajectory begins {gaps[k - 1]:.3g} m along the path away "
-                f"from where law {k} ends, so the trajectory has no one arc length: look at the "
+                f"Law {k + 1} of the trajectory starts {gaps[k - 1]:.3g} m along the path away "
+                f"from the end of law {k}, so the trajectory has no single arc length: use the "
                 "motions along its paths one by one."
             )
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What a law does along the path of its trajectory.
+    """Arc lengths of one law in its trajectory.
 
     Args:
-        law: The law; None if s stands still over it.
-        s: Arc lengths at its start and end [m]; NaN if it knows none.
-        offset: What is added to its own arc lengths, if there are any [m].
+        law: The law; None if s is constant.
+        s: Arc lengths at the start and end of the law [m]; NaN if it has none.
+        offset: Difference between the trajectory's and the law's arc lengths [m].
     """
 
     law: LawAlongPath | None
@@ -372,10 +402,10 @@ class _Part:
 
 
 def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
-    """One part for every law of a trajectory.
+    """Arc lengths of every law of a trajectory.
 
     Raises:
-        InvalidInput: Spans whose own laws are not those of the trajectory.
+        InvalidInput: The laws of the spans are not those of the trajectory.
     """
     if not spans:
         return tuple(_along(law, 0.0) for law in laws)
@@ -394,13 +424,21 @@ def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
 
 
 def _along(law: Law, offset: float) -> _Part:
+    """Arc lengths of a law, with an offset [m]."""
     if not isinstance(law, LawAlongPath):
         return _Part(None, (np.nan, np.nan), np.nan)
     return _Part(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
 
 
 def _group_by_law(which: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """The laws that are meant, and where each is; few places at once keep memory low."""
+    """Group indices by law, in groups of limited size to save memory.
+
+    Args:
+        which: Index of the law of each time or arc length, (n,).
+
+    Yields:
+        Index of a law, and indices into `which`.
+    """
     order = np.argsort(which, kind="stable")
     edges = np.flatnonzero(np.diff(which[order])) + 1
     edges = np.union1d(edges, np.arange(AT_ONCE, len(which), AT_ONCE))

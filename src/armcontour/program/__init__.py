@@ -1,4 +1,4 @@
-"""Programs: several contours in order, and what comes between them."""
+"""Programs: contours in order, with rapids, dwells and events between them."""
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
 from armcontour.program.preparing import prepare

@@ -1,4 +1,4 @@
-"""Closed contours: where they begin, and how far they are gone on with after their end."""
+"""Start point and overlap of closed contours."""
 
 from __future__ import annotations
 
@@ -15,60 +15,64 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, contour_called
 from armcontour.program.process import AUTO, DRAWN, Process
 
-# Orientations at both ends that differ by no more are one [rad]: what adding up turns rounds.
+# Orientations at both ends of a contour that differ by less than this count as equal: summed turns
+# have rounding errors [rad].
 SAME_HOLD = 1e-6
-# An overlap hides where a contour begins; every time around has all of the contour's segments.
+# Largest number of segments of a contour with its overlap, which repeats the contour's segments.
 MOST_SEGMENTS = 1_000_000
 
 
 def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
-    """A closed contour that begins where it should, with its overlap.
+    """A closed contour with the start point and the overlap of the process.
 
-    Where it begins is meant if the program leads there, or something is switched on the way; and
-    where the tool is held in another way at its end, nothing goes on from there.
+    An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
+    dwell or event leads to the contour, the contour has events, or its end orientations differ.
 
     Args:
-        contour: The contour, whose ends are one point.
-        process: What is asked for.
-        led: Whether the program itself leads to where it begins.
+        contour: The contour, which ends at its start point.
+        process: Start point and overlap.
+        led: Whether a rapid, dwell or event of the program leads to the start of the contour.
 
     Raises:
-        InvalidInput: Another beginning or an overlap where the tool is held in another way at the
-            end; another beginning where something is switched to and fro on the way and would not
-            be as it is drawn; or a point of another dimension.
+        InvalidInput: A new start point or an overlap, though the tool orientations at the ends
+            differ; a new start point that changes what is switched on along the contour; a start
+            point of another dimension; or an overlap with too many segments.
     """
     path, events = contour.path, contour.events
-    goes_on = _goes_on(path)
-    meant = process.begin == AUTO and (contour.keep_start or led or bool(events) or not goes_on)
-    begin = _begin(path, DRAWN if meant else process.begin)
-    moved = begin > REPEATED_POINT and path.length - begin > REPEATED_POINT
-    if not goes_on and (moved or process.overlap > REPEATED_POINT):
+    same_orientation = _has_equal_end_orientations(path)
+    keeps_start = process.begin == AUTO and (
+        contour.keep_start or led or bool(events) or not same_orientation
+    )
+    start = _find_start(path, DRAWN if keeps_start else process.begin)
+    moved = start > REPEATED_POINT and path.length - start > REPEATED_POINT
+    if not same_orientation and (moved or process.overlap > REPEATED_POINT):
         raise InvalidInput(
-            f"{contour_called(contour, 0) if contour.name else 'A closed contour'} ends where it "
-            "starts with the tool held in another way, so that it cannot go on from there: have it "
-            "held alike at both ends, or leave out begin and overlap."
+            f"{contour_called(contour, 0) if contour.name else 'A closed contour'} ends at its "
+            "start point with another tool orientation, so that the tool cannot continue there: "
+            "give both ends the same orientation, or leave out begin and overlap."
         )
     if moved:
-        _refuse_cut_switching(contour, begin)
-        path = join_paths([cut_path(path, begin, path.length), cut_path(path, 0.0, begin)])
-        events = tuple(_move_event(x, begin, path.length) for x in events)
-    once = path.length
-    path = _gone_on(path, process.overlap)
-    # What is switched at the end is so after the overlap.
+        _refuse_cut_switching(contour, start)
+        path = join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)])
+        events = tuple(_move_event(x, start, path.length) for x in events)
+    drawn_length = path.length
+    path = _add_overlap(path, process.overlap)
+    # Events at the end move to the end of the overlap.
     events = tuple(
-        dataclasses.replace(x, s=path.length) if x.s >= once - REPEATED_POINT else x for x in events
+        dataclasses.replace(x, s=path.length) if x.s >= drawn_length - REPEATED_POINT else x
+        for x in events
     )
     return dataclasses.replace(contour, path=path, events=events, ring=True)
 
 
-def _goes_on(path: Path) -> bool:
-    """Whether the tool is held at the end of a closed path as it is at its start."""
+def _has_equal_end_orientations(path: Path) -> bool:
+    """Whether the tool orientations at both ends of a closed path are equal."""
     orientation = path.orientation
     if orientation is None:
         return True
     end, start = orientation(path.length, side="left"), orientation(0.0)
     if orientation.follows:
-        # At a corner it turns with the tangent.
+        # At a corner the tool turns with the tangent.
         corner = shortest(path(path.length, 1, side="left"), path(0.0, 1))
         end = exp(corner) @ end
     if orientation.axis_only:
@@ -76,11 +80,11 @@ def _goes_on(path: Path) -> bool:
     return bool(np.linalg.norm(log(start @ end.T)) <= SAME_HOLD)
 
 
-def _gone_on(path: Path, overlap: float) -> Path:
-    """A closed path gone on with after its end, as often around as it takes.
+def _add_overlap(path: Path, overlap: float) -> Path:
+    """A closed path continued past its end by the overlap [m], several times around if needed.
 
     Raises:
-        InvalidInput: More than MOST_SEGMENTS.
+        InvalidInput: The path gets more than MOST_SEGMENTS segments.
     """
     rounds = overlap / path.length
     if rounds * len(path) > MOST_SEGMENTS:
@@ -89,40 +93,46 @@ def _gone_on(path: Path, overlap: float) -> Path:
             f"{path.length:.4g} m, which makes more than {MOST_SEGMENTS} segments: take a shorter "
             "overlap."
         )
-    parts, over = [path], overlap
-    while over > REPEATED_POINT:
-        more = min(over, path.length)
+    parts, rest = [path], overlap
+    while rest > REPEATED_POINT:
+        more = min(rest, path.length)
         parts.append(path if more == path.length else cut_path(path, 0.0, more))
-        over -= more
+        rest -= more
     return join_paths(parts)
 
 
-def _refuse_cut_switching(contour: Contour, begin: float) -> None:
-    """Refuse to begin where something is switched that would then not be, until it comes again."""
+def _refuse_cut_switching(contour: Contour, start: float) -> None:
+    """Refuse a new start point that would change where an output is switched on along a contour.
+
+    Raises:
+        InvalidInput: An output has another value at the drawn start or the new start than at the
+            drawn end.
+    """
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
         own = [x for x in contour.events if x.name == name]
-        before = [x for x in own if x.s <= begin]
-        # What holds at the drawn end, at the drawn start, and where it is to begin.
+        before = [x for x in own if x.s <= start]
+        # Events that set the values at the drawn end, the drawn start and the new start.
         at_ends = [own[-1], *(x for x in own[:1] if x.s <= REPEATED_POINT), *before[-1:]]
         if any(x.value != own[-1].value for x in at_ends):
             raise InvalidInput(
                 f"{contour_called(contour, 0) if contour.name else 'A closed contour'} switches "
-                f"{name} on its way, which would not be as it is drawn if it began at {begin:g} m: "
-                "leave out begin, or give a place where it is switched as it is at the end.",
-                s=begin,
+                f"{name} along its path, and would switch it at other places than drawn if it "
+                f"started at {start:g} m: leave out begin, or start at a place where {name} has "
+                "the same value as at the end.",
+                s=start,
             )
 
 
-def _move_event(event: Event, begin: float, length: float) -> Event:
-    """An event of a closed contour that begins elsewhere; what is at its ends stays there."""
+def _move_event(event: Event, start: float, length: float) -> Event:
+    """An event after the contour got a new start point; events at the ends stay at the ends."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
         return dataclasses.replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
-    return dataclasses.replace(event, s=(event.s - begin) % length)
+    return dataclasses.replace(event, s=(event.s - start) % length)
 
 
-def _begin(path: Path, begin: str | float | Sequence[float]) -> float:
-    """Where on a closed path it is to begin [m]."""
+def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:
+    """Arc length of the start point that `Process.begin` means on a closed path [m]."""
     if begin == DRAWN:
         return 0.0
     if isinstance(begin, tuple):

@@ -1,4 +1,4 @@
-"""Leads: a line along the tangent, or a quarter of a circle that touches it."""
+"""Lead-in and lead-out of a contour: a line along the tangent, or a tangent quarter circle."""
 
 from __future__ import annotations
 
@@ -15,67 +15,71 @@ from armcontour.geometry.segments import Segments
 
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
-# The side on which what is cut out falls away.
+# The scrap side: the side on which the material is thrown away.
 WASTE = "waste"
-# How far a quarter of a circle turns [rad].
+# Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
-# Below this sine the tangent goes straight up, and has no side.
+# If the sine of the angle between tangent and `up` is below this, left and right are undefined.
 UPRIGHT = 1e-6
 
 
 def lead_path(
     path: Path, length: float, shape: str, side: str, up: FloatArray, *, after: bool
 ) -> Path:
-    """The lead before a path, or after it.
+    """The lead-in before a path, or the lead-out after it.
 
     Args:
         path: The path.
-        length: Of the lead [m].
+        length: Length of the lead [m].
         shape: "line" or "arc".
-        side: Of the path, seen along it, on which an arc lies.
-        up: In space, the direction about which "left" is to the left, (3,).
-        after: Whether it comes after the path.
+        side: Side of the path on which an arc lies, seen in the direction of travel.
+        up: In space, the upward direction, which defines left and right, (3,).
+        after: True for the lead-out.
 
     Raises:
-        InvalidInput: An arc beside a tangent that goes straight up.
+        InvalidInput: The lead is an arc and the tangent goes straight up.
     """
-    at = path.length if after else 0.0
+    s = path.length if after else 0.0
     which = "left" if after else "right"
-    point, tangent = path(at), path(at, 1, side=which)
-    i = -1 if after else 0
+    point, tangent = path(s), path(s, 1, side=which)
+    row = -1 if after else 0
     if shape == "line":
         start = point if after else point - length * tangent
-        normal, curvature, first = np.zeros_like(tangent), 0.0, tangent
+        normal, curvature, start_tangent = np.zeros_like(tangent), 0.0, tangent
     else:
         curvature = QUARTER / length
-        normal = _beside(tangent, side, up)
-        start, first = point, tangent
+        normal = _side_vector(tangent, side, up)
+        start, start_tangent = point, tangent
         if not after:
-            # The same circle, run a quarter earlier: it comes in from its side.
+            # The quarter of the same circle before the point, so that the arc ends at the point.
             start = point - (tangent - normal) / curvature
-            first, normal = -normal, tangent
+            start_tangent, normal = -normal, tangent
     lead = Path(
         segments=Segments(
             starts=start[None],
-            tangents=first[None],
+            tangents=start_tangent[None],
             normals=normal[None],
             curvatures=np.array([curvature]),
             lengths=np.array([length]),
-            speeds=path.speeds[[i]],
-            tolerances=path.tolerances[[i]],
+            speeds=path.speeds[[row]],
+            tolerances=path.tolerances[[row]],
             tags=np.array(["lead-out" if after else "lead-in"], dtype=object),
         )
     )
     if path.orientation is None:
         return lead
-    held = path.orientation(at, side=which)
+    rotation = path.orientation(s, side=which)
     return dataclasses.replace(
-        lead, orientation=_lead_orientation(path.orientation, held, lead, after)
+        lead, orientation=_lead_orientation(path.orientation, rotation, lead, after)
     )
 
 
-def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
-    """Unit vector to one side of a tangent."""
+def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
+    """Unit vector perpendicular to a tangent, towards the given side.
+
+    Raises:
+        InvalidInput: The tangent goes straight up.
+    """
     if len(tangent) == 2:
         left = np.array([-tangent[1], tangent[0]])
     else:
@@ -93,17 +97,24 @@ def _beside(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
 
 
 def _lead_orientation(
-    orientation: Orientation, held: FloatArray, lead: Path, after: bool
+    orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
 ) -> Orientation:
-    """The tool held as at the end of the path, or going on to follow the tangent."""
+    """Tool orientation along a lead: constant, or following the tangent if the path's does.
+
+    Args:
+        orientation: Orientation of the path.
+        rotation: Rotation matrix at the end of the path that the lead touches, (3, 3).
+        lead: The lead.
+        after: True for the lead-out.
+    """
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]
-    start = held
+    start = rotation
     if not after and rate.any():
         from armcontour.frames import exp
 
-        start = exp(-rate[None] * lead.length)[0] @ held
+        start = exp(-rate[None] * lead.length)[0] @ rotation
     return Orientation.even(
         lead.lengths,
         start[None],

@@ -1,4 +1,4 @@
-"""What is on over rapids and shall not be: off where a contour ends, on where the next begins."""
+"""Switches outputs off during rapids: off at the end of a contour, on at the start of the next."""
 
 from __future__ import annotations
 
@@ -9,32 +9,41 @@ from armcontour.program.moves import Contour, Event, Move
 
 
 def switch_off_between(moves: Sequence[Move], names: Sequence[str]) -> list[Move]:
-    """The moves with some things off between contours, which come on again as they were.
+    """The moves with some outputs off between contours, and on again with their former values.
 
     Args:
-        moves: Contours and what is between them.
-        names: Of what is to be off between them.
+        moves: Contours with rapids, dwells and events between them.
+        names: Names of the outputs to switch off between contours.
     """
     result = list(moves)
     for name in names:
         state: Event | None = None
-        found: list[Move] = []
+        kept: list[Move] = []
         for x in result:
             if isinstance(x, Event) and x.name == name:
-                # It comes on with the contour after it, and is off till then.
+                # The event takes effect at the start of the next contour.
                 state = x
                 continue
             if isinstance(x, Contour):
                 x, state = _confine_switching(x, name, state)
-            found.append(x)
-        result = found
+            kept.append(x)
+        result = kept
     return result
 
 
 def _confine_switching(
     contour: Contour, name: str, state: Event | None
 ) -> tuple[Contour, Event | None]:
-    """A contour with its own switching to what was on before it, and off at its end."""
+    """A contour that sets an output at its start and switches it off at its end.
+
+    Args:
+        contour: The contour.
+        name: Name of the output.
+        state: The last event of the output before the contour, if any.
+
+    Returns:
+        The contour with added events, and the last event of the output before it is switched off.
+    """
     events = list(contour.events)
     own = [x for x in events if x.name == name]
     if state is not None and state.value is not False and not (own and own[0].s == 0):

@@ -1,4 +1,4 @@
-"""A program with what its process asks for around the contours."""
+"""Preparation of a program: adds the requirements of the process to its contours."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from armcontour.program.scrap_side import waste_sides
 
 
 def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
-    """The program with what the process asks for around its contours.
+    """The program with start points, leads, overlaps, approaches and events of the process.
 
     Args:
-        program: Contours, as they are drawn.
-        process: What is asked for.
-        lengths: Of automatic leads, one per contour that is left; needed if there are any.
+        program: The program as it is drawn.
+        process: Requirements of the process.
+        lengths: Lengths of leads without a given length, one item per contour after `from_s`.
 
     Raises:
-        InvalidInput: A place to resume that the program has not, a layer that it has not, a lead
-            that has no direction, or heights in the plane.
+        InvalidInput: `from_s` is past the end of the program, a layer does not exist, a lead has no
+            side, lengths of leads are missing, or a program in the plane has approach or retract.
     """
     _refuse_unknown_layers(program, process.layers)
     if process.approach or process.retract:
         _refuse_plane(program)
     program = _reorder(program, process.order)
-    begun: list[Move] = [
+    moves: list[Move] = [
         _start_contour(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
         for i, x in enumerate(program.moves)
     ]
-    away = leading_away(program.moves)
-    sides = _sides(program.contours, process)
-    begun = switch_off_between(begun, process.off_between)
+    rapids_away = leading_away(program.moves)
+    sides = _lead_sides(program.contours, process)
+    moves = switch_off_between(moves, process.off_between)
     program, run_in = resume(
-        dataclasses.replace(program, moves=tuple(begun)),
+        dataclasses.replace(program, moves=tuple(moves)),
         process.from_s,
         run_in=process.lead_in is not None,
     )
@@ -57,44 +57,73 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
             "or give the leads a length."
         )
     sides = sides[len(sides) - len(program.contours) :]
+    contours = [
+        _add_leads(
+            x, process, _lead_lengths(process, lengths, k), run_in if k == 0 else None, sides[k]
+        )
+        for k, x in enumerate(program.contours)
+    ]
+    result = _link(program.moves, contours, process, rapids_away)
+    return dataclasses.replace(program, moves=tuple(result))
+
+
+def _link(
+    moves: Sequence[Move], contours: Sequence[Contour], process: Process, rapids_away: set[Rapid]
+) -> list[Move]:
+    """The moves with other contours, rapids to their new ends, approaches, retracts and dwells.
+
+    Args:
+        moves: The moves of the program.
+        contours: One contour for each contour among the moves, with leads.
+        process: Requirements of the process.
+        rapids_away: Rapids that start at the end of the contour before them.
+    """
     result: list[Move] = []
-    # Where the moves of the program are among the result's.
+    # Index in `result` of each move of the program.
     places: list[int] = []
     number = 0
-    for i, move in enumerate(program.moves):
+    for i, move in enumerate(moves):
         places.append(len(result))
-        if isinstance(move, Rapid) and move in away:
+        if isinstance(move, Rapid) and move in rapids_away:
             move = reroute(move, start=last_end(result))
         if not isinstance(move, Contour):
             result.append(move)
             continue
-        asked = _lengths(process, lengths, number)
-        contour = _around(move, process, asked, run_in if number == 0 else None, sides[number])
-        before = next_rapid(program.moves, range(i - 1, -1, -1))
+        contour = contours[number]
+        before = next_rapid(moves, range(i - 1, -1, -1))
         if before is not None:
-            at = places[before]
-            result[at] = reroute(result[at], end=contour.path(0.0))
-        followed = next_rapid(program.moves, range(i + 1, len(program.moves))) is not None
-        around = _between(contour, process, linked=before is not None, followed=followed)
+            k = places[before]
+            result[k] = reroute(result[k], end=contour.path(0.0))
+        followed = next_rapid(moves, range(i + 1, len(moves))) is not None
+        added = _add_heights(contour, process, linked=before is not None, followed=followed)
         if process.dwell:
-            around.insert(around.index(contour), Dwell(duration=process.dwell))
-        result += around
+            added.insert(added.index(contour), Dwell(duration=process.dwell))
+        result += added
         number += 1
-    return dataclasses.replace(program, moves=tuple(result))
+    return result
 
 
-def _lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
+def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
+    """Lengths of the leads of contour `number`: given by the process, else from `lengths`."""
     given = Leads() if lengths is None else lengths[number]
 
-    def of(lead: Lead | None, automatic: float) -> float:
+    def length_of(lead: Lead | None, automatic: float) -> float:
         if lead is None:
             return 0.0
         return automatic if lead.length is None else lead.length
 
-    return Leads(before=of(process.lead_in, given.before), after=of(process.lead_out, given.after))
+    return Leads(
+        before=length_of(process.lead_in, given.before),
+        after=length_of(process.lead_out, given.after),
+    )
 
 
 def _refuse_unknown_layers(program: Program, layers: Mapping[str, Demand]) -> None:
+    """Refuse layers on which the program has no contour.
+
+    Raises:
+        InvalidInput: A layer has no contour.
+    """
     known = {x.layer for x in program.contours}
     for name in layers:
         if name not in known:
@@ -106,6 +135,7 @@ def _refuse_unknown_layers(program: Program, layers: Mapping[str, Demand]) -> No
 
 
 def _refuse_plane(program: Program) -> None:
+    """Raise InvalidInput for a program in the plane, which has no approach or retract."""
     if program.dimension == 2:
         raise InvalidInput(
             "approach and retract go up and down, which a program in the plane cannot: leave them "
@@ -113,8 +143,8 @@ def _refuse_plane(program: Program) -> None:
         )
 
 
-def _demanding(contour: Contour, demand: Demand | None) -> Contour:
-    """The contour with what its layer demands where its segments demand nothing."""
+def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
+    """The contour with speed and tolerance of its layer on segments that have none."""
     if demand is None:
         return contour
     path = contour.path
@@ -125,13 +155,17 @@ def _demanding(contour: Contour, demand: Demand | None) -> Contour:
             (path.tolerances, demand.tolerance),
         )
     )
-    # What a Demand holds was checked.
+    # A Demand has checked its values, so the segments stay checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
     return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
 
 
 def _reorder(program: Program, order: str) -> Program:
-    """The contours in the order that is asked for; what stands between them goes with the next."""
+    """The program with its contours in the required order.
+
+    Raises:
+        InvalidInput: The order is "nearest", and there are rapids, dwells or events.
+    """
     if order == "drawn":
         return program
     for x in program.moves:
@@ -141,30 +175,30 @@ def _reorder(program: Program, order: str) -> Program:
                 "between its contours, whose order has a meaning."
             )
     contours = program.contours
-    begins = np.array([x.path(0.0) for x in contours])
+    starts = np.array([x.path(0.0) for x in contours])
     left = np.ones(len(contours), dtype=bool)
     taken, at = [contours[0]], 0
     while len(taken) < len(contours):
         left[at] = False
-        here = taken[-1].path(taken[-1].path.length)
-        away = np.linalg.norm(begins - here, axis=1)
-        at = int(np.argmin(np.where(left, away, np.inf)))
+        end = taken[-1].path(taken[-1].path.length)
+        distances = np.linalg.norm(starts - end, axis=1)
+        at = int(np.argmin(np.where(left, distances, np.inf)))
         taken.append(contours[at])
     return dataclasses.replace(program, moves=tuple(taken))
 
 
 def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
-    """A contour with what its layer demands and the events that all get, begun where it is to be.
+    """A contour with its start point, overlap, demand of its layer and events of the process.
 
     Args:
         contour: The contour.
-        process: What is asked for.
-        led: Whether the program itself leads to where it begins.
+        process: Requirements of the process.
+        led: Whether a rapid, dwell or event of the program leads to the start of the contour.
 
     Raises:
-        InvalidInput: An event beyond its end.
+        InvalidInput: An event is past the end of the contour, or as in `close_contour`.
     """
-    contour = _demanding(contour, process.layers.get(contour.layer))
+    contour = _add_demand(contour, process.layers.get(contour.layer))
     if contour.closed:
         contour = close_contour(contour, process, led=led)
     path = contour.path
@@ -179,16 +213,24 @@ def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
     return dataclasses.replace(contour, events=(*contour.events, *process.events))
 
 
-def _sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The side on which the waste of every contour is, if any lead asks for it."""
-    asked = any(x is not None and x.side == WASTE for x in (process.lead_in, process.lead_out))
-    return waste_sides(contours, process.up) if asked else ["left"] * len(contours)
+def _lead_sides(contours: Sequence[Contour], process: Process) -> list[str]:
+    """The scrap side of every contour; "left" if no lead is on the scrap side."""
+    needed = any(x is not None and x.side == WASTE for x in (process.lead_in, process.lead_out))
+    return waste_sides(contours, process.up) if needed else ["left"] * len(contours)
 
 
-def _around(
+def _add_leads(
     contour: Contour, process: Process, leads: Leads, run_in: Contour | None, waste: str
 ) -> Contour:
-    """A contour with its leads, and with what is switched at its ends."""
+    """A contour with its leads, and with the events that switch the process on and off.
+
+    Args:
+        contour: The contour.
+        process: Requirements of the process.
+        leads: Lengths of the leads.
+        run_in: Part of the contour before `from_s`, which serves as lead-in if it is long enough.
+        waste: The scrap side of the contour.
+    """
     path, events = contour.path, list(contour.events)
     if process.switch is not None:
         on, off = process.switch.on_lead, process.switch.off_lead
@@ -201,7 +243,7 @@ def _around(
         before = lead.length
         parts.insert(0, lead)
     if process.lead_out is not None and leads.after > REPEATED_POINT:
-        shape, side = process.lead_out.shape, _side(process.lead_out, waste)
+        shape, side = process.lead_out.shape, _lead_side(process.lead_out, waste)
         parts.append(lead_path(path, leads.after, shape, side, process.up, after=True))
     return dataclasses.replace(
         contour,
@@ -211,21 +253,29 @@ def _around(
     )
 
 
-def _side(lead: Lead, waste: str) -> str:
+def _lead_side(lead: Lead, waste: str) -> str:
+    """The side of a lead, "left" or "right"."""
     return waste if lead.side == WASTE else lead.side
 
 
 def _lead_in(
     path: Path, process: Process, lead: Lead, length: float, run_in: Contour | None, waste: str
 ) -> Path:
-    """What comes before a path: where it is resumed, what comes before it on its contour."""
+    """The lead-in of a path: the end of the run-in if that is long enough, else a new lead."""
     if run_in is not None and run_in.path.length >= length:
         return cut_path(run_in.path, run_in.path.length - length, run_in.path.length)
-    return lead_path(path, length, lead.shape, _side(lead, waste), process.up, after=False)
+    return lead_path(path, length, lead.shape, _lead_side(lead, waste), process.up, after=False)
 
 
-def _between(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
-    """A contour with its way down and up; neither where a rapid of the program goes already."""
+def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
+    """A contour with its approach and retract.
+
+    Args:
+        contour: The contour.
+        process: Requirements of the process.
+        linked: Whether a rapid of the program leads to the contour, so that no approach is added.
+        followed: Whether a rapid of the program leaves the contour, so that no retract is added.
+    """
     path = contour.path
     result: list[Move] = [contour]
     if process.approach and not linked:
@@ -237,12 +287,12 @@ def _between(contour: Contour, process: Process, *, linked: bool, followed: bool
 
 
 def _vertical(path: Path, s: float, up: FloatArray, *, down: bool) -> Path:
-    """The line above a place of a path, with the tool held as it is there."""
-    here = path(s)
-    ends = [here + up, here] if down else [here, here + up]
+    """The vertical line above the point at arc length s of a path, with the orientation there."""
+    point = path(s)
+    ends = [point + up, point] if down else [point, point + up]
     line = Path.polyline(ends)
     if path.orientation is None:
         return line
     side = "right" if s == 0 else "left"
-    held = path.orientation(s, side=side)
-    return line.oriented(held, axis_only=path.orientation.axis_only)
+    rotation = path.orientation(s, side=side)
+    return line.oriented(rotation, axis_only=path.orientation.axis_only)

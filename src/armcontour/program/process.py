@@ -1,4 +1,4 @@
-"""What a process asks for around its contours: where they begin, leads, overlaps, approaches."""
+"""Requirements of a process on its contours: start points, overlap, leads, approach, events."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from armcontour.program.moves import Event
 
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
-# Where a closed contour begins: "auto" goes off a corner, "drawn" stays.
+# Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
 ORDERS = ("drawn", "nearest")
 
@@ -29,10 +29,11 @@ class Lead:
     """A piece of path before or after a contour, along which the tool is off.
 
     Args:
-        length: Its length [m]; by default as long as the arm needs for the assigned velocity.
-        shape: "line", along the tangent, or "arc", a quarter of a circle that touches it.
-        side: On which an arc lies: "left" or "right", seen along the contour; or "waste", which is
-            inside of holes and outside of what they are in, and "left" of open contours.
+        length: Length of the lead [m]; None for the length in which the arm reaches the assigned
+            velocity.
+        shape: "line", along the tangent, or "arc", a quarter circle that touches the tangent.
+        side: Side of the contour on which an arc lies: "left" or "right" in the direction of
+            travel, or "waste": inside of holes, outside of outer contours, left of open contours.
     """
 
     length: Length | None = None
@@ -48,12 +49,12 @@ class Lead:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """Events that turn the process on where a contour begins, and off where it ends.
+    """Events that switch the process on at the start of a contour, and off at its end.
 
     Args:
-        name: What is switched.
-        on_lead: On so much earlier than the tool gets there [s].
-        off_lead: Off so much earlier [s].
+        name: Name of the output.
+        on_lead: Time by which it is switched on before the tool is at the start [s].
+        off_lead: Time by which it is switched off before the tool is at the end [s].
     """
 
     name: str = "tool"
@@ -61,39 +62,39 @@ class Switch:
     off_lead: Duration = 0.0
 
     def __post_init__(self) -> None:
-        # Refused here, and not where a contour gets them.
+        # Invalid values are refused here, not later when contours get the events.
         for lead in (self.on_lead, self.off_lead):
             Event(name=self.name, lead_time=lead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process:
-    """What is added to the contours of a program.
+    """Requirements of a process that are added to the contours of a program.
 
     Args:
-        begin: Where closed contours begin: "auto" leaves the place where it is drawn, but off a
-            corner, in the middle of the longest segment, so that every corner is rounded alike,
-            unless the program leads there by a rapid, a dwell or an event between contours, or
-            has events on the contour; "drawn" leaves it; a number is an arc length [m], which may
-            go round; a point, the place nearest to it.
-        overlap: How far closed contours are gone on with after their end [m].
-        lead_in: Before every contour.
-        lead_out: After every contour.
-        approach: Straight down to every contour from so high [m].
-        retract: Straight up from every contour so high [m].
-        up: Which way is up, and about which arcs of leads turn, in space, (3,).
-        dwell: Standing still for so long before every contour [s], for an event that leads.
+        begin: Start point of closed contours. "drawn" keeps it. "auto" keeps it unless it is a
+            corner; then it is moved to the middle of the longest segment, so that all corners are
+            rounded, except if a rapid, dwell or event leads to the contour or the contour has
+            events. A number is an arc length [m], modulo the length of the contour. A point means
+            the nearest point of the contour.
+        overlap: Length travelled again past the start of a closed contour [m].
+        lead_in: Lead before every contour.
+        lead_out: Lead after every contour.
+        approach: Height from which the tool moves straight down to every contour [m].
+        retract: Height to which the tool moves straight up from every contour [m].
+        up: Upward direction in space; left and right of leads are defined about it, (3,).
+        dwell: Time at rest before every contour [s], for events with a time advance.
         switch: Events at both ends of every contour.
-        off_between: Names of what is on over rapids in the program and shall not be, such as a
-            laser: switched off where a contour ends, and on again where the next one begins.
-        events: On every contour; a place beyond its end is refused.
-        layers: Speed and tolerance of contours by their layer, where segments have none.
-        order: "drawn", or "nearest": each time the contour that begins nearest.
-        from_s: Where to resume the program: arc length of all contours together, from where they
-            begin, with their overlaps and without leads or rounding [m].
+        off_between: Names of outputs, such as a laser, that are switched off during rapids: off at
+            the end of a contour, and on again at the start of the next one.
+        events: Events on every contour; an event past the end of a contour is refused.
+        layers: Speed and tolerance of contours by layer, for segments that have none.
+        order: "drawn", or "nearest": after each contour, the one with the nearest start.
+        from_s: Arc length at which to resume the program, over all contours from their start
+            points, with overlaps and without leads or rounding [m].
 
     Raises:
-        InvalidInput: Values that are none.
+        InvalidInput: A value is not valid.
     """
 
     begin: str | float | Sequence[float] = AUTO
@@ -135,13 +136,18 @@ class Process:
 
     @property
     def automatic(self) -> bool:
-        """Whether a lead is to be as long as it needs."""
+        """Whether a lead has no given length."""
         return any(x is not None and x.length is None for x in (self.lead_in, self.lead_out))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leads:
-    """Lengths of the leads of one contour [m]."""
+    """Lengths of the leads of one contour.
+
+    Args:
+        before: Length of the lead-in [m].
+        after: Length of the lead-out [m].
+    """
 
     before: float = 0.0
     after: float = 0.0

@@ -1,4 +1,4 @@
-"""Rapids of a program that link its contours: where they lead, and between which ends they go."""
+"""Changes rapids after their contours got new end points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from armcontour.program.moves import Contour, Move, Rapid
 
 
 def is_meant(moves: Sequence[Move], i: int) -> bool:
-    """Whether the program itself leads to where its move i begins, a contour."""
+    """Whether a rapid, dwell or event comes before move i, a contour, so that its start is kept.
+
+    Without a rapid, something must come between the contour and the contour before it.
+    """
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
             return True
@@ -25,7 +28,12 @@ def is_meant(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """The first rapid along a path, if the tool only stands still between."""
+    """Index of the first rapid in the given order, if it has a path and no contour comes first.
+
+    Args:
+        moves: The moves of a program.
+        order: Indices of moves to search, in order.
+    """
     for k in order:
         x = moves[k]
         if isinstance(x, Rapid):
@@ -36,7 +44,7 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
 
 
 def leading_away(moves: Sequence[Move]) -> set[Rapid]:
-    """Rapids that begin where the contour before them ends."""
+    """Rapids whose path starts at the end of the contour before them."""
     found = set()
     for i, x in enumerate(moves):
         k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(x, Contour) else None
@@ -50,7 +58,7 @@ def leading_away(moves: Sequence[Move]) -> set[Rapid]:
 
 
 def last_end(moves: Sequence[Move]) -> FloatArray | None:
-    """Where the last contour ends."""
+    """End point of the last contour [m]; None without contours."""
     last = next((x.path for x in reversed(moves) if isinstance(x, Contour)), None)
     return None if last is None else last(last.length)
 
@@ -58,9 +66,14 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """A rapid between other ends: leads and overlaps have moved those of its contours.
+    """A rapid with new end points, as leads and overlaps move the ends of contours.
 
-    It is left to the joints if there is no way between them.
+    A rapid whose points all coincide becomes a joint motion without a path.
+
+    Args:
+        rapid: The rapid.
+        start: New start point [m]; by default the old one.
+        end: New end point [m]; by default the old one.
     """
     assert isinstance(rapid, Rapid)
     if rapid.path is None:
@@ -80,9 +93,9 @@ def reroute(
 
 
 def _prolong(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
-    """A rapid that goes in arcs, with lines from and to other ends."""
-    ways = ((first, path(0.0)), (path(path.length), last))
+    """A rapid along a path with arcs, extended by lines from the new start and to the new end."""
+    gaps = ((first, path(0.0)), (path(path.length), last))
     before, after = (
-        [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in ways
+        [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
     )
     return Rapid(path=join_paths([*before, dataclasses.replace(path, orientation=None), *after]))

@@ -1,4 +1,4 @@
-"""A program resumed at a place: what is left of it, and what had been switched before."""
+"""The rest of a program that is resumed at an arc length, with outputs restored."""
 
 from __future__ import annotations
 
@@ -13,15 +13,23 @@ from armcontour.program.moves import Contour, Event, Program
 
 
 def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, Contour | None]:
-    """What is left of a program from a place on, and the contour that place is on, whole.
+    """The rest of a program, and the part of the resumed contour before the arc length.
 
-    What was switched before it is switched again: at the place itself where it was on the same
-    contour, else before anything moves. It leads by what it did if there is a run-in.
+    Outputs switched before the arc length are switched again: at the arc length if they were
+    switched on the same contour, else before the first move. Their time advance is kept if there is
+    a run-in.
 
     Args:
         program: The program.
-        from_s: Arc length of all contours together [m].
-        run_in: Whether a lead comes before that place.
+        from_s: Arc length at which to resume, over all contours [m].
+        run_in: Whether a lead-in comes before that arc length.
+
+    Returns:
+        The rest of the program, and the part of its first contour before the arc length; None if
+        the program resumes at the start of a contour.
+
+    Raises:
+        InvalidInput: The arc length is not below the length of all contours.
     """
     if from_s == 0:
         return program, None
@@ -32,9 +40,9 @@ def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, C
             s=from_s,
             allowed=program.length,
         )
-    # A place that is the end of a contour is the beginning of the next one.
+    # The end of a contour counts as the start of the next one.
     which = int(np.searchsorted(program.breaks, from_s + REPEATED_POINT, side="right")) - 1
-    place = max(from_s - float(program.breaks[which]), 0.0)
+    s = max(from_s - float(program.breaks[which]), 0.0)
     number = -1
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):
@@ -47,35 +55,32 @@ def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, C
             for x in move.events:
                 switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
-        rest = _behind(move, place, run_in)
-        kept = (*switched.values(), rest, *program.moves[i + 1 :])
-        found = dataclasses.replace(program, moves=kept)
-        return found, (_until(move, place) if place > REPEATED_POINT else None)
-    raise AssertionError("the place was found among the contours")
+        rest = _cut_after(move, s, run_in)
+        moves = (*switched.values(), rest, *program.moves[i + 1 :])
+        resumed = dataclasses.replace(program, moves=moves)
+        return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)
+    raise AssertionError("the arc length is within the contours")
 
 
-def _behind(contour: Contour, place: float, run_in: bool) -> Contour:
-    """A contour from a place on."""
-    if place <= REPEATED_POINT:
+def _cut_after(contour: Contour, s: float, run_in: bool) -> Contour:
+    """The part of a contour after arc length s, with outputs restored at its start."""
+    if s <= REPEATED_POINT:
         return contour
     last: dict[str, Event] = {}
     for x in contour.events:
-        if x.s <= place + REPEATED_POINT:
-            # In the order in which it was switched last.
+        if x.s <= s + REPEATED_POINT:
+            # Outputs keep the order of their last events.
             last.pop(x.name, None)
             lead = x.lead_time if run_in else 0.0
             last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
-    later = [
-        dataclasses.replace(x, s=x.s - place)
-        for x in contour.events
-        if x.s > place + REPEATED_POINT
-    ]
+    later = [dataclasses.replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
     return dataclasses.replace(
         contour,
-        path=cut_path(contour.path, place, contour.path.length),
+        path=cut_path(contour.path, s, contour.path.length),
         events=(*last.values(), *later),
     )
 
 
-def _until(contour: Contour, place: float) -> Contour:
-    return Contour(path=cut_path(contour.path, 0.0, place), name=contour.name, layer=contour.layer)
+def _cut_before(contour: Contour, s: float) -> Contour:
+    """The part of a contour before arc length s, without events."""
+    return Contour(path=cut_path(contour.path, 0.0, s), name=contour.name, layer=contour.layer)

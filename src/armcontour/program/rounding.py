@@ -1,4 +1,4 @@
-"""Corner rounding of whatever holds paths."""
+"""Corner rounding of a path or of all contours of a program."""
 
 from __future__ import annotations
 
@@ -41,16 +41,17 @@ def round_corners(
     """Round every corner of a path, or of every contour of a program.
 
     A corner needs `tolerance` (case II), or `speed` and `acceleration` (case I).
-    `armcontour.geometry.round_corners` says what each case does.
+    `armcontour.geometry.round_corners` describes both cases.
 
     Args:
         path: The objective path, or the program.
-        tolerance: Largest corner error [m]. For a path one value, or one per vertex; for a program
-            one value for all corners, which is true of the next two as well.
+        tolerance: Largest corner error [m]. This and the next two arguments are one value for all
+            corners or, for a path, one value per vertex between segments.
         speed: Lowest speed on a corner [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. With `tolerance` alone this
             value only sets the corner speeds that are reported.
-        angular_tolerance: Largest angle by which the tool orientation may be off [rad].
+        angular_tolerance: Largest angle between the tool orientation and its value at the vertex
+            [rad].
 
     Raises:
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
@@ -58,7 +59,7 @@ def round_corners(
     """
     program = Program.of(path, "round_corners needs a Path or a Program")
     moves = [
-        _with_path(
+        _replace_path(
             x,
             round_path(
                 x.path,
@@ -77,14 +78,14 @@ def round_corners(
     return rounded if program is path else rounded.path
 
 
-def _with_path(contour: Contour, path: RoundedPath) -> Contour:
-    """The contour on its rounded path, with its events and its work moved to their new places."""
-    places = path.place([x.s for x in contour.events])
+def _replace_path(contour: Contour, path: RoundedPath) -> Contour:
+    """The contour on its rounded path, with arc lengths of events and work on that path."""
+    arc_lengths = path.place([x.s for x in contour.events])
     events = tuple(
-        dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, places, strict=True)
+        dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, arc_lengths, strict=True)
     )
     work = None
     if contour.work is not None:
-        begin, end = path.place(contour.work)
-        work = (float(begin), float(end))
+        start, end = path.place(contour.work)
+        work = (float(start), float(end))
     return dataclasses.replace(contour, path=path, events=events, work=work)

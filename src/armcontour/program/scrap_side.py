@@ -1,4 +1,4 @@
-"""On which side of a contour the waste is: inside of holes, outside of what they are in."""
+"""The scrap side of contours: inside of holes, outside of outer contours."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour.geometry import Path
 from armcontour.program.moves import Contour
 
-# Points that stand for a closed contour, beside its joints.
+# Points that represent a closed contour, besides its vertices.
 PLACES = 64
 
 
 def waste_sides(contours: Sequence[Contour], up: FloatArray) -> list[str]:
-    """The side of every contour, seen along it, on which the waste is: "left" or "right".
+    """The scrap side of every contour in its direction of travel, "left" or "right".
 
-    Closed contours within an odd number of others of their layer are holes. Open ones have "left".
+    Closed contours inside an odd number of other contours of their layer are holes. The scrap side
+    of open contours is "left".
 
     Args:
-        contours: The contours, as they are run.
-        up: In space, from where they are looked at, (3,).
+        contours: The contours in their direction of travel.
+        up: In space, the direction from which the contours are viewed, (3,).
     """
     closed = [i for i, x in enumerate(contours) if x.closed]
     outlines = {i: _outline(contours[i].path, up) for i in closed}
@@ -39,7 +40,7 @@ def waste_sides(contours: Sequence[Contour], up: FloatArray) -> list[str]:
 
 
 def _outline(path: Path, up: FloatArray) -> FloatArray:
-    """Points along a closed path as they are seen from above, (n, 2)."""
+    """Points along a closed path, projected along `up`, (n, 2)."""
     points = path(np.union1d(path.breaks[:-1], np.linspace(0, path.length, PLACES)[:-1]))
     if path.dimension == 2:
         return points
@@ -50,13 +51,13 @@ def _outline(path: Path, up: FloatArray) -> FloatArray:
 
 
 def _area(outline: FloatArray) -> float:
-    """Its area, above zero if it is run counter-clockwise."""
+    """Area of a closed outline [m²], positive if the outline is counter-clockwise."""
     x, y = (outline - outline[0]).T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
 
 
 def _within(points: FloatArray, outline: FloatArray) -> BoolArray:
-    """Which points lie within an outline: a ray from there crosses it an odd number of times."""
+    """Mask of the points inside an outline, from which a ray crosses it an odd number of times."""
     a, b = outline, np.roll(outline, -1, axis=0)
     inside = np.zeros(len(points), dtype=bool)
     for (ax, ay), (bx, by) in zip(a.tolist(), b.tolist(), strict=True):

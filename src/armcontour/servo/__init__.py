@@ -1,4 +1,4 @@
-"""The joint servo as a linear model. Knows neither arm nor path."""
+"""Model and simulation of the joint servos, without arm and path."""
 
 from armcontour.servo.model import INTERPOLATIONS, ORDERS, ServoModel
 

@@ -1,9 +1,9 @@
-"""The response of one joint to its command, compiled and exact from event to event.
+"""Compiled response of one joint to its command, exact from event to event.
 
 A joint of second order follows `ddq = clip(kv (kp (u - q) - dq), lower, upper)`, (7); a joint of
-first order (kv = 0) `dq = kp (u - q)`. The command u is a cubic in time. Between events, where
-saturation starts or ends, all motions have a closed form; the instants of events are found by
-Newton's method to rounding.
+first order (kv = 0) follows `dq = kp (u - q)`. The command u is a cubic in time. Events are the
+starts and ends of saturation. Between events the motion has a closed form; the times of events are
+found by Newton's method, up to rounding errors.
 """
 
 from __future__ import annotations
@@ -14,37 +14,40 @@ from typing import NamedTuple
 from armcontour._kernels import FUSED, compiled
 from armcontour.servo._command import Cubic, shift
 
-# Free motions are at most this many of the servo's shortest time constants long, so that the slope
-# of the demand has at most one extremum in each, and the series below end at rounding.
+# Largest length of a free motion, in shortest time constants of the servo: the slope of the demand
+# then has at most one extremum, and the series below converge to rounding errors.
 LARGEST_STEP = 0.5
-# Most terms of these series, the inverse numbers in them, and what is nothing beside the first one.
+# Largest number of terms of these series, the inverse numbers in them, and the relative size below
+# which terms are negligible.
 TERMS = 20
 INVERSE = tuple(1.0 / n for n in range(1, TERMS + 5))
 NOTHING = 1e-18
-# Below this the hyperbolic functions are summed as series; seven terms are exact to 1e-15.
+# For arguments below this the hyperbolic functions are series; seven terms are exact to 1e-15.
 SERIES = 0.1
 C = tuple(1 / math.factorial(n) for n in range(2, 14, 2))
 S = tuple(1 / math.factorial(n) for n in range(3, 15, 2))
-# Saturation that would last less than this part of a span is a touch of the limit: not entered.
+# Saturation for less than this fraction of a time span only touches the bound, and is ignored.
 SHORTEST_STAY = 1e-9
-# A demand is kp kv times a difference of positions: what it exceeds its bound by is rounding below
-# this part of kp kv times the command, and saturates nothing.
+# The demand is kp kv times a difference of positions. An excess over its bound below this fraction
+# of kp kv times the command is a rounding error and does not saturate.
 ROUNDING = 1e-14
-# Newton's method ends with a step below this part of the time: the next one would be below 1e-12.
+# Newton's method ends with a step below this fraction of the time: the next step would be below
+# 1e-12.
 NEAR = 1e-6
-# Half, and more than that as the inverse of 1 - x is more than 1 + x, in a step as short as above.
+# Factor of `kp kv t²` in `_bound_free`. It is more than 1/2, as 1 / (1 - x) is more than 1 + x; 0.6
+# covers that for steps up to LARGEST_STEP.
 FALL = 0.6
-# A span that takes more free motions than these is refused: no servo is so fast.
+# A time span that needs more free motions than this is refused: no servo is that fast.
 MOST_STEPS = 1e5
-# A step with more phases (free, at a bound) than these comes to no end: phases round to nothing.
+# A step with more phases (free, or at a bound) than this does not end, as their times round to 0.
 MOST_PHASES = 100_000
 
 
-# Functions on the shortest route are put into their callers: a call costs as much as they do.
+# Functions that run in every step are inlined: a call takes as long as they do.
 
 
 class Servo(NamedTuple):
-    """One joint's gains [1/s], kv = 0 in the first order, and acceleration bounds [rad/s²]."""
+    """Gains [1/s] and acceleration bounds [rad/s²] of one joint; kv = 0 means first order."""
 
     kp: float
     kv: float
@@ -53,9 +56,10 @@ class Servo(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A joint's state and what happened to it so far.
+    """State of a joint, and accumulated results.
 
-    Position [rad], velocity [rad/s], time in saturation [s], lowest and highest demand [rad/s²].
+    They are position q [rad] and velocity w [rad/s]; time in saturation [s], and lowest and highest
+    demand [rad/s²] up to now.
     """
 
     q: float
@@ -66,10 +70,10 @@ class Motion(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The free motion over a time: how q - u and dq at its end depend on the state and command.
+    """Linear map of a free motion over a time: from state and command to the state at the end.
 
-    `qq, qw` are the factors of q - u and dq at the beginning, `q1, q2, q3` those of the command's
-    coefficients in q - u at the end; `wq, ww, w1, w2, w3` are the same factors for dq at the end.
+    In q - u at the end, `qq, qw` are the factors of q - u and dq at the start, and `q1, q2, q3`
+    those of the command's coefficients; `wq, ww, w1, w2, w3` are the same factors in dq at the end.
     """
 
     time: float
@@ -86,7 +90,10 @@ class Step(NamedTuple):
 
 
 class Signal(NamedTuple):
-    """A cubic in time plus a free motion of the servo, by its value and slope at 0."""
+    """Sum of a cubic in time and a free motion of the servo.
+
+    The cubic has coefficients c0 to c3; the free motion has value `free` and slope `slope` at 0.
+    """
 
     c0: float
     c1: float
@@ -97,10 +104,10 @@ class Signal(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """A motion without events.
+    """A motion between two events.
 
-    Its time, the side on which it is saturated (1, -1 or 0), the side of what follows, the state at
-    its end, and the range of the demand.
+    Its time [s]; the bound at which it is saturated (1 upper, -1 lower, 0 none); the bound of the
+    next phase; position q and velocity w at its end; lowest and highest demand [rad/s²].
     """
 
     time: float
@@ -114,7 +121,7 @@ class Phase(NamedTuple):
 
 @compiled(fastmath=FUSED)
 def fastest_rate(kp: float, kv: float) -> float:
-    """Inverse of the shortest time constant [1/s], or a little more."""
+    """Inverse of the shortest time constant [1/s], or slightly more."""
     if kv == 0.0:
         return kp
     return kv if kv >= 4 * kp else math.sqrt(kp * kv)
@@ -122,7 +129,7 @@ def fastest_rate(kp: float, kv: float) -> float:
 
 @compiled(fastmath=FUSED)
 def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
-    """`exp(decay t) cosh(w t)` and `exp(decay t) sinh(w t) / w`, `w² = discriminant`."""
+    """`exp(decay t) cosh(w t)` and `exp(decay t) sinh(w t) / w`, with `w² = discriminant`."""
     x = discriminant * t * t
     if abs(x) < SERIES:
         e = math.exp(decay * t)
@@ -141,13 +148,13 @@ def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
 
 @compiled(fastmath=FUSED)
 def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
-    """The free motion over a time t of at most about `LARGEST_STEP` time constants.
+    """The free motion over time t.
 
     Args:
         kp: Position loop gain [1/s].
         kv: Velocity loop gain [1/s]; 0 for a servo of first order.
-        t: The time [s].
-        straight: The command is a straight line; else the factors of its bends are computed too.
+        t: Time, at most about `LARGEST_STEP` time constants [s].
+        straight: The command is a straight line, so that factors of t² and t³ are not needed.
     """
     if kv == 0.0:
         a = math.exp(-kp * t)
@@ -163,12 +170,12 @@ def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
 
 @compiled(fastmath=FUSED)
 def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
-    """Responses from rest to the commands t, t² and t³, by Taylor's series.
+    """Responses from rest to the commands t, t² and t³ at time t, by Taylor series.
 
-    Their closed forms take differences of terms in `1 / kp³`, which lose digits where set-points
-    follow each other closely.
+    Closed forms have differences of terms in `1 / kp³`, which lose digits if command intervals are
+    short.
     """
-    # Terms of t times the impulse response: the next follows from the last two.
+    # Terms of t times the impulse response; each term follows from the two terms before it.
     if kv == 0.0:
         damping, stiffness = kp * t, 0.0
         this, following = damping, -damping * damping
@@ -193,7 +200,7 @@ def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
 
 @compiled(fastmath=FUSED)
 def advance_freely(step: Step, u: Cubic, q: float, w: float) -> tuple[float, float]:
-    """Position and velocity after a free motion under the command u."""
+    """Position [rad] and velocity [rad/s] after a free motion under the command u."""
     s, e = step, q - u.value
     x = u.value + s.qq * e + s.qw * w + s.q1 * u.rate + s.q2 * u.second + s.q3 * u.third
     v = s.wq * e + s.ww * w + s.w1 * u.rate + s.w2 * u.second + s.w3 * u.third
@@ -202,7 +209,7 @@ def advance_freely(step: Step, u: Cubic, q: float, w: float) -> tuple[float, flo
 
 @compiled(fastmath=FUSED)
 def _sample(servo: Servo, f: Signal, t: float) -> tuple[float, float]:
-    """Value and slope of a signal at the time t."""
+    """Value and slope of a signal at time t."""
     value = f.c0 + t * (f.c1 + t * (f.c2 + t * f.c3))
     slope = f.c1 + t * (2 * f.c2 + t * 3 * f.c3)
     if f.free == 0.0 and f.slope == 0.0:
@@ -215,15 +222,15 @@ def _sample(servo: Servo, f: Signal, t: float) -> tuple[float, float]:
 
 
 @compiled(fastmath=FUSED)
-def _over(f: Signal, side: float, bound: float) -> Signal:
-    """By what a signal is above a bound, or below it for the side -1."""
+def _excess_over(f: Signal, side: float, bound: float) -> Signal:
+    """Excess of a signal over an upper bound (side 1), or below a lower bound (side -1)."""
     c0 = side * (f.c0 - bound)
     return Signal(c0, side * f.c1, side * f.c2, side * f.c3, side * f.free, side * f.slope)
 
 
 @compiled(fastmath=FUSED)
-def _root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
-    """Time in [low, high] at which a signal, monotone there, rises through 0, from the guess t."""
+def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
+    """Time at which a signal that rises in [low, high] is 0, by Newton's method from guess t."""
     near = NEAR * (high - low)
     for _ in range(200):
         value, slope = _sample(servo, f, t)
@@ -233,7 +240,7 @@ def _root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
             high = t
         step = value / slope if slope > 0.0 else math.inf
         if abs(step) <= near:
-            # Newton's method squares what is left.
+            # Newton's method converges quadratically, so this step is the last one.
             return min(max(t - step, low), high)
         t = t - step
         if not low < t < high:
@@ -244,8 +251,14 @@ def _root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
 
 
 @compiled(fastmath=FUSED)
-def _extremum(servo: Servo, y: float, dy: float) -> float:
-    """First time above 0 at which a free motion has a zero slope; infinity if never."""
+def _find_extremum(servo: Servo, y: float, dy: float) -> float:
+    """First time after 0 at which the slope of a free motion is 0; infinity if there is none.
+
+    Args:
+        servo: Gains.
+        y: Value of the free motion at 0.
+        dy: Slope of the free motion at 0.
+    """
     kp, kv = servo.kp, servo.kv
     slope = -kv / 2 * dy - kp * kv * y
     if slope == 0.0:
@@ -263,13 +276,13 @@ def _extremum(servo: Servo, y: float, dy: float) -> float:
 
 
 @compiled(fastmath=FUSED)
-def _bends(f: Signal, end: float) -> tuple[float, float]:
-    """Times in (0, end) where the slope of a cubic is 0, in order; `end` for each there is not."""
+def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
+    """The two times in (0, end) at which the slope of a cubic is 0; `end` for a missing one."""
     a, b, d = 3 * f.c3, f.c2, f.c1  # slope = a t² + 2 b t + d
     square = b * b - a * d
     if square < 0.0:
         return end, end
-    # Without cancellation; one of the two is at infinity if the cubic is none.
+    # Roots of the slope without cancellation; one of them is at infinity if the slope is linear.
     s = -(b + math.copysign(math.sqrt(square), b))
     one = s / a if a != 0.0 else end
     two = d / s if s != 0.0 else end
@@ -281,43 +294,44 @@ def _bends(f: Signal, end: float) -> tuple[float, float]:
 
 
 @compiled(fastmath=FUSED)
-def _turns(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
-    """Times in (0, end) between which a signal is monotone, in order; `end` for each there is not.
+def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
+    """The two times in (0, end) at which a signal has an extremum; `end` for a missing one.
 
-    The signal is a straight line plus a free motion. The slope of a free motion is one too, with at
-    most one extremum in a short time: on either side of it there is at most one turn.
+    The signal is a straight line plus a free motion. The slope of a free motion is a free motion,
+    too, and has at most one extremum in a short time; the signal has at most one extremum before
+    and one after that time.
     """
     if f.c1 == 0.0:
-        return min(_extremum(servo, f.free, f.slope), end), end
+        return min(_find_extremum(servo, f.free, f.slope), end), end
     bend = -servo.kv * f.slope - servo.kp * servo.kv * f.free
     rate = Signal(f.c1, 0.0, 0.0, 0.0, f.slope, bend)
-    middle = min(_extremum(servo, f.slope, bend), end)
+    middle = min(_find_extremum(servo, f.slope, bend), end)
     first, second = end, end
-    begin, between = f.c1 + f.slope, _sample(servo, rate, middle)[0]
-    if begin * between < 0.0:
-        upward = _over(rate, math.copysign(1.0, between), 0.0)
-        first = _root(servo, upward, 0.0, middle, 0.5 * middle)
+    start, between = f.c1 + f.slope, _sample(servo, rate, middle)[0]
+    if start * between < 0.0:
+        upward = _excess_over(rate, math.copysign(1.0, between), 0.0)
+        first = _find_root(servo, upward, 0.0, middle, 0.5 * middle)
     if middle < end:
         last = _sample(servo, rate, end)[0]
         if between * last < 0.0:
-            upward = _over(rate, math.copysign(1.0, last), 0.0)
-            second = _root(servo, upward, middle, end, 0.5 * (middle + end))
+            upward = _excess_over(rate, math.copysign(1.0, last), 0.0)
+            second = _find_root(servo, upward, middle, end, 0.5 * (middle + end))
     return min(first, second), max(first, second)
 
 
 @compiled(fastmath=FUSED)
 def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
-    """The acceleration that the command asks for [rad/s²]."""
+    """The demand: acceleration of the servo before saturation [rad/s²]."""
     if servo.kv == 0.0:
         return servo.kp * (u.rate - w)
     return servo.kv * (servo.kp * (u.value - q) - w)
 
 
 @compiled(fastmath=FUSED)
-def _side(servo: Servo, z: float, u: Cubic) -> float:
-    """1 for a demand above its upper bound, -1 below its lower one, else 0.
+def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
+    """1 if the demand z is above its upper bound, -1 if z is below its lower bound, else 0.
 
-    Both bounds may lie on one side of 0.
+    Both bounds may have the same sign.
     """
     least = ROUNDING * servo.kp * servo.kv * abs(u.value)
     if z > servo.upper + least:
@@ -327,7 +341,7 @@ def _side(servo: Servo, z: float, u: Cubic) -> float:
 
 @compiled(fastmath=FUSED)
 def _excess(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
-    """By what the demand exceeds the bound on a side while the joint accelerates by that bound."""
+    """Excess of the demand over a bound while the joint accelerates at that bound."""
     kp, kv = servo.kp, servo.kv
     bound = servo.upper if side > 0.0 else servo.lower
     return Signal(
@@ -341,8 +355,8 @@ def _excess(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
 
 
 @compiled(fastmath=FUSED)
-def _stay(servo: Servo, over: Signal, end: float) -> float:
-    """First time in [0, end] after which a cubic, not below 0 at 0, is below it; else `end`."""
+def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
+    """First time in [0, end] at which a cubic that starts at or above 0 falls below 0, or `end`."""
     if over.c3 == 0.0:
         square = over.c1 * over.c1 - 4.0 * over.c2 * over.c0
         if square < 0.0 or (over.c1 >= 0.0 and over.c2 >= 0.0):
@@ -355,22 +369,31 @@ def _stay(servo: Servo, over: Signal, end: float) -> float:
         )
         return min(t, end)
     low = 0.0
-    first, second = _bends(over, end)
+    first, second = _find_cubic_extrema(over, end)
     for high in (first, second, end):
         if high > low and _sample(servo, over, high)[0] < 0.0:
-            return _root(servo, _over(over, -1.0, 0.0), low, high, 0.5 * (low + high))
+            return _find_root(servo, _excess_over(over, -1.0, 0.0), low, high, 0.5 * (low + high))
         low = high
     return end
 
 
 @compiled(fastmath=FUSED, inline="always")
 def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
-    """The motion at a bound for a time t, while the demand is over that bound."""
+    """The motion in saturation for time t, while the demand exceeds a bound.
+
+    Args:
+        servo: Gains and bounds.
+        over: Excess of the demand over the bound.
+        q: Position at the start [rad].
+        w: Velocity at the start [rad/s].
+        side: 1 for the upper bound, -1 for the lower one.
+        t: Time [s].
+    """
     bound = servo.upper if side > 0.0 else servo.lower
     last = over.c0 + t * (over.c1 + t * (over.c2 + t * over.c3))
     least, most = min(over.c0, last), max(over.c0, last)
     if over.c1 * (over.c1 + t * (2 * over.c2 + t * 3 * over.c3)) < 0.0 or over.c3 != 0.0:
-        for at in _bends(over, t):
+        for at in _find_cubic_extrema(over, t):
             value = over.c0 + at * (over.c1 + at * (over.c2 + at * over.c3))
             least, most = min(least, value), max(most, value)
     if side < 0.0:
@@ -381,9 +404,14 @@ def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: fl
 
 @compiled(fastmath=FUSED)
 def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float) -> float:
-    """Share of a step, nearly, at which a demand reaches a bound, from its cubic through both ends.
+    """Fraction of a step at which the demand about reaches a bound, by a cubic through both ends.
 
-    Slopes are those over the whole step.
+    Args:
+        z: Demand at the start.
+        dz: Slope at the start times the length of the step.
+        last: Demand at the end.
+        dlast: Slope at the end times the length of the step.
+        bound: The bound.
     """
     if last == z:
         return 0.0
@@ -402,7 +430,17 @@ def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float
 def _move_freely(
     servo: Servo, u: Cubic, q: float, w: float, z: float, step: Step, span: float
 ) -> Phase:
-    """The free motion from the demand z on, for at most a step, up to where saturation starts."""
+    """The free motion up to the start of saturation, or over the whole step.
+
+    Args:
+        servo: Gains and bounds.
+        u: The command from now on.
+        q: Position [rad].
+        w: Velocity [rad/s].
+        z: Demand [rad/s²].
+        step: The free motion over the step.
+        span: Time with which the length of a saturation is compared [s].
+    """
     kp, kv, t = servo.kp, servo.kv, step.time
     straight = u.second == 0.0 and u.third == 0.0
     c1 = 6 * u.third
@@ -413,21 +451,21 @@ def _move_freely(
     end = shift(u, t)
     last = demand(servo, end, x, v)
     dlast = kv * (kp * (end.rate - v) - last)
-    first, second = (t, t) if straight and dz * dlast >= 0.0 else _turns(servo, f, t)
+    first, second = (t, t) if straight and dz * dlast >= 0.0 else _find_extrema(servo, f, t)
     lowest, highest, low, before, slope = z, z, 0.0, z, dz
     for stop in (first, second, t):
         if stop <= low:
             continue
         value, after = _sample(servo, f, stop) if stop < t else (last, dlast)
-        side = _side(servo, value, u)
+        side = _saturated_side(servo, value, u)
         if side != 0.0:
             bound = servo.upper if side > 0.0 else servo.lower
             h = stop - low
             guess = low + h * _guess_crossing(before, h * slope, value, h * after, bound)
-            at = _root(servo, _over(f, side, bound), low, stop, guess)
+            at = _find_root(servo, _excess_over(f, side, bound), low, stop, guess)
             p, r = advance_freely(transition(kp, kv, at, straight), u, q, w)
             ahead = _excess(servo, shift(u, at), p, r, side)
-            if _stay(servo, ahead, span) > SHORTEST_STAY * span:
+            if _time_until_negative(servo, ahead, span) > SHORTEST_STAY * span:
                 return Phase(at, 0.0, side, p, r, min(lowest, bound), max(highest, bound))
         lowest, highest = min(lowest, value), max(highest, value)
         low, before, slope = stop, value, after
@@ -445,16 +483,16 @@ def next_phase(
         u: The command from now on.
         q: Position [rad].
         w: Velocity [rad/s].
-        side: The bound at which the last phase ended, 1 or -1, or 0.
-        left: Longest time [s].
-        span: What stays in saturation are short against [s].
-        step: The longest free motion, of at most about `LARGEST_STEP` time constants.
+        side: Bound that the last phase reached: 1 upper, -1 lower, 0 none.
+        left: Largest time of the phase [s].
+        span: Time with which the length of a saturation is compared [s].
+        step: Free motion over the largest step, at most about `LARGEST_STEP` time constants.
     """
     z = demand(servo, u, q, w)
-    at = side if side != 0.0 else _side(servo, z, u)
+    at = side if side != 0.0 else _saturated_side(servo, z, u)
     if at != 0.0:
         over = _excess(servo, u, q, w, at)
-        t = _stay(servo, over, left)
+        t = _time_until_negative(servo, over, left)
         if side != 0.0 or t > SHORTEST_STAY * span:
             return _saturate(servo, over, q, w, at, t)
     if step.time > left:
@@ -464,14 +502,20 @@ def next_phase(
 
 @compiled(fastmath=FUSED)
 def progresses(kp: float, kv: float, span: float) -> bool:
-    """Whether free motions get through a span: each moves the time, and they are not too many."""
+    """Whether steps advance the time in floating point, and few enough of them cover a time span.
+
+    Args:
+        kp: Position loop gain [1/s].
+        kv: Velocity loop gain [1/s]; 0 for a servo of first order.
+        span: Time span [s].
+    """
     step = LARGEST_STEP / fastest_rate(kp, kv)
     return step >= span or (span + step > span and span < MOST_STEPS * step)
 
 
 @compiled(fastmath=FUSED)
-def _advance(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
-    """Run a joint of second order through a step, event by event."""
+def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+    """Simulate a joint of second order over a step, event by event."""
     q, w, saturated, lowest, highest = m
     now = side = 0.0
     span = step.time
@@ -494,10 +538,11 @@ def _advance(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
 def _bound_free(
     servo: Servo, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
-    """Bounds on a free motion within a step, from its values and slopes at both ends.
+    """Lower and upper bound on a free motion within a step, from values and slopes at both ends.
 
-    Where it turns in between, it is at most t times its first slope beyond its first value or 0.
-    And from the turn on, where its slope is 0, it falls by at most `kp kv t² / 2` of its value.
+    If it has an extremum inside, the extremum exceeds the start value or 0 by at most t times the
+    start slope. After the extremum, where the slope is 0, it falls by at most the fraction
+    `kp kv t² / 2` of the extremum.
     """
     low, high = min(z, last), max(z, last)
     if dz * dlast < 0.0:
@@ -513,7 +558,7 @@ def _bound_free(
 def _bound_demand(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
-    """Bounds on a demand within a step without saturation, as in `_bound_free`."""
+    """Lower and upper bound on the demand within a step without saturation, by `_bound_free`."""
     if u.second == 0.0 and u.third == 0.0:
         return _bound_free(servo, z, dz, last, dlast, t)
     rate = 6 * u.third
@@ -524,13 +569,13 @@ def _bound_demand(
 
 
 @compiled(fastmath=FUSED)
-def _value_at_turn(
+def _demand_extremum(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> float:
-    """The demand where it turns within a step at whose ends its slopes differ in sign.
+    """The extremum of the demand within a step at whose ends the slopes differ in sign.
 
-    From the turn of the cubic through both ends one step of Newton's method leads to the time; the
-    value there is the more exact, since its slope is 0.
+    The time is that of the extremum of a cubic through both ends, improved by one step of Newton's
+    method. The value is more exact than the time, as the slope there is 0.
     """
     a, b = t * dz, t * dlast
     second, third = 3 * (last - z) - 2 * a - b, 3 * (2 * (z - last) + a + b)
@@ -549,8 +594,8 @@ def _value_at_turn(
 
 
 @compiled(fastmath=FUSED)
-def _lag(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
-    """Run a joint of first order through a step; its demand is its acceleration."""
+def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+    """Simulate a joint of first order over a step; its demand is its acceleration."""
     kp, t = servo.kp, step.time
     q, _ = advance_freely(step, u, m.q, 0.0)
     end = shift(u, t)
@@ -570,32 +615,35 @@ def _lag(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
 
 @compiled(fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
-    """Run a joint through a step under the command u.
+    """Simulate a joint over a step under the command u.
 
     Args:
         servo: Gains and bounds.
-        step: Its free motion over the step, of at most about `LARGEST_STEP` time constants.
-        u: The command from the step's beginning on.
-        m: State and what happened before.
+        step: Free motion over the step, at most about `LARGEST_STEP` time constants.
+        u: Command from the start of the step on.
+        m: State and accumulated results at the start.
+
+    Returns:
+        State and accumulated results at the end; not finite if the step does not end.
     """
     kp, kv, t = servo.kp, servo.kv, step.time
     if kv == 0.0:
-        return _lag(servo, step, u, m)
+        return _respond_first_order(servo, step, u, m)
     z = demand(servo, u, m.q, m.w)
     if not servo.lower <= z <= servo.upper:
-        return _advance(servo, step, u, m)
+        return _respond_by_events(servo, step, u, m)
     q, w = advance_freely(step, u, m.q, m.w)
     end = shift(u, t)
     last = demand(servo, end, q, w)
     dz, dlast = kv * (kp * (u.rate - m.w) - z), kv * (kp * (end.rate - w) - last)
     low, high = min(m.lowest, z, last), max(m.highest, z, last)
     bottom, top = _bound_demand(servo, u, z, dz, last, dlast, t)
-    # Most steps end here: nothing saturates, and no demand is larger than those before.
+    # Most steps return here: no saturation, and no new extreme of the demand.
     if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
         return Motion(q, w, m.saturated, low, high)
     if dz * dlast < 0.0:
-        most = _value_at_turn(servo, u, z, dz, last, dlast, t)
+        most = _demand_extremum(servo, u, z, dz, last, dlast, t)
         low, high = min(low, most), max(high, most)
         if servo.lower <= min(last, most) and max(last, most) <= servo.upper:
             return Motion(q, w, m.saturated, low, high)
-    return _advance(servo, step, u, m)
+    return _respond_by_events(servo, step, u, m)

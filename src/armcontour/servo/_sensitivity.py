@@ -1,9 +1,9 @@
-"""The response of one joint with its derivatives by its parameters, compiled.
+"""Compiled response of one joint together with its derivatives with respect to the parameters.
 
-A state is an array (2, 7): position and velocity, and in the columns 1 to 6 their derivatives by
-`kp, kv, delay, q0, dq0, limit`; an array (2, 1) has no derivatives. The command is a straight line
-`v + r t`. Events are those of `_response.py`: there the acceleration is continuous, so the
-derivatives are too; only where the command jumps does the derivative by the delay jump.
+A state is an array (2, 7): position and velocity in column 0, and their derivatives with respect to
+`kp, kv, delay, q0, dq0, limit` in columns 1 to 6; an array (2, 1) has no derivatives. The command
+is a straight line `v + r t`. The acceleration is continuous at the events of `_response.py`, and so
+are the derivatives; only the derivative with respect to the delay jumps where the command jumps.
 """
 
 from __future__ import annotations
@@ -31,11 +31,19 @@ KP, KV, DELAY, Q0, DQ0, LIMIT = range(1, COLUMNS)
 
 @compiled()
 def differentiate_transition(kp: float, kv: float, t: float, out: FloatArray) -> None:
-    """Fill (3, 4): a free motion's factors qq, qw, wq, ww; their derivatives by kp, and by kv."""
+    """Factors of a free motion over time t, and their derivatives with respect to kp and kv.
+
+    Args:
+        kp: Position loop gain [1/s].
+        kv: Velocity loop gain [1/s].
+        t: Time [s].
+        out: Output, (3, 4): factors qq, qw, wq, ww of `Step`; derivatives with respect to kp; with
+            respect to kv.
+    """
     d = kv * kv / 4 - kp * kv
     c, s = modes(d, -kv / 2, t)
     x = d * t * t
-    # The derivative of s by d.
+    # The derivative of s with respect to d.
     if abs(x) < SERIES:
         series = 1 / 6 + x * (1 / 60 + x * (1 / 1680 + x * (1 / 90720 + x / 7983360)))
         sd = math.exp(-kv / 2 * t) * t * t * t * series
@@ -62,21 +70,21 @@ def differentiate_transition(kp: float, kv: float, t: float, out: FloatArray) ->
 def move_freely(
     x: FloatArray, columns: int, f: FloatArray, kp: float, v: float, r: float, t: float
 ) -> None:
-    """Advance the state by `t`, far from saturation.
+    """Advance the state by time t without saturation.
 
     Args:
-        x: State, (2, columns).
+        x: State, (2, columns), changed in place.
         columns: 1, or 7 with derivatives.
-        f: As `differentiate_transition` writes it.
+        f: Factors from `differentiate_transition`, (3, 4).
         kp: Position loop gain [1/s].
-        v: Command [rad].
-        r: Its rate [rad/s].
+        v: Command at the start [rad].
+        r: Rate of the command [rad/s].
         t: Time [s].
     """
     e = x[0, 0] - v + r / kp
     w = x[1, 0] - r
     for j in range(1, columns):
-        # By the delay, the command itself changes by -r.
+        # The derivative of the command with respect to the delay is -r.
         a = x[0, j] + (r if j == DELAY else 0.0)
         b = x[1, j]
         x[0, j] = f[0, 0] * a + f[0, 1] * b
@@ -94,7 +102,7 @@ def move_freely(
 
 @compiled()
 def _move_saturated(x: FloatArray, columns: int, side: float, t: float) -> None:
-    """Advance the derivatives by `t` at the acceleration limit on a side."""
+    """Advance the derivatives by time t in saturation at the upper (1) or lower (-1) limit."""
     for j in range(1, columns):
         x[0, j] += t * x[1, j]
     x[0, LIMIT] += side * t * t / 2
@@ -114,10 +122,19 @@ def move_limited(
     span: float,
     seen: FloatArray,
 ) -> None:
-    """Advance the state by `span`, the acceleration limited.
+    """Advance the state by time `span` under an acceleration limit.
 
-    `seen` collects the largest demand [rad/s²] and the time in saturation [s]. The demand is NaN
-    if time steps make no progress. The other arguments are those of `move_freely`; `f` is written.
+    Args:
+        x: State, (2, columns), changed in place; NaN if time steps make no progress.
+        columns: 1, or 7 with derivatives.
+        f: Work array, (3, 4).
+        kp: Position loop gain [1/s].
+        kv: Velocity loop gain [1/s].
+        limit: Acceleration limit [rad/s²].
+        v: Command at the start [rad].
+        r: Rate of the command [rad/s].
+        span: Time [s].
+        seen: Largest demand [rad/s²] and time in saturation [s] so far, (2,), changed in place.
     """
     servo = Servo(kp, kv, -limit, limit)
     if not progresses(kp, kv, span):

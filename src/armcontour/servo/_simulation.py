@@ -1,4 +1,4 @@
-"""Joints run through command intervals, compiled."""
+"""Compiled simulation of joints over command intervals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armcontour.servo._response import (
     transition,
 )
 
-# Steps may be longer by rounding.
+# Steps may exceed their largest length by rounding errors.
 SLACK = 1 - 1e-9
 
 
@@ -36,11 +36,11 @@ class Joints(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """How results and late set-points divide every command interval, joint by joint.
+    """Parts of a command interval of each joint.
 
-    `number` is that of the parts, (dof,); `width, local, late, due` are as in `divide_interval`,
-    (dof, parts); each part is run in `repeats` equal steps, whose free motions are the rows of
-    `steps`, (dof, parts, 11).
+    `number` is the number of parts, (dof,); `width, local, late, due` are as in `divide_interval`,
+    (dof, parts); each part is simulated in `repeats` equal steps, (dof, parts), with the free
+    motions `steps`, (dof, parts, 11).
     """
 
     number: IntArray
@@ -53,10 +53,10 @@ class Parts(NamedTuple):
 
 
 class Run(NamedTuple):
-    """How joints moved.
+    """Simulated motion of all joints.
 
-    Position, velocity and demand of all joints at results, (dof, n, 3); time in saturation, lowest
-    and highest demand, and whether the motion could not be computed, (dof,) each.
+    `states` are position, velocity and demand at n results, (dof, n, 3); the others are time in
+    saturation, lowest and highest demand, and True if the motion could not be computed, (dof,).
     """
 
     states: FloatArray
@@ -68,12 +68,12 @@ class Run(NamedTuple):
 
 @compiled(fastmath=FUSED)
 def divide(period: float, steps: int, dead_time: FloatArray) -> Parts:
-    """The parts of command intervals, without their free motions.
+    """The parts of a command interval, with room for repeats and free motions.
 
     Args:
         period: Command interval [s].
-        steps: Results in it.
-        dead_time: (dof,) [s].
+        steps: Number of results per interval.
+        dead_time: Dead time of each joint [s], (dof,).
     """
     dof, most = len(dead_time), steps + 1
     width, local = np.empty((dof, most)), np.empty((dof, most))
@@ -88,13 +88,16 @@ def divide(period: float, steps: int, dead_time: FloatArray) -> Parts:
 
 @compiled(fastmath=FUSED)
 def prepare(servo: Servo, straight: bool, parts: Parts, j: int) -> bool:
-    """Write the free motions of a joint's parts; whether its servo can be simulated.
+    """Compute the free motions of the parts of one joint.
 
     Args:
-        servo: Gains.
-        straight: The command is a straight line in every interval.
-        parts: As `divide` gives them; `repeats` and `steps` are written.
-        j: Number of the joint, from 0.
+        servo: Gains of the joint.
+        straight: Whether the command is a straight line in every interval.
+        parts: Parts from `divide`; `repeats` and `steps` are written.
+        j: Index of the joint, from 0.
+
+    Returns:
+        False if the gains are too large to simulate.
     """
     fast = fastest_rate(servo.kp, servo.kv)
     for i in range(parts.number[j]):
@@ -109,7 +112,7 @@ def prepare(servo: Servo, straight: bool, parts: Parts, j: int) -> bool:
 
 @compiled(fastmath=FUSED)
 def write_step(s: Step, row: FloatArray) -> None:
-    """Write a free motion into a row, (11,)."""
+    """Write a free motion into an array, (11,)."""
     row[0], row[1], row[2], row[3], row[4], row[5] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
     row[6], row[7], row[8], row[9], row[10] = s.q2, s.q3, s.w1, s.w2, s.w3
 
@@ -125,33 +128,36 @@ def run_joint(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Run one joint through command intervals.
+    """Simulate one joint over command intervals.
 
     Args:
-        servo: Gains and bounds.
-        command: `servo.command.polynomials` of this joint, (n + 1, 4).
-        parts: As `prepare` writes them.
-        j: Number of the joint.
-        begin: First interval, from 0 at the first set-point.
-        end: The one after the last.
-        motion: State at the beginning.
-        out: Takes position, velocity and demand at the results, (n, 3).
+        servo: Gains and acceleration bounds of the joint.
+        command: Command of the joint from `servo.command.polynomials`, (n + 1, 4).
+        parts: Parts from `prepare`.
+        j: Index of the joint, from 0.
+        begin: Index of the first interval; 0 starts at the first set-point.
+        end: Index after that of the last interval.
+        motion: State at the start.
+        out: Output: position, velocity and demand at the results, (n, 3).
+
+    Returns:
+        State at the end.
     """
     m = motion
     row = 0
-    # Arrays in tuples and arguments of other functions are counted at every use, which costs as
-    # much as the rest: the loop has neither.
+    # numba counts references to arrays in tuples and function arguments at every use, which would
+    # double the time: the loop has neither.
     number, _, local, late, due, repeats, x = parts
     last = len(command) - 1
     for k in range(begin, end):
         for i in range(number[j]):
-            # Constant before the first set-point and after the last one.
+            # The command is constant before the first set-point and after the last one.
             n = min(max(k - late[j, i] + 1, 0), last)
             t = local[j, i] if 0 < n < last else 0.0
             u = shift(Cubic(command[n, 0], command[n, 1], command[n, 2], command[n, 3]), t)
-            own = x[j, i, 0], x[j, i, 1], x[j, i, 2], x[j, i, 3], x[j, i, 4]
-            driven = x[j, i, 5], x[j, i, 6], x[j, i, 7], x[j, i, 8], x[j, i, 9], x[j, i, 10]
-            step = Step(*own, *driven)
+            of_state = x[j, i, 0], x[j, i, 1], x[j, i, 2], x[j, i, 3], x[j, i, 4]
+            of_command = x[j, i, 5], x[j, i, 6], x[j, i, 7], x[j, i, 8], x[j, i, 9], x[j, i, 10]
+            step = Step(*of_state, *of_command)
             for _ in range(repeats[j, i]):
                 m = respond(servo, step, u, m)
                 u = shift(u, step.time)
@@ -172,17 +178,17 @@ def run_joints(
     q: FloatArray,
     dq: FloatArray,
 ) -> Run:
-    """Run all joints through command intervals.
+    """Simulate all joints over command intervals.
 
     Args:
-        joints: Gains and bounds.
-        commands: `servo.command.polynomials`, (dof, n + 1, 4).
-        parts: As `prepare` writes them.
-        steps: Results per interval.
-        begin: First interval, from 0 at the first set-point.
-        end: The one after the last.
-        q: Positions at the beginning, (dof,) [rad].
-        dq: Velocities there, (dof,) [rad/s].
+        joints: Gains and acceleration bounds.
+        commands: Commands from `servo.command.polynomials`, (dof, n + 1, 4).
+        parts: Parts from `prepare_joints`.
+        steps: Number of results per interval.
+        begin: Index of the first interval; 0 starts at the first set-point.
+        end: Index after that of the last interval.
+        q: Positions at the start [rad], (dof,).
+        dq: Velocities at the start [rad/s], (dof,).
     """
     dof = len(q)
     states = np.empty((dof, (end - begin) * steps, 3))
@@ -199,7 +205,13 @@ def run_joints(
 
 @compiled(fastmath=FUSED)
 def prepare_joints(joints: Joints, straight: bool, parts: Parts) -> int:
-    """Write the free motions of all joints; the first joint that cannot be simulated, or -1."""
+    """Compute the free motions of all joints; returns the first joint that fails, or -1.
+
+    Args:
+        joints: Gains and acceleration bounds.
+        straight: Whether the command is a straight line in every interval.
+        parts: Parts from `divide`; `repeats` and `steps` are written.
+    """
     for j in range(len(joints.kp)):
         servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
         if not prepare(servo, straight, parts, j):

@@ -1,4 +1,4 @@
-"""The joint servo: the paper's two loops (5)-(7), or a first-order lag, after a dead time."""
+"""Model of a joint servo: the paper's two loops (5)-(7) or a first-order lag, with dead time."""
 
 from __future__ import annotations
 
@@ -15,47 +15,46 @@ from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
 ORDERS = ("second", "first")
-# Time constants from a microsecond to a quarter of an hour, as gains [1/s]: no joint of a robot is
-# faster or slower, and what is computed from gains in here stays within numbers.
+# Smallest and largest gain [1/s], for time constants from a microsecond to a quarter of an hour: no
+# robot joint is faster or slower, and no result overflows.
 GAINS = (1e-3, 1e6)
-# Commands lead the plan by the dead time, so that a robot would wait for it [s].
+# Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
-# A servo of more time constants in a command interval has come to rest long before the next one:
-# there is nothing of it to be seen, and each half of one is a step of the simulation.
+# Most time constants in a command interval. With more, the joint comes to rest long before the next
+# set-point, and the simulation needs a step for each half of a time constant.
 MOST_TIME_CONSTANTS = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel:
-    """The joint servo: what a joint makes of its command u, `tau` being the dead time.
+    """The joint servo: response of a joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
       position loop;
-    - order "first": `dq = K_p (u(t - tau) - q)`, a lag, for a velocity loop too fast to matter.
+    - order "first": `dq = K_p (u(t - tau) - q)`, a first-order lag, for a very fast velocity loop.
 
-    Between two set-points the command is, for the interpolation
+    Between two set-points the command is, by interpolation,
 
     - "linear": the straight line;
-    - "step": the earlier set-point, held;
-    - "cubic": the cubic with the slopes `(u[k + 1] - u[k - 1]) / (2 T)` at set-points, and 0 at the
-      first and the last one (Catmull and Rom's spline: once differentiable, and local).
+    - "step": the earlier set-point (zero-order hold);
+    - "cubic": the cubic with slopes `(u[k + 1] - u[k - 1]) / (2 T)` at set-points, and 0 at the
+      first and the last one (Catmull-Rom spline: continuously differentiable, and local).
 
-    Before the first set-point the command is the first, after the last the last. Each one is met
-    when it is due. A controller cannot draw a line before it has the set-point at its end, nor the
-    cubic before it has the one after that; how long it waits for them is part of the dead time.
+    Before the first set-point the command equals the first set-point, and after the last one the
+    last. The command passes each set-point at its time. A controller needs the next set-point for
+    a line, and the one after it for the cubic; its wait for them is part of the dead time.
 
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint.
-        kv: Velocity loop gain [1/s], one for all joints or one per joint; None for the
-            order "first".
-        interpolation: What the controller does between two set-points.
-        dead_time: Time from when a set-point is due until the joint's servo sees it [s], one for
-            all joints or one per joint; any number of command intervals, whole or not.
+        kv: Velocity loop gain [1/s], one for all joints or one per joint; None for order "first".
+        interpolation: Interpolation between set-points: "linear", "step" or "cubic".
+        dead_time: Time from a set-point's time until it reaches the joint's servo [s], one for all
+            joints or one per joint; need not be a multiple of the command interval.
         order: "second" or "first".
 
     Raises:
-        InvalidInput: A gain that is missing, one too many, or outside GAINS; a dead time that is
-            negative or above LONGEST_DEAD_TIME; an unknown interpolation or order.
+        InvalidInput: A gain is missing, not needed or outside GAINS; a dead time is negative or
+            above LONGEST_DEAD_TIME; the interpolation or order is unknown.
     """
 
     kp: Gains
@@ -80,8 +79,8 @@ class ServoModel:
                 if kv is None
                 else "A servo of order first has no velocity loop: leave its gain kv out."
             )
-        object.__setattr__(self, "kp", _gain("kp", kp))
-        object.__setattr__(self, "kv", None if kv is None else _gain("kv", kv))
+        object.__setattr__(self, "kp", _check_gain("kp", kp))
+        object.__setattr__(self, "kv", None if kv is None else _check_gain("kv", kv))
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         object.__setattr__(self, "interpolation", interpolation)
         delay = _checks.numbers("dead_time", dead_time, "s")
@@ -105,7 +104,7 @@ class ServoModel:
             dof: Number of joints.
 
         Raises:
-            InvalidInput: A wrong number of them.
+            InvalidInput: The number of gains or dead times is not 1 or `dof`.
         """
         return ServoModel(
             kp=_checks.per_joint("servo gain kp", self.kp, dof, "1/s"),
@@ -117,10 +116,11 @@ class ServoModel:
 
     @property
     def slowest(self) -> float:
-        """Smallest rate at which any joint comes to rest [1/s]."""
+        """Smallest decay rate of any joint [1/s]."""
         if self.kv is None:
             return float(self.kp.min())
-        # Of s² + kv s + kp kv; the sum of a real pair's is kv, and their product kp kv.
+        # Rates are the negative real parts of the roots of s² + kv s + kp kv. For real roots the
+        # sum of the rates is kv and their product kp kv.
         root = np.sqrt(np.maximum(self.kv * self.kv / 4 - self.kp * self.kv, 0.0))
         fast = self.kv / 2 + root
         return float(np.where(root > 0, self.kp * self.kv / fast, self.kv / 2).min())
@@ -132,7 +132,7 @@ class ServoModel:
             period: Command interval [s].
 
         Raises:
-            InvalidInput: More than MOST_TIME_CONSTANTS in it.
+            InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
         """
         for name, values in (("kp", self.kp), ("kv", self.kv)):
             largest = 0.0 if values is None else float(values.max())
@@ -149,23 +149,28 @@ class ServoModel:
                 )
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
-        """From command to joint, for each s; complex, (n, joints).
+        """Transfer function from command to joint position at each s; complex, (n, joints).
 
-        `G(s) = exp(-s tau) K_p K_v / (s² + K_v s + K_p K_v)`, (5), or for the order "first"
-        `exp(-s tau) K_p / (s + K_p)`. What interpolation makes of set-points is not in it.
+        `G(s) = exp(-s tau) K_p K_v / (s² + K_v s + K_p K_v)`, (5), or for order "first"
+        `exp(-s tau) K_p / (s + K_p)`. The interpolation of set-points is not included.
 
         Args:
             s: Complex frequencies [rad/s], (n,).
         """
         at = np.atleast_1d(np.asarray(s))[:, None]
-        kp, late = np.atleast_1d(self.kp), np.exp(-at * np.atleast_1d(self.dead_time))
+        kp, delay = np.atleast_1d(self.kp), np.exp(-at * np.atleast_1d(self.dead_time))
         if self.kv is None:
-            return np.asarray(late * kp / (at + kp))
+            return np.asarray(delay * kp / (at + kp))
         kv = np.atleast_1d(self.kv)
-        return np.asarray(late * (kp * kv / (at**2 + kv * at + kp * kv)))
+        return np.asarray(delay * (kp * kv / (at**2 + kv * at + kp * kv)))
 
 
-def _gain(name: str, values: npt.ArrayLike) -> FloatArray:
+def _check_gain(name: str, values: npt.ArrayLike) -> FloatArray:
+    """Gains as a locked array, one for all joints or one per joint.
+
+    Raises:
+        InvalidInput: A gain is not a number, not above zero, or outside GAINS.
+    """
     array = _checks.numbers(f"servo gain {name}", values, "1/s")
     if array.ndim > 1 or array.size == 0 or (array <= 0).any():
         raise InvalidInput(

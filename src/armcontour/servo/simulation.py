@@ -1,4 +1,4 @@
-"""The servos of all joints, run through command intervals."""
+"""Simulation of the servos of all joints over command intervals."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from armcontour.servo.model import ServoModel
 
 
 class Simulation:
-    """Joints that follow set-points, exact between the instants at which saturation starts or ends.
+    """Response of all joints to set-points, exact between the starts and ends of saturation.
 
     Args:
-        q: Set-points, (n, dof) [rad].
-        period: Time between them [s].
-        servo: With values per joint.
-        lower: Acceleration bounds, (dof,) [rad/s²]; by default there are none.
-        upper: The same.
-        steps: Results per interval.
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model with values per joint.
+        lower: Lower acceleration bounds [rad/s²], (dof,); none by default.
+        upper: Upper acceleration bounds [rad/s²], (dof,); none by default.
+        steps: Number of results per interval.
 
     Raises:
-        ExecutionError: Gains that are too large to simulate.
+        ExecutionError: The gains are too large to simulate.
     """
 
     def __init__(
@@ -54,17 +54,18 @@ class Simulation:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray] | None = None,
     ) -> Run:
-        """Run all joints through command intervals.
+        """Simulate all joints over command intervals.
 
         Args:
-            begin: First interval, from 0 at the first set-point.
-            end: The one after the last.
-            q: Positions at the beginning, (dof,) [rad].
-            dq: Velocities there, (dof,) [rad/s].
-            bounds: Other acceleration bounds than usual, (dof,) each [rad/s²].
+            begin: Index of the first interval; 0 starts at the first set-point.
+            end: Index after that of the last interval.
+            q: Positions at the start [rad], (dof,).
+            dq: Velocities at the start [rad/s], (dof,).
+            bounds: Lower and upper acceleration bounds for this run [rad/s²], (dof,) each; by
+                default those of the simulation.
 
         Raises:
-            ExecutionError: A motion that cannot be computed.
+            ExecutionError: The motion cannot be computed.
         """
         joints = self.joints
         if bounds is not None:
@@ -75,7 +76,7 @@ class Simulation:
         return run
 
     def _refuse_stuck(self, j: int) -> None:
-        """Raise unless j is -1."""
+        """Raise ExecutionError for joint j, unless j is -1."""
         if j < 0:
             return
         kp, kv = self.servo.kp[j], self.servo.kv

@@ -1,4 +1,4 @@
-"""Tracing a tool path with an arm."""
+"""Tracing: the joint path along which an arm's tool follows a tool path."""
 
 from armcontour.tracing.ranges import refuse_out_of_range
 from armcontour.tracing.tracer import trace, trace_all

@@ -1,4 +1,4 @@
-"""Tracing on an arm whose inverse kinematics is a formula."""
+"""Exact knots for an arm with closed-form inverse kinematics."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from armcontour.tracing.solver import Ends, Solver
 
 
 class ClosedForm(Solver[PlanarTwoLink]):
-    """Exact knots by (3)-(4), (28) and (27).
+    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27).
 
     Args:
-        path: The path.
+        path: The tool path.
         arm: The arm.
         branch: One of `arm.branches`; the first by default.
         tolerance: Largest distance of the tool from the path between knots [m].
 
     Raises:
-        InvalidInput: A path of another dimension than the arm's.
+        InvalidInput: The path and the arm's workspace differ in dimension.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class ClosedForm(Solver[PlanarTwoLink]):
     def ends(
         self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
     ) -> Ends:
-        """q, dq_ds and d2q_ds2 at places `u` on the knots' segments."""
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
         try:
             q = self.arm.inverse(self.path.on_segment(knots.segment, u), self.branch)
         except Unreachable as error:
@@ -55,16 +55,16 @@ class ClosedForm(Solver[PlanarTwoLink]):
                 allowed=error.allowed,
             ) from None
         dq_ds = self.arm.joint_velocity(q, self.path.on_segment(knots.segment, u, 1))
-        curved = self.path.on_segment(knots.segment, u, 2)
-        return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curved)
+        curvature = self.path.on_segment(knots.segment, u, 2)
+        return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
 
-    def continuous(self, begin: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """The same ends with whole turns taken out."""
-        q = np.stack([begin[0], end[0]], axis=1).reshape(-1, begin[0].shape[1])
-        unwrapped = np.unwrap(q, axis=0).reshape(len(begin[0]), 2, -1)
-        return (unwrapped[:, 0], *begin[1:]), (unwrapped[:, 1], *end[1:])
+    def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """The same starts and ends, with jumps by whole turns removed from the joint positions."""
+        q = np.stack([start[0], end[0]], axis=1).reshape(-1, start[0].shape[1])
+        unwrapped = np.unwrap(q, axis=0).reshape(len(start[0]), 2, -1)
+        return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """How far the tool is from its place, in tolerances."""
+        """Distances of the tool from its position on the path, over the tolerance, (n,)."""
         off = self.arm.forward(q) - self.path.on_segment(knots.segment, u)
         return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)

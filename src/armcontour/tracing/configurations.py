@@ -1,4 +1,4 @@
-"""The ways an arm in space can take along a path: one for each configuration that it starts in."""
+"""Joint positions of a serial arm along a path, one solution for each start configuration."""
 
 from __future__ import annotations
 
@@ -17,37 +17,41 @@ from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
 from armcontour.tracing.ranges import out_of_range
 from armcontour.tracing.redundancy import null_space, smooth
 
-# With joints to spare, so many starts are followed, and so many different ways are kept.
+# Largest number of start configurations that are followed along the path.
 MOST_STARTS = 48
+# With redundant degrees of freedom, largest number of different solutions that are kept.
 MOST_SOLUTIONS = 8
-# Ways with joints to spare are one that nowhere differ by more than this [rad], free motions apart.
-SAME_WAY = 0.05
-# Ways with joints to spare are ranked after this many rounds of smoothing on so many knots.
+# Two solutions count as one if they differ by less than this outside the null space [rad].
+SAME_SOLUTION = 0.05
+# Redundant solutions are ranked by their cost after this many iterations of smoothing, on at most
+# this number of knots.
 ROUGH_ROUNDS = 3
 ROUGH_KNOTS = 70
-# So many of them are then smoothed to the end, or more until one is found.
+# This many of the best redundant solutions are smoothed to the end; more only if none succeeds.
 MOST_SMOOTHED = 16
-# Following goes along chords; the path turns by no more than this under one [rad].
+# Solutions are followed along chords of the path, which turns by at most this over a chord [rad].
 CHORD_TURN = 0.1
-# Where a joint leaves its range, it is looked at so many whole turns either way.
+# For a joint out of its range, shifts by up to this number of whole turns are compared.
 MOST_TURNS = 5
-# A pose that stays farther away than this is out of reach [m].
+# A pose is out of reach if the tool stays farther away than this [m].
 OUT_OF_REACH = 1e-7
-# Looked for from so many joint positions, at so many places of a path; from one, at more.
+# To find poses out of reach, this number of seed joint positions is tried at a few poses of the
+# path, and one seed at more poses.
 REACH_SEEDS = 60
 SOME_POSES = 10
 MANY_POSES = 300
-# Bisections for the place where the reach ends.
+# Bisection steps for the arc length at which the reach ends.
 BISECTIONS = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """Joint positions along a path.
+    """Joint positions along a path in one configuration.
 
     Args:
-        q: At the starts of all knot intervals and the end of the last, (n + 1, dof).
-        cost: How long the way is; ways are compared by it until they are timed.
+        q: Joint positions at the start of every knot interval and the end of the last [rad],
+            (n + 1, dof).
+        cost: Length of the joint path; ranks the solutions before they are timed.
     """
 
     q: FloatArray
@@ -56,7 +60,15 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Failure:
-    """Why a way ends: where, and of which joint a range, if it was one."""
+    """Knot at which a solution ends, and the joint that leaves its range there, if any.
+
+    Args:
+        reached: Index of the first knot that is not reached.
+        q: Joint positions at the knot before, or at the knot out of range [rad], (dof,).
+        joint: Index of the joint that leaves its range; -1 if the pose has no solution.
+        value: Position of that joint [rad].
+        limit: End of its range [rad].
+    """
 
     reached: int
     q: FloatArray
@@ -68,51 +80,60 @@ class _Failure:
 def find_solutions(
     path: Path, arm: SerialArm, knots: Knots, task: int, start: FloatArray | None
 ) -> list[Solution]:
-    """All ways that complete the path inside the joints' ranges, the shortest first.
+    """All solutions that complete the path inside the joint ranges, the shortest first.
 
     Args:
         path: The path.
         arm: The arm.
-        knots: Intervals of the path.
-        task: How much of each pose counts.
-        start: Joint positions near to those to start in; None for all that there are.
+        knots: Knot intervals of the path.
+        task: Task dimension.
+        start: Joint positions near those at the start of the path [rad], (dof,); None for all
+            configurations.
 
     Raises:
-        Unreachable: There is none; says why for the one that comes farthest.
+        Unreachable: There is no solution; gives the reason for the one that comes farthest.
     """
-    fine, at = _finer(path, knots)
-    poses, s = row_of_poses(path, fine), np.append(fine.s0, path.length)
+    fine, at = _subdivide(path, knots)
+    poses = row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, start)
     if len(starts) == 0:
         _refuse_start(path, arm, poses, task, start)
     followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS])
     followed = [q[at] for q in followed]
-    s, some = s[at], poses[at]
-    spare = task < arm.dof
-    if spare:
-        followed = _most_promising(arm, s, some, task, followed, start)
+    s, knot_poses = np.append(fine.s0, path.length)[at], poses[at]
+    redundant = task < arm.dof
+    if redundant:
+        followed = _rank(arm, s, knot_poses, task, followed, start)
     found: list[Solution] = []
     for i, q in enumerate(followed):
-        if spare and found and i >= MOST_SMOOTHED:
+        if redundant and found and i >= MOST_SMOOTHED:
             break
-        cost = 0.0 if spare else _joint_distance(arm, q)
-        if spare:
-            q, cost = smooth(arm, s, some, task, q, start_stays=start is not None)
-        fitted = _in_range(arm, q, start)
-        if isinstance(fitted, _Failure):
-            failures.append(dataclasses.replace(fitted, reached=int(at[fitted.reached])))
-        elif not any(_same(arm, some, task, x.q, fitted) for x in found):
-            found.append(Solution(q=fitted, cost=cost))
+        if redundant:
+            q, cost = smooth(arm, s, knot_poses, task, q, start_stays=start is not None)
+        else:
+            cost = _joint_distance(arm, q)
+        in_range = _turn_into_range(arm, q, start)
+        if isinstance(in_range, _Failure):
+            failures.append(dataclasses.replace(in_range, reached=int(at[in_range.reached])))
+        elif not any(_is_same(arm, knot_poses, task, x.q, in_range) for x in found):
+            found.append(Solution(q=in_range, cost=cost))
     if not found:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
     found.sort(key=lambda x: x.cost)
-    return found[:MOST_SOLUTIONS] if spare else found
+    return found[:MOST_SOLUTIONS] if redundant else found
 
 
 def _follow(
     arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray
 ) -> tuple[list[FloatArray], list[_Failure]]:
-    """Joint positions along all poses, from each start that leads to the end; and the others."""
+    """Follow all poses from each start: joint positions that reach the end, and the failures.
+
+    Args:
+        arm: The arm.
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension.
+        starts: Joint positions at the first pose [rad], (starts, dof).
+    """
     followed: list[FloatArray] = []
     failures: list[_Failure] = []
     for q0 in starts:
@@ -126,7 +147,7 @@ def _follow(
     return followed, failures
 
 
-def _most_promising(
+def _rank(
     arm: SerialArm,
     s: FloatArray,
     poses: FloatArray,
@@ -134,7 +155,10 @@ def _most_promising(
     followed: list[FloatArray],
     start: FloatArray | None,
 ) -> list[FloatArray]:
-    """The same ways by what a few rounds of smoothing on a part of the knots make of their cost."""
+    """The solutions, sorted by their cost after a few iterations of smoothing on some knots.
+
+    Solutions that are the same as an earlier one come last.
+    """
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
     ranked = []
     for q in followed:
@@ -153,24 +177,28 @@ def _most_promising(
     first: list[FloatArray] = []
     again: list[FloatArray] = []
     for _, q in ranked:
-        known = any(_same(arm, poses[: len(q)], task, x, q) for x in first)
+        known = any(_is_same(arm, poses[: len(q)], task, x, q) for x in first)
         (again if known else first).append(q)
     return first + again
 
 
-def _same(arm: SerialArm, poses: FloatArray, task: int, a: FloatArray, b: FloatArray) -> bool:
-    """Whether two ways differ by nothing, or by a motion that the tool is free to make anyway."""
-    apart = b - a
+def _is_same(arm: SerialArm, poses: FloatArray, task: int, a: FloatArray, b: FloatArray) -> bool:
+    """Whether two solutions are equal but for null-space motion."""
+    difference = b - a
     if task == arm.dof:
-        return bool(np.abs(apart).max() < SAME_WAY)
-    apart = np.pi - np.mod(np.pi - apart, 2 * np.pi)
+        return bool(np.abs(difference).max() < SAME_SOLUTION)
+    difference = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     w = null_space(arm, poses, task, a)
-    rest = apart - np.einsum("nik,nij,nj->nk", w, w, apart)
-    return bool(np.abs(rest).max() < SAME_WAY * max(1.0, float(np.abs(apart).max())))
+    rest = difference - np.einsum("nik,nij,nj->nk", w, w, difference)
+    return bool(np.abs(rest).max() < SAME_SOLUTION * max(1.0, float(np.abs(difference).max())))
 
 
-def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
-    """Intervals on which a chord is near to the path, and where the knots are among their ends."""
+def _subdivide(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
+    """Subintervals whose chords are close to the path.
+
+    Returns:
+        The subintervals, and the indices of the given knots among their starts and last end.
+    """
     poses = row_of_poses(path, knots)
     width = knots.u1 - knots.u0
     turn = np.maximum(
@@ -179,32 +207,32 @@ def _finer(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
     )
     count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
     at = np.concatenate([[0], np.cumsum(count)])
-    of = np.repeat(np.arange(len(knots)), count)
-    number = np.arange(at[-1]) - at[of]
-    ahead = width[of] * (number / count[of])
-    after = width[of] * ((number + 1) / count[of])
-    u0 = knots.u0[of]
+    interval = np.repeat(np.arange(len(knots)), count)
+    number = np.arange(at[-1]) - at[interval]
+    ahead = width[interval] * (number / count[interval])
+    after = width[interval] * ((number + 1) / count[interval])
+    u0 = knots.u0[interval]
     found = Knots(
-        segment=knots.segment[of],
-        piece=knots.piece[of],
+        segment=knots.segment[interval],
+        piece=knots.piece[interval],
         u0=u0 + ahead,
         u1=u0 + after,
-        s0=knots.s0[of] + ahead,
+        s0=knots.s0[interval] + ahead,
     )
     return found, at
 
 
 def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
-    """Time that the slowest joint takes at its largest velocity, without anything else [s]."""
+    """Length of a joint path: sum of the slowest joint's shortest times between knots [s]."""
     velocity = arm.limits.joint_velocity
     steps = np.abs(np.diff(q, axis=0)) / (1.0 if velocity is None else velocity)
     return float(steps.max(axis=1).sum())
 
 
 def _shift_by_turns(arm: SerialArm, q: FloatArray) -> FloatArray:
-    """The same positions, by whole turns as near to the middle of the joints' ranges as can be.
+    """The positions, shifted by whole turns as near to the middle of the joint ranges as possible.
 
-    Where that leaves a range with one end only, away from that end.
+    A joint whose range has one end only is shifted into its range.
     """
     lower, upper = arm.limits.joint_range(arm.dof)
     ranged = np.isfinite(lower) & np.isfinite(upper)
@@ -218,10 +246,12 @@ def _shift_by_turns(arm: SerialArm, q: FloatArray) -> FloatArray:
     return np.asarray(q + 2 * np.pi * np.clip(turns, least, most))
 
 
-def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatArray | _Failure:
-    """The same positions, by whole turns inside the joints' ranges, or where they leave them.
+def _turn_into_range(
+    arm: SerialArm, q: FloatArray, start: FloatArray | None
+) -> FloatArray | _Failure:
+    """The positions, shifted by whole turns into the joint ranges; or where they leave a range.
 
-    With a start given, the positions next to it are the first choice.
+    If a start is given, the shifts nearest to the start are preferred.
     """
     lower, upper = arm.limits.joint_range(arm.dof)
     wanted = _shift_by_turns(arm, q)
@@ -233,8 +263,8 @@ def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatA
     outside = (below | above).any(axis=1)
     if not outside.any():
         return wanted
-    # Of all whole turns, those with which each joint comes farthest along the path, and of these
-    # the one with which it is least beyond its range where it ends.
+    # For each joint: the shift that stays in range farthest along the path, and among equal ones
+    # that with the least excess at the knot that leaves the range.
     wanted = wanted.copy()
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
@@ -254,38 +284,22 @@ def _in_range(arm: SerialArm, q: FloatArray, start: FloatArray | None) -> FloatA
 def _refuse_start(
     path: Path, arm: SerialArm, poses: FloatArray, task: int, start: FloatArray | None
 ) -> None:
-    """Say why the tool cannot be held at the start of the path.
-
-    Raises:
-        Unreachable: Always.
-    """
+    """Raise Unreachable with the reason why the first pose of the path has no solution."""
+    if start is not None:
+        _refuse_given_start(arm, poses[0], task, start)
     point = poses[0, :, 3]
-    place = tuple(np.round(point, 6).tolist())
-    known = configurations(arm, poses[0], task)
-    if start is not None and len(known):
-        off = start - known
-        off = np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))).max(axis=1)
-        nearest = known[np.argmin(off)]
-        raise Unreachable(
-            f"From the given start the arm {arm.name} does not come to hold its tool as asked at "
-            f"the beginning of the path, {place} m; give a start nearer to joint positions that "
-            f"do, such as {tuple(np.round(nearest, 4).tolist())} rad.",
-            point=point.tolist(),
-            s=0.0,
-            limit="start",
-            needed=float(off.min()),
-        )
-    gap = _lack(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
+    gap = _reach_gap(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
     some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
-    lacks = out_of_reach(arm, poses[some], task, seeds(arm)[:REACH_SEEDS])
-    worst = int(some[np.argmax(lacks)])
+    gaps = out_of_reach(arm, poses[some], task, seeds(arm)[:REACH_SEEDS])
+    worst = int(some[np.argmax(gaps)])
     more = ""
-    if worst > 0 and lacks.max() > gap:
-        there = tuple(np.round(poses[worst, :, 3], 6).tolist())
-        more = f" (the path's worst place, {there} m, by {lacks.max():.3g} m)"
+    if worst > 0 and gaps.max() > gap:
+        worst_point = tuple(np.round(poses[worst, :, 3], 6).tolist())
+        more = f" (at most {gaps.max():.3g} m on the path, at {worst_point} m)"
     raise Unreachable(
-        f"At 0 m along the path the tool of the arm {arm.name} cannot be held as asked at "
-        f"{place} m: it stays {gap:.3g} m away{more}; {what_helps(path)}.",
+        f"At 0 m along the path the arm {arm.name} cannot reach the position "
+        f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation: the tool "
+        f"stays {gap:.3g} m away{more}; {what_helps(path)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -294,20 +308,51 @@ def _refuse_start(
     )
 
 
-def _lack(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> float:
+def _refuse_given_start(arm: SerialArm, pose: FloatArray, task: int, start: FloatArray) -> None:
+    """Refuse a start from which the first pose is not reached, though the pose has solutions.
+
+    Raises:
+        Unreachable: The pose has solutions; names the nearest one.
+    """
+    known = configurations(arm, pose, task)
+    if len(known) == 0:
+        return
+    difference = start - known
+    turns = np.round(difference / (2 * np.pi))
+    difference = np.abs(difference - 2 * np.pi * turns).max(axis=1)
+    nearest = known[np.argmin(difference)]
+    point = pose[:, 3]
+    raise Unreachable(
+        f"From the given start the arm {arm.name} does not reach the pose of the tool at the start "
+        f"of the path, {tuple(np.round(point, 6).tolist())} m; give a start nearer to joint "
+        f"positions that reach it, such as {tuple(np.round(nearest, 4).tolist())} rad.",
+        point=point.tolist(),
+        s=0.0,
+        limit="start",
+        needed=float(difference.min()),
+    )
+
+
+def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> float:
+    """Least distance of the tool from a pose [m], by Newton's method from joint positions q."""
     return float(out_of_reach(arm, pose[None], task, q)[0])
 
 
-def _worst_lack(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> tuple[float, int]:
-    """How far the tool stays from the pose that is farthest out of reach, and which it is."""
+def _largest_reach_gap(
+    arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
+) -> tuple[float, int]:
+    """Distance of the tool from the pose farthest out of reach [m], and the index of that pose.
+
+    Both are 0 if all poses are in reach.
+    """
     some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
-    lacks = out_of_reach(arm, poses[some], task, q)
-    widely = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
-    for i in np.argsort(-lacks)[:SOME_POSES]:
+    gaps = out_of_reach(arm, poses[some], task, q)
+    more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
+    for i in np.argsort(-gaps)[:SOME_POSES]:
         # Another configuration may come nearer.
-        lack = 0.0 if lacks[i] <= OUT_OF_REACH else _lack(arm, poses[some[i]], task, widely)
-        if lack > OUT_OF_REACH:
-            return lack, int(some[i])
+        gap = 0.0 if gaps[i] <= OUT_OF_REACH else _reach_gap(arm, poses[some[i]], task, more_seeds)
+        if gap > OUT_OF_REACH:
+            return gap, int(some[i])
     return 0.0, 0
 
 
@@ -319,50 +364,53 @@ def _refuse(
     task: int,
     failure: _Failure,
 ) -> None:
-    """Say where the way that comes farthest ends, and why.
-
-    Raises:
-        Unreachable: Always.
-    """
+    """Raise Unreachable: where the solution that comes farthest ends, and for what reason."""
     s = np.append(knots.s0, path.length)
     i = failure.reached
     if failure.joint >= 0:
         also = f", and no other configuration of the arm {arm.name} comes farther"
         raise out_of_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
     q = failure.q[None]
-    lack, where = _worst_lack(arm, poses[i:], task, q)
-    if lack > OUT_OF_REACH:
-        first = _end_of_reach(path, arm, knots, i - 1, task, q)
-        worst = poses[i + where, :, 3]
+    gap, farthest = _largest_reach_gap(arm, poses[i:], task, q)
+    if gap > OUT_OF_REACH:
+        first = _find_end_of_reach(path, arm, knots, i - 1, task, q)
+        worst = poses[i + farthest, :, 3]
         raise Unreachable(
             f"From {first:.6g} m of {path.length:.6g} m along the path it is out of reach of the "
-            f"arm {arm.name}: at {tuple(np.round(worst, 6).tolist())} m, {s[i + where]:.6g} m "
-            f"along it, the tool stays {lack:.3g} m away; {what_helps(path)}.",
+            f"arm {arm.name}: at {tuple(np.round(worst, 6).tolist())} m, {s[i + farthest]:.6g} m "
+            f"along it, the tool stays {gap:.3g} m away; {what_helps(path)}.",
             s=first,
             point=worst.tolist(),
             limit="reach",
-            needed=lack,
+            needed=gap,
             allowed=0.0,
         )
-    jacobian = arm.twist_jacobian(failure.q)
-    turning = jacobian[3:] if task == 6 else poses[i - 1, :, : task - 3].T @ jacobian[3:]
-    _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], turning]))
+    _refuse_singularity(path, arm, float(s[i - 1]), poses[i - 1], task, failure.q)
+
+
+def _refuse_singularity(
+    path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
+) -> None:
+    """Raise Unreachable for a singularity at arc length s, with the joint that moves most."""
+    jacobian = arm.twist_jacobian(q)
+    angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
+    _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
     joint = int(np.argmax(np.abs(motions[task - 1])))
     raise Unreachable(
-        f"After {s[i - 1]:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
+        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
         f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
         f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
-        s=float(s[i - 1]),
-        point=poses[i - 1, :, 3].tolist(),
+        s=s,
+        point=pose[:, 3].tolist(),
         joint=joint + 1,
         limit="singularity",
     )
 
 
-def _end_of_reach(
+def _find_end_of_reach(
     path: Path, arm: SerialArm, knots: Knots, interval: int, task: int, q: FloatArray
 ) -> float:
-    """Arc length at which an interval leaves the reach."""
+    """Arc length at which the path leaves the reach of the arm, by bisection in an interval [m]."""
     one = knots.part(np.array([interval]))
     low, high = float(one.u0[0]), float(one.u1[0])
     for _ in range(BISECTIONS):

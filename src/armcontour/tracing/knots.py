@@ -1,4 +1,4 @@
-"""Where tracing puts its first knots: on every break of the path, and between them."""
+"""Knots along a path: arc lengths at which tracing computes exact joint positions."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
-# The first knots lie no farther apart than this part of the path's extent and these turns [rad].
+# Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
+# Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knots:
-    """Intervals between knots.
+    """The n intervals between knots.
 
     Args:
-        segment: Segment of the path that holds each, (n,).
-        piece: Piece of the path's orientation that holds each, (n,); 0 without one.
-        u0: Where on its segment each begins [m], (n,).
-        u1: Where on its segment each ends [m], (n,).
-        s0: Arc length at which each begins [m], (n,).
+        segment: Index of the path segment on which each interval lies, (n,).
+        piece: Index of the piece of the path's orientation on which each interval lies, (n,);
+            0 for a path without orientation.
+        u0: Distance along the segment at the start of each interval [m], (n,).
+        u1: Distance along the segment at the end of each interval [m], (n,).
+        s0: Arc length at the start of each interval [m], (n,).
     """
 
     segment: IntArray
@@ -37,43 +39,44 @@ class Knots:
         return len(self.segment)
 
     def part(self, which: BoolArray | IntArray) -> Knots:
-        """Some of the intervals."""
+        """The intervals selected by a mask or by indices."""
         return Knots(**{name: getattr(self, name)[which] for name in Knots.__slots__})
 
     def halve(self, which: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
-        """The intervals with two in the place of some.
+        """The intervals, with the selected ones split in two.
 
         Args:
-            which: Those, (n,).
-            u: Where on its segment each of those is cut [m].
+            which: Mask of the intervals to split, (n,).
+            u: Distance along the segment at which each of these is split [m].
 
         Returns:
-            The intervals; which of these each was; and which of them are second halves.
+            The new intervals; for each of them, the index of its old interval; and the indices
+            of the second halves among the new intervals.
         """
-        of = np.repeat(np.arange(len(self)), 1 + which)
-        second = np.flatnonzero(np.diff(of, prepend=-1) == 0)
-        u0, u1, s0 = self.u0[of], self.u1[of], self.s0[of]
+        parent = np.repeat(np.arange(len(self)), 1 + which)
+        second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
+        u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
         s0[second] = self.part(which).at(u)
         u0[second], u1[second - 1] = u, u
-        segment, piece = self.segment[of], self.piece[of]
-        return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), of, second
+        segment, piece = self.segment[parent], self.piece[parent]
+        return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def at(self, u: FloatArray) -> FloatArray:
-        """Arc lengths of places on the segments."""
+        """Arc lengths at distances `u` along the segments [m], (n,)."""
         return np.asarray(self.s0 + (u - self.u0))
 
 
 def first_knots(path: Path, finer: int = 1) -> Knots:
-    """Intervals short enough to start with.
+    """The knot intervals that refinement starts from: at every break of the path, and between.
 
     Args:
         path: The path.
-        finer: How many times as many as there need to be.
+        finer: Factor by which the intervals are shorter than they need to be.
     """
     cells = _cells(path)
-    # The vertices of a full circle span nothing: its diameter does.
-    bulge = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
-    extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(bulge.max()))
+    # All vertices of a full circle are one point, so the extent takes in the arcs' diameters.
+    diameter = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
+    extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(diameter.max()))
     width = cells.u1 - cells.u0
     turning = path.curvatures[cells.segment]
     if path.orientation is not None:
@@ -86,18 +89,18 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
         np.ceil(finer * width * turning / FIRST_TURN),
     )
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
-    of = np.repeat(np.arange(len(cells)), count)
+    cell = np.repeat(np.arange(len(cells)), count)
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    share = width[of] / count[of]
-    begin = cells.u0[of] + share * number
-    last = number + 1 == count[of]
-    end = np.where(last, cells.u1[of], cells.u0[of] + share * (number + 1))
-    s0 = np.where(number == 0, cells.s0[of], cells.s0[of] + share * number)
-    return Knots(segment=cells.segment[of], piece=cells.piece[of], u0=begin, u1=end, s0=s0)
+    share = width[cell] / count[cell]
+    u0 = cells.u0[cell] + share * number
+    last = number + 1 == count[cell]
+    u1 = np.where(last, cells.u1[cell], cells.u0[cell] + share * (number + 1))
+    s0 = np.where(number == 0, cells.s0[cell], cells.s0[cell] + share * number)
+    return Knots(segment=cells.segment[cell], piece=cells.piece[cell], u0=u0, u1=u1, s0=s0)
 
 
 def _cells(path: Path) -> Knots:
-    """The path cut at the breaks of its segments and of its orientation."""
+    """Intervals between all breaks of the path's segments and of its orientation."""
     n = len(path)
     if path.orientation is None:
         return Knots(

@@ -1,4 +1,4 @@
-"""Tracing on an arm in space, by Newton's method and exact derivatives."""
+"""Exact knots for a serial arm in space, by Newton's method and analytic derivatives."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from armcontour.tracing.poses import (
 from armcontour.tracing.redundancy import Guide, null_space
 from armcontour.tracing.solver import Ends, Solver
 
-# The tool may be turned from its orientation by this much between knots [rad].
+# Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
-# A place is singular where elimination finds a pivot this small against the largest.
+# Smallest ratio of pivots in elimination; below it the Jacobian counts as singular.
 SINGULAR = 1e-9
 
 
 class Numeric(Solver[SerialArm]):
-    """Exact knots by Newton's method, from guesses next to them.
+    """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses.
 
     Args:
-        path: The path.
+        path: The tool path.
         arm: The arm.
-        task: How much of each pose counts: 6, 5 or 3.
+        task: Task dimension: 6, 5 or 3, see `task_dimension`.
         knots: The first knots.
-        way: Joint positions at them.
+        solution: Joint positions at the first knots.
         tolerance: Largest distance of the tool from the path between knots [m].
     """
 
@@ -44,28 +44,28 @@ class Numeric(Solver[SerialArm]):
         arm: SerialArm,
         task: int,
         knots: Knots,
-        way: Solution,
+        solution: Solution,
         tolerance: float,
     ) -> None:
         super().__init__(path, arm)
         self.task, self.tolerance = task, tolerance
-        self._way = way
+        self._solution = solution
         self._guide: Guide | None = None
         if task < arm.dof:
-            w = null_space(arm, row_of_poses(path, knots), task, way.q)
+            w = null_space(arm, row_of_poses(path, knots), task, solution.q)
             s = np.append(knots.s0, path.length)
-            self._guide = Guide.through(s, way.q, w, path.stops)
+            self._guide = Guide.through(s, solution.q, w, path.stops)
 
     def ends(
         self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
     ) -> Ends:
-        """q, dq_ds and d2q_ds2 at places `u` on the knots' segments.
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
 
         Raises:
-            Unreachable: A singular place, with its arc length.
+            Unreachable: The arm is singular there; with the arc length.
         """
         if guess is None:
-            guess = self._way.q[1:] if at_end else self._way.q[:-1]
+            guess = self._solution.q[1:] if at_end else self._solution.q[:-1]
         poses = poses_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         q = np.array(guess, order="C")
@@ -77,36 +77,40 @@ class Numeric(Solver[SerialArm]):
             np.ascontiguousarray(w[:, 0]),
             np.ascontiguousarray(g[:, 0]),
         )
-        first, second, apart = _newton.path_derivatives(
+        dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
             *self.arm.arrays, q, poses, rates_at(self.path, knots, u), self.task, w, g
         )
-        bad = ~(found & (apart > SINGULAR) & np.isfinite(second).all(axis=1))
+        bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            self._refuse(knots, u, int(np.argmax(bad)))
-        return q, first, second
+            self._refuse_singularity(knots, u, int(np.argmax(bad)))
+        return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """How far the tool is from its pose, in tolerances."""
+        """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
         target = poses_at(self.path, knots, u)
-        points, turned = self.arm.pose(q)
+        points, rotations = self.arm.pose(q)
         off = np.linalg.norm(points - target[:, :, 3], axis=1) / self.tolerance
         if self.task == 3:
             return np.asarray(off)
         if self.task == 5:
-            angle = np.linalg.norm(turned[:, :, 2] - target[:, :, 2], axis=1)
+            angle = np.linalg.norm(rotations[:, :, 2] - target[:, :, 2], axis=1)
         else:
-            angle = np.linalg.norm(turned - target[:, :, :3], axis=(1, 2)) / np.sqrt(2)
+            angle = np.linalg.norm(rotations - target[:, :, :3], axis=(1, 2)) / np.sqrt(2)
         return np.asarray(np.maximum(off, angle / ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The guide's rows, (n, 3, free, dof), and its joint positions, (n, 3, dof)."""
+        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof).
+
+        The second axis is the order of the derivative along s, see `redundancy`.
+        """
         n, dof = len(u), self.arm.dof
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
         w, g = self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
         return np.ascontiguousarray(w), np.ascontiguousarray(g)
 
-    def _refuse(self, knots: Knots, u: FloatArray, i: int) -> None:
+    def _refuse_singularity(self, knots: Knots, u: FloatArray, i: int) -> None:
+        """Raise Unreachable for knot i, with its arc length and position."""
         s = float(knots.at(u)[i])
         point = self.path(s).tolist()
         raise Unreachable(

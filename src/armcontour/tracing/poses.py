@@ -1,4 +1,4 @@
-"""What a path asks of the tool in space: poses, and how they change along it."""
+"""Tool poses that a path in space prescribes, and their derivatives along the arc length."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Path
+from armcontour.geometry import Orientation, Path
 from armcontour.tracing.knots import Knots
 
-# A jump of the orientation below this is rounding [rad].
+# Jumps of the orientation below this are rounding errors [rad].
 NO_JUMP = 1e-8
-# Where an arm is found singular and the tool turns faster than this, that is the reason [rad/m].
+# If the tool turns faster than this where the arm seems singular, the turning is the cause [rad/m].
 TOO_FAST = 1e5
 
 
 def task_dimension(path: Path, arm: SerialArm) -> int:
-    """How many of a pose's 6 parts the path asks for: 6, 5 (tool axis) or 3 (tool point).
+    """Number of the 6 degrees of freedom of the tool that the path prescribes.
+
+    The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3 (position).
 
     Raises:
-        InvalidInput: A path in the plane; one without orientation for an arm that has joints for
-            one; more parts than the arm has joints; or an orientation that jumps.
+        InvalidInput: The path lies in a plane; it has no orientation, though the arm has more than
+            3 joints; the task dimension exceeds the number of joints; or the orientation jumps.
     """
     if path.dimension != 3:
         raise InvalidInput(
@@ -30,17 +32,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
         )
     orientation = path.orientation
     if orientation is None:
-        if arm.dof > 3:
-            raise InvalidInput(
-                f"The path does not say how the arm {arm.name} is to hold its tool: give it an "
-                "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
-                "path.pointing(direction) where only the tool axis counts)."
-            )
-        if arm.dof < 3:
-            raise InvalidInput(
-                f"The arm {arm.name} has {arm.dof} joints, but a path in space needs 3: describe "
-                "an arm that moves in a plane by an arm file of two links."
-            )
+        _refuse_position_only(arm)
         return 3
     task = 5 if orientation.axis_only else 6
     if task > arm.dof:
@@ -49,34 +41,53 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
             f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
             f"{'; leave turning about the tool axis free with axis_only' if arm.dof == 5 else ''}."
         )
-    jumps = orientation.jumps
-    if (jumps > NO_JUMP).any():
-        i = int(np.argmax(jumps > NO_JUMP))
-        s = float(orientation.breaks[i + 1])
-        point = path(s).tolist()
-        k = int(path.locate(s))
-        beside_an_arc = bool(path.curvatures[max(k - 1, 0) : k + 1].any())
-        helps = (
-            "beside an arc, where corners are not rounded: make line and arc tangent to each other"
-            if beside_an_arc
-            else "round a sharp corner: round the corner, with an angular tolerance"
-        )
-        why = (
-            f", as it follows the tangent {helps}"
-            if orientation.follows
-            else ": make it turn evenly"
-        )
-        raise InvalidInput(
-            f"At {s:.6g} m along the path the tool's orientation jumps by "
-            f"{np.degrees(jumps[i]):.3g}°{why}, or leave the orientation fixed there.",
-            s=s,
-            point=point,
-        )
+    if (orientation.jumps > NO_JUMP).any():
+        _refuse_jump(path, orientation)
     return task
 
 
+def _refuse_position_only(arm: SerialArm) -> None:
+    """Refuse an arm that cannot follow a path without orientation.
+
+    Raises:
+        InvalidInput: The arm does not have 3 joints.
+    """
+    if arm.dof > 3:
+        raise InvalidInput(
+            f"The path has no tool orientation, but the arm {arm.name} needs one: give the path an "
+            "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
+            "path.pointing(direction) if only the tool axis matters)."
+        )
+    if arm.dof < 3:
+        raise InvalidInput(
+            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs 3: describe "
+            "an arm that moves in a plane by an arm file of two links."
+        )
+
+
+def _refuse_jump(path: Path, orientation: Orientation) -> None:
+    """Raise InvalidInput for the first jump of the orientation, with its cause and remedy."""
+    jumps = orientation.jumps
+    i = int(np.argmax(jumps > NO_JUMP))
+    s = float(orientation.breaks[i + 1])
+    k = int(path.locate(s))
+    beside_an_arc = bool(path.curvatures[max(k - 1, 0) : k + 1].any())
+    helps = (
+        "beside an arc, where corners are not rounded: make line and arc tangent to each other"
+        if beside_an_arc
+        else "round a sharp corner: round the corner, with an angular tolerance"
+    )
+    why = f", as it follows the tangent {helps}" if orientation.follows else ": make it turn evenly"
+    raise InvalidInput(
+        f"At {s:.6g} m along the path the tool's orientation jumps by "
+        f"{np.degrees(jumps[i]):.3g}°{why}, or leave the orientation fixed there.",
+        s=s,
+        point=path(s).tolist(),
+    )
+
+
 def what_helps(path: Path | None) -> str:
-    """What users can do where an arm cannot follow a path."""
+    """Advice for users whose arm cannot follow a path, as the end of a sentence."""
     orientation = None if path is None else path.orientation
     if orientation is None or orientation.axis_only:
         return "move the path or the arm"
@@ -84,7 +95,12 @@ def what_helps(path: Path | None) -> str:
 
 
 def turning_too_fast(path: Path, s: float) -> str:
-    """What to say of a place where the path turns the tool faster than anything could; or ""."""
+    """Sentence for an arc length at which the path turns the tool far too fast; otherwise "".
+
+    Args:
+        path: The path.
+        s: Arc length [m].
+    """
     if path.orientation is None:
         return ""
     near = path.orientation.locate(np.array([s]))[0] + np.array([-1, 0, 1])
@@ -101,7 +117,7 @@ def turning_too_fast(path: Path, s: float) -> str:
 
 
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
-    """Rotations and positions of the tool at places on the knots' segments, (n, 3, 4)."""
+    """Rotation matrices and positions of the tool at distances `u` along segments, (n, 3, 4)."""
     poses = np.zeros((len(u), 3, 4))
     poses[:, :, 3] = path.on_segment(knots.segment, u)
     if path.orientation is None:
@@ -113,13 +129,16 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
 
 
 def row_of_poses(path: Path, knots: Knots) -> FloatArray:
-    """Poses at the starts of all intervals and the end of the last, (n + 1, 3, 4)."""
+    """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
     last = knots.part(np.array([len(knots) - 1]))
     return np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
 
 
 def rates_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
-    """Tangent and its derivative, rate of turning and its derivative, (n, 4, 3)."""
+    """Derivatives of the tool poses along the arc length, (n, 4, 3).
+
+    The rows are the tangent, its derivative, the angular rate [rad/m] and its derivative.
+    """
     rates = np.zeros((len(u), 4, 3))
     rates[:, 0] = path.on_segment(knots.segment, u, 1)
     rates[:, 1] = path.on_segment(knots.segment, u, 2)

@@ -1,4 +1,4 @@
-"""Joint paths and the joints' ranges: exact extrema between knots, not samples."""
+"""Check of a joint path against the joint ranges, by its exact extrema between knots."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.tracing.poses import what_helps
 
-# Joint positions are rounded by less than this, and no robot resolves it [rad].
+# Joint positions have smaller rounding errors than this, and no robot resolves it [rad].
 ROUNDING = 1e-9
-# Bernstein coefficients of a quintic from its monomial ones: binomials of k over those of 5.
+# Matrix from the monomial to the Bernstein coefficients of a quintic, binom(i, j) / binom(5, j).
 BERNSTEIN = np.array(
     [
         [1, 0, 0, 0, 0, 0],
@@ -29,14 +29,14 @@ BERNSTEIN = np.array(
 
 
 def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
-    """Refuse a joint path that leaves the range of a joint anywhere.
+    """Refuse a joint path on which any joint leaves its range.
 
     Args:
-        joint_path: The path.
-        limits: With the joints' ranges.
+        joint_path: The joint path.
+        limits: Limits with the joint ranges.
 
     Raises:
-        Unreachable: With the joint, the place that is farthest outside, and by how much.
+        Unreachable: A joint leaves its range; with the joint and arc length of the largest excess.
     """
     if limits.joint_lower is None and limits.joint_upper is None:
         return
@@ -46,7 +46,7 @@ def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
     worst, found = ROUNDING, None
     for piece, joint in np.argwhere(suspect):
-        for x in _places(joint_path.coefficients[piece, :, joint]):
+        for x in _extremum_candidates(joint_path.coefficients[piece, :, joint]):
             q = float(np.polynomial.polynomial.polyval(x, joint_path.coefficients[piece, :, joint]))
             beyond = max(lower[joint] - q, q - upper[joint])
             if beyond > worst:
@@ -61,15 +61,15 @@ def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
 def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """What to say of a joint that leaves its range.
+    """The error for a joint that leaves its range.
 
     Args:
-        path: The tool path, if there is one.
-        s: Where [m].
-        joint: Which, from 0.
-        q: Where it would stand [rad].
-        edge: The end of its range that it leaves [rad].
-        also: More to say of it.
+        path: The tool path, if known.
+        s: Arc length at which the joint is out of range [m].
+        joint: Index of the joint, from 0.
+        q: Joint position that the path would need there [rad].
+        edge: The end of the joint range that is exceeded [rad].
+        also: Text to add to the sentence.
     """
     name = "upper" if q > edge else "lower"
     return Unreachable(
@@ -86,7 +86,7 @@ def out_of_range(
 
 
 def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
-    """The same joint path with joints outside their ranges inside, where whole turns bring them."""
+    """The joint path with joints shifted by whole turns into their ranges, where possible."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return joint_path
     lower, upper = limits.joint_range(joint_path.dof)
@@ -101,16 +101,16 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
     return dataclasses.replace(joint_path, coefficients=coefficients)
 
 
-def _places(coefficients: FloatArray) -> FloatArray:
-    """Ends and extrema of a polynomial on its interval from 0 to 1."""
+def _extremum_candidates(coefficients: FloatArray) -> FloatArray:
+    """The ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
     slope = np.polynomial.polynomial.polyder(coefficients)
-    # Leading zeros, or what rounding left of them, would send roots to infinity.
+    # Leading coefficients that are zero, or rounding errors of zero, would give infinite roots.
     size = float(np.abs(slope).max())
     used = np.flatnonzero(np.abs(slope) > 1e-15 * size)
     ends = np.array([0.0, 1.0])
     if size == 0 or used[-1] == 0:
         return ends
     roots = np.polynomial.polynomial.polyroots(slope[: used[-1] + 1])
-    # A double root may come out as a pair beside the real axis: its real part is a place too.
+    # Rounding can turn a double root into a complex pair, so the real parts of all roots count.
     inside = np.real(roots[(np.real(roots) > 0) & (np.real(roots) < 1)])
     return np.concatenate([ends, inside])

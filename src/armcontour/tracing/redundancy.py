@@ -1,9 +1,9 @@
-"""What joints to spare do along a path: a smooth guide that makes the joint positions unique.
+"""Redundancy resolution: a smooth null-space reference that makes the joint path unique.
 
-Where a path asks for less than the arm has joints, the rows `w(s) (q - g(s)) = 0` are added to
-what the tool asks for. g is a spline through joint positions that were chosen for a short way, away
-from the ends of the joints' ranges; w spans the motions that leave the tool as it is. Both are C²
-between stops, so that dq_ds and d2q_ds2 stay exact.
+If the arm has more joints than the task dimension, the rows `w(s) (q - g(s)) = 0` are added to the
+equations of the tool pose. g is a spline through joint positions that were chosen for a short joint
+path away from the ends of the joint ranges; the rows of w span the null space. Both are C² between
+stops, so that dq_ds and d2q_ds2 are exact.
 """
 
 from __future__ import annotations
@@ -17,28 +17,32 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.motion import quintic
 
-# Beyond this share of half its range a joint is drawn back, with this weight against the way.
+# Joint positions cost from this fraction of half the joint range on, with this weight relative to
+# the length of the joint path.
 INNER_RANGE = 0.7
 RANGE_WEIGHT = 30.0
-# A spline swings out where it leaves a chord by more than this share of the largest step beside it,
-# and by more than the floor [rad].
+# A spline overshoots if it leaves a chord by more than this fraction of the largest step next to
+# it, and by more than the floor [rad].
 SWING = 0.1
 SWING_FLOOR = 0.01
-# One round of smoothing moves no joint by more than about this [rad]; this many rounds at most.
+# Largest change of a joint position in one iteration of smoothing, about [rad].
 LARGEST_CHANGE = 0.3
+# Largest number of iterations.
 ROUNDS = 25
+# Smoothing ends if an iteration changes no joint position by more than this [rad].
 SETTLED = 1e-4
-# What is added to the matrix of a round against its largest diagonal, where nothing draws a joint.
+# Added to the diagonal of an iteration's matrix, relative to its largest entry; without it the
+# matrix is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guide:
-    """Splines of g and w over arc length, one per stretch between stops.
+    """Splines of the reference g and the null-space rows w, one per section between stops.
 
     Args:
-        bounds: Arc lengths of the stretches' ends, (stretches + 1,).
-        splines: One per stretch; its values are g and then the rows of w.
+        bounds: Arc lengths of the ends of the sections [m], (sections + 1,).
+        splines: One spline per section; its values are g and then the rows of w.
         dof: Number of joints.
     """
 
@@ -48,31 +52,31 @@ class Guide:
 
     @classmethod
     def through(cls, s: FloatArray, q: FloatArray, w: FloatArray, stops: FloatArray) -> Guide:
-        """The guide through joint positions.
+        """The guide through given joint positions.
 
         Args:
-            s: Arc lengths, (n,).
-            q: Joint positions, (n, dof).
-            w: Free motions, (n, free, dof).
-            stops: Those of s at which the tool stops.
+            s: Arc lengths [m], (n,).
+            q: Joint positions [rad], (n, dof).
+            w: Bases of the null space, (n, free, dof).
+            stops: Arc lengths, out of s, at which the tool stops [m].
         """
         aligned = _align_bases(w)
         values = np.concatenate([q, aligned.reshape(len(s), -1)], axis=1)
         bounds = np.concatenate([s[:1], stops, s[-1:]])
         cuts = np.searchsorted(s, bounds)
         splines = tuple(
-            _curve(s[i : k + 1], values[i : k + 1])
+            _interpolate(s[i : k + 1], values[i : k + 1])
             for i, k in zip(cuts[:-1], cuts[1:], strict=True)
         )
         return cls(bounds=bounds, splines=splines, dof=q.shape[1])
 
     def at(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """W and g with two derivatives, (n, 3, free, dof) and (n, 3, dof).
+        """W and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
 
         Args:
-            s: Arc lengths, (n,).
-            middle: Arc lengths inside the same stretches, which tell sides apart at stops, in
-                increasing order, (n,).
+            s: Arc lengths [m], (n,).
+            middle: Increasing arc lengths inside the sections that `s` belong to [m], (n,); at a
+                stop they tell the section before from the section after.
         """
         cuts = np.searchsorted(middle, self.bounds[1:-1])
         first, last = np.append(0, cuts), np.append(cuts, len(s))
@@ -86,12 +90,11 @@ class Guide:
         return values[:, :, self.dof :].reshape(len(s), 3, free, self.dof), values[:, :, : self.dof]
 
 
-def _curve(s: FloatArray, values: FloatArray) -> Any:
-    """A C² curve through values: the cubic spline, or one that cannot swing out as that can.
+def _interpolate(s: FloatArray, values: FloatArray) -> Any:
+    """A C² curve through values: the cubic spline, or quintics if the cubic spline overshoots.
 
-    Where the tool turns much faster on a short stretch than beside it, the cubic spline swings out.
-    Then every interval gets a quintic without curvature at its ends, whose slopes there are no
-    larger than beside them.
+    The cubic spline overshoots if the tool turns much faster on a short part of the path than next
+    to it. The quintics have zero second derivative at the knots, and the slopes of PCHIP there.
     """
     from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
@@ -110,15 +113,15 @@ def _curve(s: FloatArray, values: FloatArray) -> Any:
     else:
         return spline
     slopes = PchipInterpolator(s, values)(s, 1)
-    none = np.zeros_like(slopes[1:])
-    begin, end = (values[:-1], slopes[:-1], none), (values[1:], slopes[1:], none)
+    zero = np.zeros_like(slopes[1:])
+    start, end = (values[:-1], slopes[:-1], zero), (values[1:], slopes[1:], zero)
     powers = np.arange(5, -1, -1)[:, None, None]
-    c = np.moveaxis(quintic(width, begin, end), 1, 0)[::-1] / width[:, None] ** powers
+    c = np.moveaxis(quintic(width, start, end), 1, 0)[::-1] / width[:, None] ** powers
     return PPoly(c, s)
 
 
 def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Joint motions that leave alone what is asked of the tool, (n, dof - task, dof)."""
+    """Orthonormal bases of the joint motions that do not move the tool, (n, dof - task, dof)."""
     return np.asarray(_newton.free_motions(*arm.arrays, q, poses, task))
 
 
@@ -132,72 +135,94 @@ def smooth(
     start_stays: bool = False,
     rounds: int = ROUNDS,
 ) -> tuple[FloatArray, float]:
-    """Joint positions at the same poses with a shorter way, inside the joints' ranges.
+    """Joint positions with the same tool poses and a shorter joint path, by null-space motion.
 
-    The squares of the joints' steps, in times that they take at the joints' largest velocities, and
-    of what they take of the outer part of their ranges, are made small together.
+    Gauss-Newton iterations reduce the sum of squares of the joints' steps, weighted by the joints'
+    largest velocities, and of their excess over the inner part of their ranges.
 
     Args:
         arm: The arm.
-        s: Arc lengths, (n,).
-        poses: (n, 3, 4).
-        task: What of them, as in `configurations`.
-        q: Joint positions at the poses, (n, dof).
-        start_stays: Whether the first joint position is not to be moved.
-        rounds: So many at most.
+        s: Arc lengths [m], (n,).
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension.
+        q: Joint positions at the poses [rad], (n, dof).
+        start_stays: Whether the first joint position is kept.
+        rounds: Largest number of iterations.
 
     Returns:
-        The joint positions, (n, dof), and the cost of their way.
+        The joint positions, (n, dof), and their cost.
     """
     velocity = arm.limits.joint_velocity
     pace = np.ones(arm.dof) if velocity is None else np.min(velocity) / velocity
-    # A step may be as long as its share of the path and of the way that there was: on a tight
-    # corner the joints have to go far on a short path, and that must not outweigh all else.
-    way = np.linalg.norm(np.diff(q, axis=0) * pace, axis=1)
-    share = np.diff(s) / (s[-1] - s[0])
-    if way.any():
-        share = share / 2 + way / way.sum() / 2
-    steps = 1 / np.sqrt(share)
-    cost = _cost(arm, q, pace, steps, s)
+    weights = _step_weights(s, q, pace)
+    cost = _cost(arm, q, pace, weights, s)
     for _ in range(rounds):
         w = null_space(arm, poses, task, q)
-        change = _change(arm, q, w, pace, steps, s, start_stays)
+        change = _gauss_newton_step(arm, q, w, pace, weights, s, start_stays)
         size = float(np.abs(change).max())
         trial = q + min(1.0, LARGEST_CHANGE / max(size, 1e-12)) * change
         goal = trial.copy()
         found, _ = _newton.newton(*arm.arrays, trial, poses, task, w, goal)
         if not found.all():
             break
-        fresh = _cost(arm, trial, pace, steps, s)
-        if not fresh < cost:
+        trial_cost = _cost(arm, trial, pace, weights, s)
+        if not trial_cost < cost:
             break
-        q, cost = trial, fresh
+        q, cost = trial, trial_cost
         if size < SETTLED:
             break
     return q, cost
 
 
-def _change(
+def _step_weights(s: FloatArray, q: FloatArray, pace: FloatArray) -> FloatArray:
+    """Weights of the joint steps in the cost, (n - 1,).
+
+    A step may be as long as its share of the tool path and of the initial joint path: at a tight
+    corner the joints move far on a short path, which must not outweigh all other steps.
+
+    Args:
+        s: Arc lengths [m], (n,).
+        q: Joint positions [rad], (n, dof).
+        pace: Smallest of the joints' largest velocities over each joint's own, (dof,).
+    """
+    distance = np.linalg.norm(np.diff(q, axis=0) * pace, axis=1)
+    share = np.diff(s) / (s[-1] - s[0])
+    if distance.any():
+        share = share / 2 + distance / distance.sum() / 2
+    return np.asarray(1 / np.sqrt(share))
+
+
+def _gauss_newton_step(
     arm: SerialArm,
     q: FloatArray,
     w: FloatArray,
     pace: FloatArray,
-    steps: FloatArray,
+    weights: FloatArray,
     s: FloatArray,
     start_stays: bool,
 ) -> FloatArray:
-    """The step of the free motions that makes the cost least, to first order, (n, dof)."""
+    """The null-space motion that minimizes the linearized cost [rad], (n, dof).
+
+    Args:
+        arm: The arm.
+        q: Joint positions [rad], (n, dof).
+        w: Bases of the null space, (n, free, dof).
+        pace: As in `_step_weights`, (dof,).
+        weights: Weights of the joint steps, (n - 1,).
+        s: Arc lengths [m], (n,).
+        start_stays: Whether the first joint position is kept.
+    """
     from scipy.linalg import solveh_banded
 
     n, free = w.shape[:2]
-    excess, slope = _outside(arm, q, s)
-    square = steps[:, None] ** 2
-    # Half the gradient of the cost, and its matrix: blocks on the diagonal and next to it.
-    pull = slope * excess
-    way = square * pace**2 * np.diff(q, axis=0)
-    pull[:-1] -= way
-    pull[1:] += way
-    right = -np.einsum("nik,nk->ni", w, pull)
+    excess, slope = _range_excess(arm, q, s)
+    square = weights[:, None] ** 2
+    # Half the gradient of the cost, and its block tridiagonal matrix.
+    gradient = slope * excess
+    step = square * pace**2 * np.diff(q, axis=0)
+    gradient[:-1] -= step
+    gradient[1:] += step
+    right = -np.einsum("nik,nk->ni", w, gradient)
     weight = slope**2
     weight[:-1] += square * pace**2
     weight[1:] += square * pace**2
@@ -219,8 +244,11 @@ def _change(
     return np.asarray(np.einsum("nik,ni->nk", w, found.reshape(n, free)))
 
 
-def _outside(arm: SerialArm, q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far joints are in the outer part of their ranges, weighted, and its slope."""
+def _range_excess(arm: SerialArm, q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weighted excess of the joints over the inner part of their ranges, and its derivative.
+
+    Both have the shape of q, (n, dof).
+    """
     lower, upper = arm.limits.joint_range(arm.dof)
     ranged = np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(ranged, lower, -1.0), np.where(ranged, upper, 1.0)
@@ -232,14 +260,15 @@ def _outside(arm: SerialArm, q: FloatArray, s: FloatArray) -> tuple[FloatArray, 
 
 
 def _cost(
-    arm: SerialArm, q: FloatArray, pace: FloatArray, steps: FloatArray, s: FloatArray
+    arm: SerialArm, q: FloatArray, pace: FloatArray, weights: FloatArray, s: FloatArray
 ) -> float:
-    way = np.sum((np.diff(q, axis=0) * pace * steps[:, None]) ** 2)
-    return float(way + np.sum(_outside(arm, q, s)[0] ** 2))
+    """Sum of squares of the weighted joint steps and of the excess over the inner ranges."""
+    length = np.sum((np.diff(q, axis=0) * pace * weights[:, None]) ** 2)
+    return float(length + np.sum(_range_excess(arm, q, s)[0] ** 2))
 
 
 def _align_bases(w: FloatArray) -> FloatArray:
-    """The same spaces with bases that turn as little as they can from knot to knot."""
+    """Bases of the same null spaces that turn as little as possible from knot to knot."""
     if w.shape[1] == 1:
         against = np.sum(w[:-1] * w[1:], axis=2) < 0
         signs = np.cumprod(np.where(against, -1.0, 1.0), axis=0)

@@ -1,4 +1,4 @@
-"""Knots are added until quintics between them keep the tool on its path."""
+"""Refinement: knots are added until the quintics between knots keep the tool on its path."""
 
 from __future__ import annotations
 
@@ -13,73 +13,80 @@ from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import turning_too_fast, what_helps
 from armcontour.tracing.solver import Ends, Solver
 
-# An interval this small that still misses the path means a singularity, not a coarse grid.
+# If an interval this short still leaves the path, the cause is a singularity [m].
 SMALLEST_INTERVAL = 1e-9
-# Where on an interval the tool is looked at.
+# Fractions of an interval at which the distance of the tool from the path is computed.
 PLACES = _checks.lock_floats([0.25, 0.5, 0.75])
 MIDDLE = 1
 
 
 def refine(solver: Solver[Arm], knots: Knots) -> JointPath:
-    """The joint path through exact knots, as many as the solver's tolerance asks for.
+    """The joint path through exact knots, refined until it meets the solver's tolerance.
 
     Args:
-        solver: Tells joint positions and their derivatives.
+        solver: Computes joint positions and their derivatives.
         knots: The first knots.
 
     Raises:
-        Unreachable: A place out of reach or singular, with its arc length.
+        Unreachable: The arm cannot reach a knot or is singular; with the arc length.
     """
-    begin = solver.ends(knots, knots.u0, None)
+    start = solver.ends(knots, knots.u0, None)
     end = solver.ends(knots, knots.u1, None, at_end=True)
     settled = np.zeros(len(knots), dtype=bool)
     while True:
-        begin, end = solver.continuous(begin, end)
+        start, end = solver.continuous(start, end)
         open_ = np.flatnonzero(~settled)
-        left, middle = _misses(solver, knots.part(open_), _part(begin, open_), _part(end, open_))
+        leaves, middle = _find_misses(
+            solver, knots.part(open_), _select(start, open_), _select(end, open_)
+        )
         missed = np.zeros(len(settled), dtype=bool)
-        missed[open_[left]] = True
+        missed[open_[leaves]] = True
         if not missed.any():
             break
         coarse = knots.part(missed)
         _refuse_singularity(solver, coarse)
         u = (coarse.u0 + coarse.u1) / 2
-        guess = middle[left]
-        # Near a singularity a quintic between ends far apart swings out: halfway is nearer then.
-        halfway = (begin[0][missed] + end[0][missed]) / 2
+        guess = middle[leaves]
+        # Near a singularity the quintic may overshoot; the mean of the ends is the better guess.
+        halfway = (start[0][missed] + end[0][missed]) / 2
         nearer = solver.tool_errors(coarse, u, halfway) < solver.tool_errors(coarse, u, guess)
         guess = np.where(nearer[:, None], halfway, guess)
         between = solver.ends(coarse, u, guess)
-        # An interval that misses gives its place to its two halves.
-        knots, twice, second = knots.halve(missed, u)
-        begin, end = _part(begin, twice), _part(end, twice)
+        knots, parent, second = knots.halve(missed, u)
+        start, end = _select(start, parent), _select(end, parent)
         for k in range(3):
-            begin[k][second], end[k][second - 1] = between[k], between[k]
-        settled = (~missed)[twice]
+            start[k][second], end[k][second - 1] = between[k], between[k]
+        settled = (~missed)[parent]
     path = solver.path
     breaks = np.append(knots.s0, path.length)
-    return JointPath.hermite(breaks, begin, end, stops=path.stops, tool_path=path)
+    return JointPath.hermite(breaks, start, end, stops=path.stops, tool_path=path)
 
 
-def _part(ends: Ends, which: BoolArray | IntArray) -> Ends:
+def _select(ends: Ends, which: BoolArray | IntArray) -> Ends:
+    """The joint positions and derivatives of the selected intervals."""
     q, dq_ds, d2q_ds2 = ends
     return q[which], dq_ds[which], d2q_ds2[which]
 
 
-def _misses(
-    solver: Solver[Arm], knots: Knots, begin: Ends, end: Ends
+def _find_misses(
+    solver: Solver[Arm], knots: Knots, start: Ends, end: Ends
 ) -> tuple[BoolArray, FloatArray]:
-    """Which intervals leave the path by more than the tolerance, and their middle positions."""
+    """Intervals whose quintic leaves the path by more than the tolerance.
+
+    Returns:
+        The mask of these intervals, (n,), and the joint positions in the middle of all, (n, dof).
+    """
     n, width = len(knots), knots.u1 - knots.u0
-    coefficients = quintic(width, begin, end)
+    coefficients = quintic(width, start, end)
     q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
     u = knots.u0 + PLACES[:, None] * width
-    thrice = knots.part(np.tile(np.arange(n), len(PLACES)))
-    missed = solver.tool_errors(thrice, u.ravel(), q.reshape(-1, q.shape[2]))
-    return np.asarray(~(missed.reshape(-1, n).max(axis=0) <= 1)), q[MIDDLE]
+    repeated = knots.part(np.tile(np.arange(n), len(PLACES)))
+    errors = solver.tool_errors(repeated, u.ravel(), q.reshape(-1, q.shape[2]))
+    return np.asarray(~(errors.reshape(-1, n).max(axis=0) <= 1)), q[MIDDLE]
 
 
 def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:
+    """Raise Unreachable if any of the intervals is too short to be split further."""
     small = np.flatnonzero(knots.u1 - knots.u0 < SMALLEST_INTERVAL)
     if len(small):
         s = float(knots.s0[small[0]])

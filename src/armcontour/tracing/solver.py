@@ -1,4 +1,4 @@
-"""What the refinement of knots needs to know of an arm on a path."""
+"""Interface of the inverse kinematics along a path, which the refinement of knots uses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from armcontour.arms import Arm
 from armcontour.geometry import Path
 from armcontour.tracing.knots import Knots
 
-# q, dq_ds and d2q_ds2 at one end of intervals, (n, dof) each.
+# q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -18,10 +18,10 @@ A = TypeVar("A", bound=Arm, covariant=True)
 
 
 class Solver(ABC, Generic[A]):
-    """Joint positions and their derivatives at places of a path.
+    """Joint positions and their derivatives along a tool path.
 
     Args:
-        path: The path.
+        path: The tool path.
         arm: The arm.
     """
 
@@ -33,22 +33,22 @@ class Solver(ABC, Generic[A]):
     def ends(
         self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
     ) -> Ends:
-        """q, dq_ds and d2q_ds2 at places `u` on the knots' segments, one per knot.
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
 
         Args:
-            knots: The intervals that the places lie in.
-            u: Places on their segments [m], (n,).
-            guess: Joint positions near to those wanted; None for the first knots.
-            at_end: Whether the places of the first knots are the ends of the intervals.
+            knots: The knot intervals, n of them.
+            u: Distance along the segment of each interval [m], (n,).
+            guess: Joint positions near the solution, (n, dof); None for the first knots.
+            at_end: For the first knots, True if `u` are the ends of the intervals.
 
         Raises:
-            Unreachable: A place out of reach or singular, with its arc length.
+            Unreachable: The arm cannot reach the path or is singular; with the arc length.
         """
 
     @abstractmethod
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """How far the tool is from where it should be, in tolerances, (n,)."""
+        """Error of the tool at joint positions `q`, over the tolerance, (n,)."""
 
-    def continuous(self, begin: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """The ends of neighbouring intervals with what joins them made continuous."""
-        return begin, end
+    def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """Values at starts and ends of the intervals, without jumps from interval to interval."""
+        return start, end

@@ -1,4 +1,4 @@
-"""Tracing: a tool path becomes a joint path, by exact inverse kinematics at knots."""
+"""Public functions of tracing: the joint paths along which an arm follows a tool path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from armcontour.tracing.poses import task_dimension
 from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
 from armcontour.tracing.refinement import refine
 
-# Joints to spare are guided from knot to knot: these lie closer by this factor then.
+# With redundant degrees of freedom the first knots lie closer together by this factor, as the
+# null-space motion is interpolated between them.
 FINER = 3
 
 
@@ -32,25 +33,26 @@ def trace(
     start: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> JointPath:
-    """The joint path that carries the arm's tool along `path`.
+    """The joint path along which the arm's tool follows `path`.
 
-    q, dq_ds and d2q_ds2 at the knots are exact, by (28) and (27) or what they are in space. Between
-    knots a quintic; knots are added until the tool is within `tolerance` of the path, and its
-    orientation within 1e-9 rad.
+    q, dq_ds and d2q_ds2 at the knots are exact, by (28) and (27) for an arm in the plane and by
+    their counterparts for an arm in space. Between knots the joint path is a quintic. Knots are
+    added until the tool is within `tolerance` of the path and within 1e-9 rad of its orientation.
 
     Args:
         path: Tool path.
         arm: The arm.
-        limits: Their joint ranges hold, and their joint velocities tell long ways from short ones;
-            by default the arm's own.
+        limits: Limits whose joint ranges apply, and whose joint velocities weight the lengths of
+            joint paths; by default the arm's own.
         branch: For an arm in the plane, one of `arm.branches`; the first by default.
-        start: For an arm in space, joint positions near to those to start in [rad]; by default the
-            configuration whose way is the shortest. `plan` chooses the fastest instead.
-        tolerance: Largest distance between the tool and its place on the path [m].
+        start: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
+            by default the configuration with the shortest joint path. `plan` chooses the fastest.
+        tolerance: Largest distance between the tool and its position on the path [m].
 
     Raises:
-        Unreachable: A place out of reach, out of a joint's range or singular, with its arc length.
-        InvalidInput: A path that does not fit the arm.
+        Unreachable: The path is out of reach, leaves a joint range or meets a singularity; with
+            the arc length.
+        InvalidInput: The path does not fit the arm.
     """
     found = trace_all(
         path, arm, limits=limits, branch=branch, start=start, tolerance=tolerance, most=1
@@ -68,10 +70,11 @@ def trace_all(
     tolerance: float = 1e-10,
     most: int | None = None,
 ) -> list[JointPath]:
-    """The joint paths of the configurations that complete the path, the shortest way first.
+    """Joint paths of all configurations that complete the path, the shortest first.
 
-    Of an arm in the plane, that of its branch. Of an arm in space all; with joints to spare, of
-    which there are infinitely many, a sample: 48 starts are followed, and 8 ways are kept at most.
+    An arm in the plane has one: that of its branch. An arm in space has one per configuration. An
+    arm with redundant degrees of freedom has infinitely many: `configurations.MOST_STARTS` sampled
+    starts are followed, and at most `configurations.MOST_SOLUTIONS` joint paths are kept.
 
     Args:
         path: Tool path.
@@ -80,7 +83,7 @@ def trace_all(
         branch: As in `trace`.
         start: As in `trace`.
         tolerance: As in `trace`.
-        most: How many at most; all that there are by default.
+        most: Largest number of joint paths to return; all by default.
 
     Raises:
         Unreachable: As in `trace`.
@@ -97,42 +100,67 @@ def trace_all(
     if isinstance(arm, PlanarTwoLink):
         if start is not None:
             raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
-        only = refine(ClosedForm(path, arm, branch, tolerance), first_knots(path))
-        only = turn_into_range(only, arm.limits)
-        refuse_out_of_range(only, arm.limits)
-        return [only]
+        return [_trace_planar(path, arm, branch, tolerance)]
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
     if branch is not None:
         raise InvalidInput(
-            f"The arm {arm.name} has no named branches: give start, joint positions near to those "
-            "to start in."
+            f"The arm {arm.name} has no named branches: give start, joint positions near those at "
+            "the start of the path."
         )
-    near = None if start is None else _start(arm, start)
+    near = None if start is None else _check_start(arm, start)
+    return _trace_serial(path, arm, near, tolerance, most)
+
+
+def _trace_planar(
+    path: Path, arm: PlanarTwoLink, branch: str | None, tolerance: float
+) -> JointPath:
+    """The joint path of a planar arm in one branch, inside the joint ranges.
+
+    Raises:
+        Unreachable: As in `trace`.
+        InvalidInput: As in `trace`.
+    """
+    joint_path = refine(ClosedForm(path, arm, branch, tolerance), first_knots(path))
+    joint_path = turn_into_range(joint_path, arm.limits)
+    refuse_out_of_range(joint_path, arm.limits)
+    return joint_path
+
+
+def _trace_serial(
+    path: Path, arm: SerialArm, start: FloatArray | None, tolerance: float, most: int | None
+) -> list[JointPath]:
+    """Joint paths of a serial arm in all its configurations, at most `most`, the shortest first.
+
+    Raises:
+        Unreachable: As in `trace`.
+        InvalidInput: As in `trace`.
+    """
     task = task_dimension(path, arm)
     knots = first_knots(path, FINER if task < arm.dof else 1)
     found: list[JointPath] = []
     refusals: list[Unreachable] = []
-    for way in find_solutions(path, arm, knots, task, near):
+    for solution in find_solutions(path, arm, knots, task, start):
         if most is not None and len(found) == most:
             break
         try:
-            joint_path = refine(Numeric(path, arm, task, knots, way, tolerance), knots)
+            joint_path = refine(Numeric(path, arm, task, knots, solution, tolerance), knots)
             refuse_out_of_range(joint_path, arm.limits)
             found.append(joint_path)
         except Unreachable as error:
-            # Between two knots it is singular or leaves a joint's range; another may not.
+            # Between two knots this configuration is singular or leaves a joint range; another
+            # configuration may not.
             refusals.append(error)
     if not found:
         raise refusals[0]
     return found
 
 
-def _start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
-    """Joint positions to start near to.
+def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
+    """The given start as joint positions inside the joint ranges [rad], (dof,).
 
     Raises:
-        InvalidInput: A wrong number of them, or a joint beyond its range.
+        InvalidInput: The start has a wrong number of joints, or a joint is out of its range.
     """
     near = _checks.per_joint("start", start, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
