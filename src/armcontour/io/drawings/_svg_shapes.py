@@ -1,4 +1,4 @@
-"""SVG's shapes as outlines in the coordinates of their element."""
+"""Outlines of SVG's shapes in the coordinates of their elements."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Spend = Callable[[int], None]
 
 
 def shape_of(element: Element, spend: Spend) -> list[Outline]:
-    """The outlines of one of `SHAPES`; none if it has no size.
+    """The outlines of an element whose tag is in `SHAPES`; empty if it has no size.
 
     Args:
-        element: The shape.
-        spend: Called with the number of segments before they are made; may refuse them.
+        element: The element.
+        spend: Called with a number of segments before they are made; may refuse them.
 
     Raises:
-        InvalidInput: Attributes that make no such shape.
+        InvalidInput: The attributes do not define the shape.
     """
     return SHAPES[element.tag](element, spend)
 
@@ -44,6 +44,11 @@ def _polyline(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _read_points(element: Element, spend: Spend) -> FloatArray:
+    """The attribute points of an element, (n, 2).
+
+    Raises:
+        InvalidInput: The attribute is not a list of pairs of numbers.
+    """
     values = numbers_of(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
@@ -72,7 +77,7 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
 def _rounded_rectangle(
     left: float, top: float, right: float, bottom: float, rx: float, ry: float
 ) -> Chain:
-    """A rectangle with round corners, as SVG goes around it."""
+    """The outline of a rectangle with round corners, in the direction that SVG defines."""
     sides = [
         ((left + rx, top), (right - rx, top)),
         ((right, top + ry), (right, bottom - ry)),
@@ -109,13 +114,23 @@ def _ellipse(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Outline]:
+    """The outline of a full ellipse; empty if a radius is zero.
+
+    Args:
+        element: The element, with its centre in cx and cy.
+        radii: Semi-axes along x and y.
+        keys: Names of the attributes of the radii, for messages.
+
+    Raises:
+        InvalidInput: A radius is negative.
+    """
     for key, value in zip(keys, radii, strict=True):
         if value < 0:
             element.refuse(f"{key} must not be negative, but is {value:g}")
     if not all(radii):
         return []
     center = np.array([number_of(element, "cx"), number_of(element, "cy")])
-    # From the right, as SVG draws it.
+    # SVG draws an ellipse from its point with the largest x.
     cosine, sine = np.diag(radii)
     return [Outline([Chain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
 
