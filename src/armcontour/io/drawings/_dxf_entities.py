@@ -168,10 +168,10 @@ def spline(entity: Any) -> Shape | None:
         raise Unreadable("has knots that do not increase")
     inner = knots[(knots > knots[degree]) & (knots < knots[n])]
     if len(inner) and np.unique(inner, return_counts=True)[1].max() > degree:
-        raise Unreadable(f"falls apart at a knot that is there more than {degree} times")
+        raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
     weights = _numbers("weights", list(entity.weights) or np.ones(n))
     if len(weights) != n or not (weights > 0).all() or weights.max() > 1e9 * weights.min():
-        raise Unreadable(f"must have {n} weights above zero, of like size")
+        raise Unreadable(f"must have {n} weights above zero, of similar size")
     # Parameters from 0 to 1, so that very small or large knots do not cost precision.
     return Spline(
         points=points,

@@ -165,13 +165,13 @@ class Walk:
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
-            raise Unreadable(f"places the block {called!r}, which there is not")
+            raise Unreadable(f"places the block {called!r}, which does not exist")
         if _key(called) in block.inside or len(block.inside) >= DEEPEST:
             raise Unreadable(f"places the block {called!r} in itself")
         if not block.inside:
             self._copies += self._copies_of(entity)
             if self._copies > MOST_COPIES:
-                raise Unreadable(f"brings the copies of entities to more than {MOST_COPIES}")
+                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insertions(entity, base)
         for offset in offsets:
@@ -206,7 +206,7 @@ class Walk:
         if not self.skip:
             raise InvalidInput(
                 f"{self.source} has a {kind} ({name}, layer {layer!r}), which is no contour to "
-                f"follow: take it out, or {SKIP}."
+                f"follow: remove it, or {SKIP}."
             )
         self.unknown[kind] += 1
 

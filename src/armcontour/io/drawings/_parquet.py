@@ -168,7 +168,7 @@ def _refuse_type(type_: Any, where: str) -> None:
     kind = _kind(type_)
     is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
     if not (is_number or _is_text(kind)):
-        raise InvalidInput(f"{where} holds {kind}: numbers or text are read.")
+        raise InvalidInput(f"{where} has the type {kind}: only numbers and text are read.")
 
 
 def _cells(column: Any, where: str) -> Sequence[str] | FloatArray:

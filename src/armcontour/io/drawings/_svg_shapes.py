@@ -17,7 +17,7 @@ Spend = Callable[[int], None]
 
 
 def shape_of(element: Element, spend: Spend) -> list[Outline]:
-    """The outlines of an element whose tag is in `SHAPES`; empty if it has no size.
+    """The outlines of an element with a tag of `SHAPES`; empty if it has no size.
 
     Args:
         element: The element.
@@ -30,6 +30,7 @@ def shape_of(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _line(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a line; empty if it has no length."""
     spend(1)
     x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
@@ -38,6 +39,7 @@ def _line(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _polyline(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a polyline or polygon; empty if it has fewer than two points."""
     points = _read_points(element, spend)
     closed = element.tag == "polygon"
     return [Outline([Chain.straight(points)], closed)] if len(points) > 1 else []
@@ -57,6 +59,7 @@ def _read_points(element: Element, spend: Spend) -> FloatArray:
 
 
 def _rect(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a rect with sharp or round corners; empty without width or height."""
     spend(8)
     x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
@@ -101,12 +104,14 @@ def _rounded_rectangle(
 
 
 def _circle(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a circle; empty without a radius."""
     spend(1)
     radius = number_of(element, "r")
     return _around(element, (radius, radius), ("r", "r"))
 
 
 def _ellipse(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of an ellipse; empty without radii."""
     spend(1)
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))

@@ -157,7 +157,7 @@ class Walk:
         if tag == "style":
             for key, value in _SHEET.findall("".join(element.text)):
                 if value not in HARMLESS or (key, value) == ("display", "none"):
-                    self._unknown(element, f"style sheets are not followed, and it says {key}")
+                    self._unknown(element, f"style sheets are not followed, and it sets {key}")
                     break
             return None
         if tag not in (*SHAPES, *CONTAINERS):

@@ -47,25 +47,22 @@ def read_path(
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
 
-    Lines and arcs are kept, other curves become tangent arcs. If the program has one contour, its
-    path is `program.path`.
+    Lines and arcs are kept, other curves become tangent arcs. The path of a program with one
+    contour is `program.path`.
 
     Args:
         file: The file; the extension decides how it is read.
         units: Unit of the file's lengths, such as "mm", or its length in metres; by default the
             unit that the file states. A column of a table with a unit of its own keeps that unit.
         scale: Factor of all lengths.
-        frame: Frame in which the drawing lies; a frame that lifts or tilts the drawing makes it a
-            drawing in space.
-        layers: Only contours on these layers are read. If a mapping is given, keys without a layer
-            in the drawing are ignored.
+        frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
+        layers: Only contours on these layers are read. Of a mapping, unknown keys are ignored.
         names: Only contours with these names are read: ids of elements (SVG), handles of entities
             (DXF), "line 12" (G-code).
         flat: Whether z is left out.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
-        unknown: "refuse" a file with content that the reader does not know, or "skip" this content
-            with a note.
+        unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know.
         progress: Called with the fraction of the file that is read, 0 to 1.
 
     Raises:

@@ -39,8 +39,8 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     the edges of the page have no effect; hidden elements are left out.
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
-    Width, height and viewBox define the user unit; without them it is a CSS pixel, 1/96 inch. If
-    `reading.unit` is given, it is the length of the user unit whatever the file states.
+    `reading.unit` is the length of the user unit. If it is None, width, height and viewBox define
+    the user unit, and without them it is a CSS pixel, 1/96 inch.
 
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
     become tangent arcs within `reading.chord_tolerance`.

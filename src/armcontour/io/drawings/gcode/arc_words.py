@@ -36,7 +36,7 @@ def by_radius(block: Block, plane: int) -> bool:
     a, b, _ = PLANES[plane]
     given = [x for x in OFFSETS if x in words]
     if given:
-        raise Fault(f"an arc with both R and {given[0]}, of which only one can be meant")
+        raise Fault(f"an arc with both R and {given[0]}: give its radius or its centre")
     if AXES[a] not in words and AXES[b] not in words:
         raise Fault(f"an arc by its radius R with neither {AXES[a]} nor {AXES[b]} to end at")
     return True

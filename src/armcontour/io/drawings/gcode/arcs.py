@@ -103,16 +103,16 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
     qx, qy = end[0] - center[0], end[1] - center[1]
     radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
     if min(radius, end_radius) < SHORT:
-        raise Fault("an arc whose centre is where it starts or ends, so that it has no radius")
+        raise Fault("an arc whose centre is its start or end point, so that it has no radius")
     off = abs(radius - end_radius)
     relative = RELATIVE * max(radius, end_radius)
     if off > MOST[dialect] or (off > ROUNDED[dialect] and off > relative):
         allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
         raise Fault(
             f"an arc whose centre is {radius * 1e3:.6g} mm from its start but "
-            f"{end_radius * 1e3:.6g} mm from its end, {off * 1e3:.3g} mm more or less where "
-            f"{allowed * 1e3:.3g} mm are allowed: correct I, J and K, or say with G90.1 that they "
-            "are absolute"
+            f"{end_radius * 1e3:.6g} mm from its end, a difference of {off * 1e3:.3g} mm where "
+            f"{allowed * 1e3:.3g} mm are allowed: correct I, J and K, or write G90.1 if they are "
+            "absolute"
         )
     if math.dist(start, end) <= REPEATED_POINT:
         return Circle(center, start, start, turn, 2 * math.pi, radius, radius)

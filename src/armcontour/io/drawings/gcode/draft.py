@@ -117,8 +117,8 @@ class Draft:
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
             raise Fault(
-                f"helices and further turns of more than {MOST_SEGMENTS} segments together: ask "
-                "for fewer turns P, or for a wider chord tolerance"
+                f"helices and further turns of more than {MOST_SEGMENTS} segments together: "
+                "program fewer turns P, or give a wider chord tolerance"
             )
 
     def go(self, x: float, y: float, z: float) -> None:

@@ -147,16 +147,14 @@ class Machine:
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         users += ["the arc"] if arc else []
         if "P" in words and not users:
-            raise Fault("the word P, which belongs to nothing here: it goes with G4, G64, G2, G3")
+            raise Fault("the word P, which no code here uses: it belongs to G4, G64, G2 and G3")
         if "P" in words and len(users) > 1:
             raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
         if "Q" in words and codes.BLEND not in block.g:
-            raise Fault("the word Q, which belongs to nothing here: it goes with G64")
+            raise Fault("the word Q, which no code here uses: it belongs to G64")
         for letter in "IJKR":
             if letter in words and not arc:
-                raise Fault(
-                    f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
-                )
+                raise Fault(f"the word {letter}, which no code here uses: it belongs to G2 and G3")
 
     def _is_arc(self, block: Block) -> bool:
         """Whether a line programs an arc."""
@@ -262,7 +260,7 @@ class Machine:
             return math.nan
         if largest <= 0:
             raise Fault(
-                f"G64 with P{largest:g}, which must be above zero: G61 keeps to corners exactly, "
+                f"G64 with P{largest:g}, which must be above zero: G61 follows corners exactly, "
                 "G64 without P sets no tolerance"
             )
         return largest * self.unit
@@ -284,7 +282,7 @@ class Machine:
         if owned or (not arc and block.words.keys().isdisjoint(AXES)):
             return
         if self.motion is None:
-            raise Fault("coordinates without a motion in force: write G0, G1, G2 or G3 before")
+            raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
         target = self._target(block)
         if self.motion == codes.RAPID:
             self.draft.go(*target)

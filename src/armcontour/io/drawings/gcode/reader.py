@@ -67,7 +67,7 @@ def _refuse_binary(data: bytes, source: str) -> None:
     if at >= 0:
         line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
         raise InvalidInput(
-            f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
+            f"{source}, line {line}: a byte of value 0, which G-code does not have: save the file "
             "as plain text (ASCII, Latin-1 or UTF-8).",
             index=line - 1,
         )
@@ -118,8 +118,8 @@ def _run(
         raise InvalidInput(f"{source}, line {number}: {fault}.", index=number - 1) from None
     if frame.framed and not frame.ended:
         raise InvalidInput(
-            f"{source}, line {number}: the file ends without the second % that its first line asks "
-            "for, and without M2 or M30: it may have been cut off.",
+            f"{source}, line {number}: the file starts with % and ends without a second %, M2 or "
+            "M30: it may have been cut off.",
             index=number - 1,
         )
     return frame.notes(number, lines)

@@ -88,7 +88,7 @@ class Unknown:
         if code in codes.NEVER_SKIPPED_G:
             raise Fault(
                 f"{name}, which this reader does not carry out and does not skip either, because "
-                "the moves after it would be elsewhere: write G0, G1, G2 and G3"
+                "the moves after it would be at other positions: write G0, G1, G2 and G3"
             )
         known = code in codes.NO_USE_FOR_AXES or code in codes.OWN_THE_LINE
         if axes and not known:

@@ -91,7 +91,7 @@ def _add(block: Block, letter: str, number: str, at: int) -> None:
     elif letter == "M":
         _add_code(block.m, "M", number, value, M_GROUP)
     elif letter in block.words:
-        raise Fault(f"the word {letter} twice, of which only one can be meant")
+        raise Fault(f"the word {letter} twice, which a line takes only once")
     else:
         block.words[letter] = value
 
@@ -132,7 +132,7 @@ def _what_is_wrong(text: str, at: int) -> str:
     following = text[at + 1 : at + 2]
     if here in "#[]=" or (here.isascii() and here.isalpha() and following in ("#", "[")):
         return (
-            "a parameter or an expression (# or [ ]), which this reader does not work out: let "
+            "a parameter or an expression (# or [ ]), which this reader does not evaluate: let "
             "the program that wrote the file write plain numbers"
         )
     if here == "O":
