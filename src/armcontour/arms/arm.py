@@ -79,8 +79,9 @@ class Arm(ABC):
 
         if self.chain is None or self.chain.masses is None:
             raise InvalidInput(
-                f"The masses of the arm {self.name} are not known, so its torques are not either: "
-                "load it from a file whose links have masses, centres of mass and inertias."
+                f"The masses of the arm {self.name} are not known, so its torques cannot be "
+                "computed: load it from a file whose links have masses, centres of mass and "
+                "inertias."
             )
         return Dynamics(self.chain)
 
