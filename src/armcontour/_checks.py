@@ -73,8 +73,8 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         if isinstance(error, InvalidInput):
             raise
         # The first sentence of numpy's message is the reason.
-        said = str(error).split(". ")[0].rstrip(".")
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {said}.") from None
+        reason = str(error).split(". ")[0].rstrip(".")
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
     bad = ~(np.abs(array) <= LARGEST)
     if bad.any():
         where = np.argwhere(bad)[0]
@@ -106,6 +106,8 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
 
 def number(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float.
+
+    `name` and `unit` are for messages, here and in the functions below.
 
     Raises:
         InvalidInput: The value is not one finite number.

@@ -188,14 +188,14 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
         OSError: The folder cannot be made.
     """
     while True:
-        left = False
+        existed = False
         try:
             place.mkdir()
         except FileExistsError:
-            left = True
+            existed = True
         # Another process may remove its folder between these steps.
         with suppress(FileNotFoundError):
-            handle = _lock(place, left)
+            handle = _lock(place, existed)
             if handle == _BUSY:
                 raise InvalidInput(
                     f"Another run is writing to {destination}: wait for its end, or choose "
@@ -209,7 +209,7 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
 _BUSY = -1
 
 
-def _lock(place: FilePath, left: bool) -> int | None:
+def _lock(place: FilePath, existed: bool) -> int | None:
     """Lock a folder.
 
     Windows and some network file systems have no locks on folders. There the process that makes
@@ -217,7 +217,7 @@ def _lock(place: FilePath, left: bool) -> int | None:
 
     Args:
         place: The folder.
-        left: Whether the folder existed before.
+        existed: Whether the folder existed before.
 
     Returns:
         A handle with the lock; _BUSY if another process uses the folder; None if there are no
@@ -226,11 +226,11 @@ def _lock(place: FilePath, left: bool) -> int | None:
     try:
         import fcntl
     except ImportError:
-        return _BUSY if left else None
+        return _BUSY if existed else None
     handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         os.close(handle)
-        return _BUSY if left or isinstance(error, BlockingIOError) else None
+        return _BUSY if existed or isinstance(error, BlockingIOError) else None
     return handle

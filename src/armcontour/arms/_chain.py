@@ -105,7 +105,7 @@ def write_jacobian(
 
 
 @compiled()
-def write_drift(
+def write_bias_acceleration(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
 ) -> None:
     """Write the bias acceleration `dJ/dt dq` of one state into `out`, (6,).
@@ -194,7 +194,7 @@ def drifts(
     n = len(origins)
     out = np.empty((n, 6))
     for i in range(n):
-        write_drift(origins[i], directions[i], pose[i], dq[i], out[i])
+        write_bias_acceleration(origins[i], directions[i], pose[i], dq[i], out[i])
     return out
 
 

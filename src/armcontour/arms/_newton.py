@@ -14,7 +14,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.arms._chain import write_drift, write_jacobian, write_kinematics
+from armcontour.arms._chain import write_bias_acceleration, write_jacobian, write_kinematics
 
 # Newton's method ends when its step is below this [rad]: the next step would be the square of this
 # one times the condition number of the Jacobian.
@@ -81,6 +81,12 @@ def write_pose_error(pose: FloatArray, target: FloatArray, task: int, out: Float
     The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     from the pose to the target [rad]. For task 5 they are the components of the rotation vector
     between the tool axes along the target's x and y axes [rad].
+
+    Args:
+        pose: Pose of the tool, (3, 4).
+        target: Target pose, (3, 4).
+        task: Task dimension: 6, 5 or 3.
+        out: Output: the error, (task,) or longer.
     """
     for i in range(3):
         out[i] = target[i, 3] - pose[i, 3]
@@ -114,9 +120,15 @@ def write_pose_error(pose: FloatArray, target: FloatArray, task: int, out: Float
 
 @compiled()
 def write_task_rows(full: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
-    """Write the Jacobian of the pose error of `write_pose_error` into `out`, (task, dof).
+    """Write those rows of the Jacobian that a task has equations for into `out`, (task, dof).
 
-    `full` is the geometric Jacobian, (6, dof).
+    The rows belong to the values of `write_pose_error`.
+
+    Args:
+        full: Geometric Jacobian, (6, dof).
+        target: Target pose, (3, 4).
+        task: Task dimension: 6, 5 or 3.
+        out: Output: the rows.
     """
     dof = full.shape[1]
     for k in range(dof):
@@ -276,7 +288,7 @@ def path_derivatives(
             b[task + r, 0] = value
         pivot_ratio[i] = solve(copy, b, dof)
         first[i] = b[:, 0]
-        write_drift(origins, directions, pose, first[i], bias)
+        write_bias_acceleration(origins, directions, pose, first[i], bias)
         for k in range(3):
             b[k, 0] = rate[1, k] - bias[k]
         if task == 6:

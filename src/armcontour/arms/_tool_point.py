@@ -64,7 +64,10 @@ def tool_in_space(
     q: FloatArray,
     anchors: FloatArray,
 ) -> tuple[float, float, float]:
-    """Tool point [m] of a chain, computed from its end to its base."""
+    """Tool point [m] of a chain, computed from its end to its base.
+
+    The arrays of the chain are those of `Robot`; q and anchors are those of `tool_point`.
+    """
     x, y, z = end[0, 3], end[1, 3], end[2, 3]
     for j in range(len(q) - 1, -1, -1):
         s, c = _sine_and_cosine(q[j], anchors, j)

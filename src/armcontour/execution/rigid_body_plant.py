@@ -175,6 +175,12 @@ class RigidBodyPlant(Plant):
     ) -> list[_Log]:
         """Simulate after the last set-point until all joints are at rest.
 
+        Args:
+            robot: The run.
+            taught: The set-points.
+            steps: Number of steps per command interval.
+            every: Number of steps between two results.
+
         Raises:
             ExecutionError: A joint does not come to rest, or rests at its torque limit.
         """
@@ -238,6 +244,11 @@ class RigidBodyPlant(Plant):
 
     def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
         """Refuse a rest at which a drive is always at its torque limit.
+
+        Args:
+            log: The last steps.
+            last: Last set-point [rad], (dof,).
+            now: Time [s].
 
         Raises:
             ExecutionError: A drive is too weak to reach its last set-point.

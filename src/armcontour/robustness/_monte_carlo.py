@@ -174,7 +174,14 @@ class Errors(NamedTuple):
 
 @compiled(fastmath=FUSED)
 def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo:
-    """The servo with a payload: more inertia at the same torque reduces gain and limits."""
+    """The servo with a payload: more inertia at the same torque reduces gain and limits.
+
+    Args:
+        servo: The servo without the payload.
+        load: Additional mass at the tool [kg].
+        inertia: Inertia of 1 kg over the joint's own at the set-points, (n,) [1/kg].
+        k: Index of the command interval.
+    """
     share = 1 / (1 + load * inertia[min(k, len(inertia) - 1)])
     return Servo(servo.kp, servo.kv * share, servo.lower * share, servo.upper * share)
 
@@ -210,7 +217,19 @@ def _run_evenly(
 ) -> bool:
     """Simulate a joint over command intervals without jitter.
 
-    Writes results into `out`, as `run_joint` does; returns whether the motion could be computed.
+    Args:
+        servo: The servo of the joint without payload.
+        drive: Commands and properties that all robots share.
+        parts: Division of the command interval, as `divide` makes it.
+        load: Additional mass at the tool [kg].
+        j: Index of the joint.
+        begin: First command interval.
+        end: The interval after the last one.
+        states: States of all joints, updated.
+        out: Output: results of the joint, as `run_joint` writes them.
+
+    Returns:
+        Whether the motion could be computed.
     """
     command, inertia = drive.commands[j], drive.inertia[j]
     if load == 0.0:
@@ -249,9 +268,26 @@ def _run_unevenly(
     states: States,
     out: FloatArray,
 ) -> bool:
-    """Simulate a joint as `_run_evenly` with jitter: set-point k arrives `dead + late[k]` late.
+    """Simulate a joint over command intervals with jitter.
 
-    The controller interpolates between two set-points over the time between their arrivals.
+    Set-point k arrives `dead + late[k]` after its time. The controller interpolates between two
+    set-points over the time between their arrivals.
+
+    Args:
+        servo: The servo of the joint without payload.
+        drive: Commands and properties that all robots share.
+        clock: The times.
+        dead: Dead time [s].
+        late: Delays of the set-points [s], (n,).
+        load: Additional mass at the tool [kg].
+        j: Index of the joint.
+        begin: First command interval.
+        end: The interval after the last one.
+        states: States of all joints, updated.
+        out: Output: positions of the joint in column 0.
+
+    Returns:
+        Whether the motion is finite.
     """
     command, inertia = drive.commands[j], drive.inertia[j]
     period, steps = clock.period, clock.steps
@@ -301,6 +337,17 @@ def _sharpen(
     """Largest squared error up to this result, with finer sampling since the last result.
 
     Between the results the tool follows the parabola through the last three results.
+
+    Args:
+        line: The path.
+        k: Index of the command interval.
+        segment: Segment of the last nearest point.
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        d2: Squared error of this result [m²].
+        peak: Largest squared error of all results up to this one [m²].
+        e: Errors up to the last result.
     """
     dx, dy, dz = x - e.x, y - e.y, z - e.z
     moved = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -327,7 +374,18 @@ def _sharpen(
 def _add(
     clock: Clock, e: Errors, peak: float, t: float, x: float, y: float, z: float, d2: float
 ) -> Errors:
-    """Accumulate the result at time t: the tool point and its squared distance to the path."""
+    """Add the result at time t to the accumulated errors.
+
+    Args:
+        clock: The times.
+        e: Errors up to the last result.
+        peak: Largest squared error up to this result [m²].
+        t: Time of this result [s].
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        d2: Squared error of this result [m²].
+    """
     h = clock.period / clock.steps
     dx, dy, dz = x - e.x, y - e.y, z - e.z
     end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
@@ -400,7 +458,14 @@ def _measure(
 
 @compiled(fastmath=FUSED)
 def _bound_speed(kp: FloatArray, kv: FloatArray, goal: FloatArray, states: States) -> float:
-    """Bound on the sum of all later joint velocities once the command is constant [rad/s]."""
+    """Bound on the sum of all later joint velocities once the command is constant [rad/s].
+
+    Args:
+        kp: Position gains [1/s], (dof,).
+        kv: Velocity gains [1/s], (dof,); 0 for a servo of first order.
+        goal: Last set-point [rad], (dof,).
+        states: States of all joints.
+    """
     total = 0.0
     for j in range(len(goal)):
         e, w = states.q[j] - goal[j], states.w[j]
@@ -449,7 +514,11 @@ def _execute(
     states: States,
     anchors: FloatArray,
 ) -> tuple[Errors, int]:
-    """Execute one sample; returns its contour errors and its status."""
+    """Execute sample i; returns its contour errors and its status.
+
+    The other arguments are those of `run`; `states` and `anchors` are memory for the states of the
+    joints and for `tool_point`.
+    """
     commands, period = drive.commands, clock.period
     dof, knots = len(commands), commands.shape[1] - 1
     kp, kv, dead = samples.kp[i], samples.kv[i], samples.dead_time[i]

@@ -14,7 +14,7 @@ REACH = 5.0
 
 @compiled(fastmath=FUSED)
 def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
-    """Squared distance of a point from segment i; the columns of g are those of `_table`."""
+    """Squared distance of a point from segment i of a table g, as `monte_carlo._table` makes it."""
     gx, gy, gz = x - g[i, 0], y - g[i, 1], z - g[i, 2]
     along = gx * g[i, 3] + gy * g[i, 4] + gz * g[i, 5]
     k = g[i, 9]
@@ -40,7 +40,10 @@ def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
 
 @compiled(fastmath=FUSED)
 def _to_joint(x: float, y: float, z: float, g: FloatArray, i: int, first: int) -> float:
-    """Squared distance of a point from an end of segment i, whose columns start at `first`."""
+    """Squared distance of a point from an end of segment i.
+
+    `first` is the first column of the end's coordinates: 0 for the start, 15 for the end point.
+    """
     gx, gy, gz = x - g[i, first], y - g[i, first + 1], z - g[i, first + 2]
     return float(gx * gx + gy * gy + gz * gz)
 
@@ -62,8 +65,19 @@ def _march(
     The search covers the arc lengths up to `stop`, and beyond it up to a vertex that is further
     away than `REACH` allows. A point that is closer than the best distance d is at least D - d
     further along the path than a vertex at the distance D, because arc length grows at least as
-    fast as distance; segments before that are skipped. `around` is the length of a closed path, on
-    which the search goes past the start point; it is 0 for an open path.
+    fast as distance; segments before that are skipped.
+
+    Args:
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        table: The segments, as `monte_carlo._table` makes them.
+        around: Length of a closed path, on which the search passes the start point; 0 for an open
+            path [m].
+        segment: The segment after which, or before which, the search starts.
+        forward: Whether the search follows the direction of the path.
+        stop: Arc length up to which all segments are searched [m].
+        best: Squared distance of the nearest point so far [m²].
 
     Returns:
         The squared distance, and the segment of the nearest point.
@@ -109,8 +123,15 @@ def find_nearest(
 ) -> tuple[float, int]:
     """Squared distance of a point from the path, and the segment of the nearest point.
 
-    The search starts at `segment` and covers the arc lengths from `low` to `high`, and the segments
-    that `_march` adds.
+    Args:
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        table: The segments, as `monte_carlo._table` makes them.
+        around: Length of a closed path; 0 for an open path [m].
+        segment: The segment at which the search starts.
+        low: Smallest arc length that is searched [m]; `_march` may add segments.
+        high: Largest arc length that is searched [m].
     """
     best = _to_segment(x, y, z, table, segment)
     found = segment

@@ -406,7 +406,16 @@ class _Model:
         seed: int | None,
         threads: int,
     ) -> Found:
-        """Execute all robots in batches, by several threads; the last robot is the nominal one."""
+        """Execute all robots in batches, by several threads; the last robot is the nominal one.
+
+        Args:
+            kp: Position gains [1/s], (n, dof).
+            kv: Velocity gains [1/s], (n, dof); 0 for a servo of first order.
+            late: Dead times [s], (n, dof).
+            payload: Errors of the payload's mass [kg], (n,).
+            seed: Seed of the jitter; None for no jitter.
+            threads: Number of threads.
+        """
         n = len(kp)
         rms, largest, until, saturated, ratio = np.full((5, n), np.nan)
         status = np.zeros(n, dtype=np.intp)

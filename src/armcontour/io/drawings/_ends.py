@@ -84,7 +84,14 @@ def find_partners(ends: Ends, tolerance: float) -> IntArray:
 
 
 def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
-    """Join pairs of candidates, (m, 2), in the order of their turns; writes into `partner`."""
+    """Join pairs of ends, those with the smallest turns first.
+
+    Args:
+        ends: Ends of all pieces.
+        partner: The end to which each end is joined, -1 for none, (2 n,); updated.
+        candidates: Pairs of ends that may be joined, (m, 2).
+        tolerance: Only ends closer than this are joined [m].
+    """
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
     # A piece shorter than the tolerance is not closed on itself.
@@ -103,7 +110,13 @@ def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float
 
 
 def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Pairs of free ends that touch, those with the smallest turns for each end, (m, 2)."""
+    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2).
+
+    Args:
+        ends: Ends of all pieces.
+        free: Indices of the ends that are not joined yet.
+        near: Ends closer than this touch [m].
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -141,7 +154,13 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
 
 
 def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Pairs of free ends closer than `near` [m], the nearest ones of each end, (m, 2)."""
+    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2).
+
+    Args:
+        ends: Ends of all pieces.
+        free: Indices of the ends that are not joined yet.
+        near: Largest distance of two ends [m].
+    """
     from scipy.spatial import cKDTree
 
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])

@@ -100,8 +100,8 @@ class ParquetTable:
 
     def _unreadable(self, error: Exception) -> InvalidInput:
         """The refusal of a broken file, with the first line of the library's message."""
-        said = str(error).split("\n")[0].rstrip(".")[:200]
-        return InvalidInput(f"{self.source} cannot be read as Parquet: {said}.")
+        reason = str(error).split("\n")[0].rstrip(".")[:200]
+        return InvalidInput(f"{self.source} cannot be read as Parquet: {reason}.")
 
     def _refuse_large(self, titles: Sequence[str]) -> None:
         """Refuse columns that are too large by the file's metadata or by their page headers.

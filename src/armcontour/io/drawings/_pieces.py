@@ -164,7 +164,7 @@ def _shift(
 def _stretch(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> Segments:
-    """Similar arcs between new end points, with the same swept angles; arguments as in `_shift`."""
+    """Scale and rotate arcs to new end points, with the arguments of `_shift`; angles stay."""
     old, new = ends - arcs.starts, to_end - to_start
     size, wanted = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
     a, b = old / size[:, None], new / wanted[:, None]

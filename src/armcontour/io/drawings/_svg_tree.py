@@ -97,9 +97,9 @@ def tree_of(data: bytes, source: str) -> Element:
         builder.listen(parser)
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        said = expat.ErrorString(error.code)
+        reason = expat.ErrorString(error.code)
         raise InvalidInput(
-            f"{source}, line {error.lineno}: this is not well-formed XML: {said}."
+            f"{source}, line {error.lineno}: this is not well-formed XML: {reason}."
         ) from None
     except (LookupError, ValueError) as error:
         if isinstance(error, InvalidInput):

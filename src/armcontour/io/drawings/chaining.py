@@ -147,7 +147,13 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
 
 
 def _find_repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> BoolArray:
-    """Which pieces lie exactly on an earlier piece of their layer, (n,)."""
+    """Which pieces lie exactly on an earlier piece of their layer, (n,).
+
+    Args:
+        pieces: The pieces.
+        table: The segments of the pieces.
+        layers: Number of the layer of each piece, (n,).
+    """
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / CANDIDATES)])

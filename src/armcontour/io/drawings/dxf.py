@@ -67,13 +67,14 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
     if not pieces:
         left_out = f" ({' '.join(walk.notes).rstrip('.')})" if walk.notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
-    contours, said = chain_pieces(pieces, reading.join_tolerance)
+    contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     if not contours:
         raise InvalidInput(
             f"{source} has no contour that is longer than the join tolerance of "
             f"{reading.join_tolerance:g} m."
         )
-    return Program(moves=tuple(contours), source=source, notes=(*notes, *walk.notes, *said))
+    notes = [*notes, *walk.notes, *chaining_notes]
+    return Program(moves=tuple(contours), source=source, notes=tuple(notes))
 
 
 def _unit(document: Any, source: str, reading: Reading) -> float:
@@ -104,10 +105,10 @@ def _pieces(found: list[Found], walk: Walk, source: str, reading: Reading) -> li
         try:
             path = Outline([shape]).to_path(reading.chord_tolerance)
         except InvalidInput as error:
-            said = str(error)
+            reason = str(error)
             raise InvalidInput(
                 f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
-                f"{said[:1].lower()}{said[1:]}"
+                f"{reason[:1].lower()}{reason[1:]}"
             ) from None
         if path is None:
             walk.empty.append(x.name)

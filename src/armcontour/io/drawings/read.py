@@ -56,7 +56,7 @@ def read_path(
             unit that the file states. A column of a table with a unit of its own keeps that unit.
         scale: Factor of all lengths.
         frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
-        layers: Only contours on these layers are read. Of a mapping, unknown keys are ignored.
+        layers: Only contours on these layers are read. Unknown keys of a mapping give a note.
         names: Only contours with these names are read: ids of elements (SVG), handles of entities
             (DXF), "line 12" (G-code).
         flat: Whether z is left out.
@@ -143,13 +143,13 @@ def _refuse_odd_size(program: Program, factor: float) -> None:
     far = max(float(np.abs(x.path.vertices).max()) for x in program.contours)
     short = min(x.path.length for x in program.contours)
     if not far <= FARTHEST:
-        said, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"
+        problem, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"
     elif short <= REPEATED_POINT:
-        said, limit = f"has a contour of {short:.3g} m", f"no more than {REPEATED_POINT:g} m"
+        problem, limit = f"has a contour of {short:.3g} m", f"no more than {REPEATED_POINT:g} m"
     else:
         return
     raise InvalidInput(
-        f"With the scale {factor:g} {program.source} {said}, {limit}: check the scale."
+        f"With the scale {factor:g} {program.source} {problem}, {limit}: check the scale."
     )
 
 

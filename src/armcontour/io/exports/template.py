@@ -253,8 +253,8 @@ def _sentence(error: Exception) -> str:
 
     if isinstance(error, TemplateNotFound):
         return f"there is no template {error.name!r} beside it"
-    said = " ".join(str(error).split()).rstrip(".")
-    return said or type(error).__name__
+    message = " ".join(str(error).split()).rstrip(".")
+    return message or type(error).__name__
 
 
 def _error_line(error: Exception, source: str) -> str:

@@ -72,7 +72,16 @@ class Draft:
         self.segments = 0
 
     def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
-        """Add a straight feed move; ignored if the tool is already at the point."""
+        """Add a straight feed move; ignored if the tool is already at its end point.
+
+        Args:
+            x: Coordinate x of the end point [m].
+            y: Coordinate y of the end point [m].
+            z: Coordinate z of the end point [m].
+            speed: Speed [m/s], NaN if not given.
+            tolerance: Corner tolerance [m], NaN if not given.
+            line: Number of the line in the file.
+        """
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -91,7 +100,15 @@ class Draft:
         tolerance: float,
         line: int,
     ) -> None:
-        """Add an arc in the plane of the first two of `axes`, from the tool's position."""
+        """Add a feed move along an arc from the tool's position.
+
+        Args:
+            piece: The arc.
+            axes: Indices of the axes of the arc's plane, and of the axis normal to it.
+            speed: Speed [m/s], NaN if not given.
+            tolerance: Corner tolerance [m], NaN if not given.
+            line: Number of the line in the file.
+        """
         chain = self.chain if self.chain is not None else self._begin(line)
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
