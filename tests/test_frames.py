@@ -105,7 +105,7 @@ def test_many_rotations_in_every_form(count):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (np.diag([1.0, 1.0, -1.0]), ("it holds a matrix that is no rotation", "right-handed")),
+        (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is no rotation", "right-handed")),
         (np.eye(3) * 1.1, ("no rotation",)),
         (np.eye(3) * 1e200, ("must be between", "1e+200")),
         (np.eye(3) * 1e11, ("no rotation",)),

@@ -1,4 +1,4 @@
-"""Checks at the birth of a value: shape, finiteness, sign. Each refusal is one sentence."""
+"""Checks of given values: type, shape, finiteness, range. Each refusal is one sentence."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ import numpy.typing as npt
 from armcontour._text import make_printable, show
 from armcontour.errors import InvalidInput
 
-# No name is longer: names stand in the lines of robot programs, in tables and on terminals.
+# Longest name [characters]: names are written in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 FloatArray = npt.NDArray[np.float64]
-# No length, time, speed or torque of a robot is larger than this in SI units, and its powers up to
-# the twenty-fifth are numbers; of larger ones squares, cubes and their products overflow.
+# Largest number in SI units: no length, time, speed or torque of a robot is larger. Its powers up
+# to the twenty-fifth are finite, so products of squares and cubes do not overflow.
 LARGEST = 1e12
-# A number that must be above zero must not be less than this: its reciprocal's powers up to the
-# tenth are numbers. Of a tolerance or a time it is nothing in any unit.
+# Smallest number that counts as above zero: the powers of its reciprocal up to the tenth are
+# finite. No tolerance or time is smaller, in any unit.
 SMALLEST = 1e-30
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
-# Kinds of arrays that are numbers; an array of objects is one if each of them is.
+# numpy's kinds of arrays that can be numbers; an array of objects if each object is a number.
 NUMERIC = "iufO"
+# Names of the other kinds, for messages.
 NOT_NUMERIC = {
     "b": "truth values",
     "U": "text",
@@ -50,11 +51,16 @@ def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """`values` as a new float array, all finite and within LARGEST.
+    """Return `values` as a new float array, all finite and at most LARGEST.
+
+    Args:
+        name: Name of the values, for messages.
+        values: The values.
+        unit: Unit of the values, for messages.
 
     Raises:
-        InvalidInput: Not numbers (text and truth values are none), not finite or too large; names
-            the first offending index.
+        InvalidInput: The values are not numbers (texts and truth values are not), not finite or too
+            large; the message names the first such index.
     """
     try:
         given = np.asarray(values)
@@ -66,9 +72,9 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InvalidInput):
             raise
-        # The library's first sentence says what is wrong.
-        said = str(error).split(". ")[0].rstrip(".")
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {said}.") from None
+        # The first sentence of numpy's message is the reason.
+        reason = str(error).split(". ")[0].rstrip(".")
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
     bad = ~(np.abs(array) <= LARGEST)
     if bad.any():
         where = np.argwhere(bad)[0]
@@ -84,10 +90,11 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
 
 
 def points(name: str, values: npt.ArrayLike) -> FloatArray:
-    """`values` as a new (n, 2) or (n, 3) array of finite coordinates [m].
+    """Return `values` as a new (n, 2) or (n, 3) array of finite coordinates [m].
 
     Raises:
-        InvalidInput: Ragged, of another shape, or not finite.
+        InvalidInput: The rows have different lengths, the shape is another one, or a value is not
+            finite.
     """
     array = numbers(name, values, "m")
     if array.ndim != 2 or array.shape[1] not in (2, 3):
@@ -98,10 +105,12 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
 
 
 def number(name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float.
+    """Return `value` as a finite float.
+
+    `name` and `unit` are for messages, here and in the functions below.
 
     Raises:
-        InvalidInput: Not one finite number.
+        InvalidInput: The value is not one finite number.
     """
     array = numbers(name, value, unit)
     if array.ndim:
@@ -110,10 +119,10 @@ def number(name: str, value: Any, unit: str = "") -> float:
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float above zero, at least SMALLEST.
+    """Return `value` as a finite float above zero, at least SMALLEST.
 
     Raises:
-        InvalidInput: Not one such number.
+        InvalidInput: The value is not one such number.
     """
     checked = number(name, value, unit)
     if checked <= 0:
@@ -126,10 +135,10 @@ def positive(name: str, value: Any, unit: str = "") -> float:
 
 
 def between(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
-    """`value` as a float from `low` to `high`.
+    """Return `value` as a float from `low` to `high`.
 
     Raises:
-        InvalidInput: Not one finite number in that range.
+        InvalidInput: The value is not one finite number in this range.
     """
     checked = not_negative(name, value, unit) if low == 0 else number(name, value, unit)
     if low > 0 >= checked:
@@ -143,10 +152,10 @@ def between(name: str, value: Any, low: float, high: float, unit: str = "") -> f
 
 
 def not_negative(name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float, zero or above.
+    """Return `value` as a finite float that is zero or above.
 
     Raises:
-        InvalidInput: Not one finite number, or below zero.
+        InvalidInput: The value is not one finite number, or is below zero.
     """
     checked = number(name, value, unit)
     if checked < 0:
@@ -155,10 +164,10 @@ def not_negative(name: str, value: Any, unit: str = "") -> float:
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
-    """`value` as an int from `low` to `high`.
+    """Return `value` as an int from `low` to `high`.
 
     Raises:
-        InvalidInput: Not a whole number, or outside that range.
+        InvalidInput: The value is not a whole number, or outside this range.
     """
     checked = number(name, value)
     if checked != int(checked) or not low <= checked <= high:
@@ -169,10 +178,10 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
 
 
 def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
-    """One number for all joints, or one per joint, as a new (dof,) array.
+    """Return one number for all joints, or one number per joint, as a new (dof,) array.
 
     Raises:
-        InvalidInput: A wrong number of values, or not finite.
+        InvalidInput: The number of values is wrong, or a value is not finite.
     """
     array = numbers(name, values, unit)
     if array.ndim == 0:
@@ -186,10 +195,10 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
 
 
 def choice(name: str, value: str, known: tuple[str, ...]) -> str:
-    """`value`, if it is one of `known`.
+    """Return `value` if it is one of `known`.
 
     Raises:
-        InvalidInput: Another value; the message lists the known ones.
+        InvalidInput: The value is another one; the message lists the known ones.
     """
     if value not in known:
         raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {value!r}.")
@@ -197,15 +206,16 @@ def choice(name: str, value: str, known: tuple[str, ...]) -> str:
 
 
 def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
-    """`value` as a name: one line of printable text, or none.
+    """Return `value` if it is a name: a short text of printable characters, or an empty one.
 
     Args:
-        what: What the name is of, for messages, such as "name of the event".
+        what: Description of the name for messages, such as "name of the event".
         value: The name.
-        most: The largest number of characters.
+        most: Largest number of characters.
 
     Raises:
-        InvalidInput: No text, a character that is not printable, or too long.
+        InvalidInput: The value is not a text, has a character that is not printable, or is too
+            long.
     """
     if not isinstance(value, str):
         raise InvalidInput(f"The {what} must be text, not {show(value)}.")
@@ -223,10 +233,10 @@ def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
 
 
 def side(value: str) -> Literal["left", "right"]:
-    """Which value to take where there are two: "left" or "right".
+    """Return "left" or "right": which of two values a function with a jump returns at the jump.
 
     Raises:
-        InvalidInput: Another word.
+        InvalidInput: The value is another word.
     """
     if value == "right":
         return "right"
@@ -236,10 +246,10 @@ def side(value: str) -> Literal["left", "right"]:
 
 
 def in_unit(unit: str) -> str:
-    """`unit` as the end of a phrase, for messages."""
+    """The words " in <unit>" for messages; empty without a unit."""
     return f" in {unit}" if unit else ""
 
 
 def suffix(unit: str) -> str:
-    """`unit` after a number, for messages."""
+    """The unit after a number in messages, with a space before it; empty without a unit."""
     return f" {unit}" if unit else ""

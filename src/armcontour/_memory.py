@@ -1,7 +1,7 @@
-"""Memory that work will take, said before it is taken.
+"""Bounds on the program's memory, compared with estimates before the memory is allocated.
 
-Estimates are in bytes, of the whole program. What a row costs stands where the rows are made, and
-was measured: docs/guides/numbers.md says how.
+Estimates are in bytes for the whole program. The memory of one row of data is a constant in the
+module that makes the rows; docs/guides/numbers.md describes how these constants were measured.
 """
 
 from __future__ import annotations
@@ -9,34 +9,34 @@ from __future__ import annotations
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 
-# What a run may take unless it is told otherwise: a small computer has it.
+# Default bound [bytes]: a small computer has this much memory.
 DEFAULT = 2e9
-# What the program takes before it works: the interpreter, libraries, compiled functions.
+# Memory of the interpreter, the libraries and the compiled functions [bytes].
 PROGRAM = 0.4e9
-# No bound is below that, as nothing could be done.
+# Smallest bound [bytes]: with less memory nothing can be computed.
 SMALLEST = 0.5e9
 
 
 def check_bound(memory: float) -> float:
-    """A bound on memory [bytes].
+    """Return a bound on memory [bytes] if it is valid.
 
     Raises:
-        InvalidInput: Not a number, or below what the program takes by itself.
+        InvalidInput: The bound is not a number, or is below SMALLEST.
     """
     return _checks.between("memory", memory, SMALLEST, _checks.LARGEST, "bytes")
 
 
 def refuse_above(bound: float, needed: float, what: str, mend: str) -> None:
-    """Refuse work that would take more memory than it may.
+    """Refuse work that would take more memory than the bound allows.
 
     Args:
-        bound: What it may take [bytes].
-        needed: What it would take, beside PROGRAM [bytes].
-        what: The work, with its numbers, for the sentence.
-        mend: What makes it less.
+        bound: Bound on the program's memory [bytes].
+        needed: Estimated memory of the work, without PROGRAM [bytes].
+        what: Description of the work with its numbers, for the message.
+        mend: How the user can reduce the memory, for the message.
 
     Raises:
-        InvalidInput: It would take more.
+        InvalidInput: The estimate exceeds the bound.
     """
     total = PROGRAM + needed
     if not total <= check_bound(bound):
@@ -51,12 +51,12 @@ def refuse_above(bound: float, needed: float, what: str, mend: str) -> None:
 
 
 def in_words(size: float) -> str:
-    """A number of bytes for people."""
+    """A number of bytes as text in GB."""
     return f"{size / 1e9:.3g} GB"
 
 
 def describe_memory_error() -> str:
-    """The sentence of a MemoryError: there was less memory than the work needs."""
+    """The message for a MemoryError."""
     return (
         "The memory that this program may take is used up: close other programs, or give the job "
         "less to do, with a longer command interval, fewer runs or --no-simulation."

@@ -1,8 +1,8 @@
-"""Hidden folders in which results are made before they are put in place.
+"""Staging folders: hidden folders in which results are made before they are moved into place.
 
-A staging folder has a fixed name beside its destination, and belongs to one process: the process
-holds a lock on it. So a second run into the same destination is refused, and what a killed run
-left there can be told from what a running one still needs.
+A staging folder has a fixed name next to its destination and belongs to one process, which has a
+lock on it. So a second run into the same destination is refused, and the remains of a killed run
+can be distinguished from the files of a running one.
 """
 
 from __future__ import annotations
@@ -18,31 +18,32 @@ from pathlib import Path as FilePath
 from armcontour.errors import InvalidInput
 
 PREFIX = ".armcontour-"
-# Enough of a name for a person to recognise it; with prefix and checksum below 255 bytes.
+# Number of characters of a file's name in the name of its staging folder: enough to recognise it,
+# and with prefix and checksum below 255 bytes.
 LONGEST_NAME = 40
 
-# Whoever moves results into place holds this lock, and whoever ends the program waits for it.
+# A thread that moves results into place has this lock; a thread that ends the program waits for it.
 _placing = threading.Lock()
-# By staging folder: the destination, and folders that were made for it.
+# For each staging folder its destination, and the parent folders that were made for it.
 _open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
 
 
 class Staging:
-    """A hidden folder of this process; a context manager that removes the folder at its end.
+    """A staging folder of this process; a context manager that removes the folder at its end.
 
     Args:
-        place: The folder itself; `beside` and `inside` give its name for a destination.
-        destination: What is made in it, for messages.
-        parents: Whether to make the folders above it; those that stay empty are removed.
+        place: Path of the staging folder; `beside` and `inside` give it for a destination.
+        destination: The file or folder that is made in it, for messages.
+        parents: Whether to make missing parent folders; they are removed if they stay empty.
 
     Raises:
-        InvalidInput: Another process has the folder.
+        InvalidInput: Another process uses the folder.
         OSError: The folder cannot be made.
     """
 
     def __init__(self, place: FilePath, destination: FilePath, *, parents: bool = False) -> None:
         self.place = place
-        # Nobody may end the program between the two steps.
+        # The program must not be ended by a signal between these steps.
         with moving():
             self._made = _make_parents(place) if parents else []
             self._handle = _take(place, destination)
@@ -55,7 +56,7 @@ class Staging:
         self.remove()
 
     def empty(self) -> None:
-        """Remove what the folder holds."""
+        """Remove the content of the folder."""
         for inner in self.place.iterdir():
             if inner.is_dir() and not inner.is_symlink():
                 shutil.rmtree(inner)
@@ -63,13 +64,13 @@ class Staging:
                 inner.unlink()
 
     def remove(self) -> None:
-        """Remove the folder with what it holds, and give up the lock."""
+        """Remove the folder with its content, and release the lock."""
         shutil.rmtree(self.place, ignore_errors=True)
         _remove_empty(self._made)
         self.release()
 
     def release(self) -> None:
-        """Give up the lock; the folder stays for the next run."""
+        """Release the lock; the folder stays for the next run."""
         _open.pop(self.place, None)
         if self._handle is not None:
             os.close(self._handle)
@@ -77,32 +78,32 @@ class Staging:
 
 
 def beside(file: FilePath) -> FilePath:
-    """The staging folder for a file or folder that may not exist yet."""
+    """Path of the staging folder for a file or folder, next to it."""
     checksum = zlib.crc32(os.fsencode(file.name))
     return file.parent / f"{PREFIX}{file.name[:LONGEST_NAME]}-{checksum:08x}"
 
 
 def inside(folder: FilePath) -> FilePath:
-    """The staging folder for a folder whose content is replaced."""
+    """Path of the staging folder for the content of an existing folder, inside it."""
     return folder / f"{PREFIX}next"
 
 
 @contextmanager
 def moving() -> Iterator[None]:
-    """While results are moved into place: no signal ends the program until that is done.
+    """Context in which results are moved into place; signals do not end the program meanwhile.
 
-    Keep it short: renames only.
+    The context must be short: only renames.
     """
     with _placing:
         yield
 
 
 def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:
-    """Write a file or folder that appears whole, or replaces an earlier one whole, or not at all.
+    """Write a file or folder atomically: completely, or not at all if writing fails.
 
     Args:
-        file: The destination.
-        write: Writes to the path that it is given, which has the same name.
+        file: The destination, which may exist.
+        write: Called with a temporary path of the same name; writes the file or folder there.
 
     Raises:
         InvalidInput: Another process is writing the same file.
@@ -120,22 +121,23 @@ def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:
 
 
 def abandon(patience: float) -> list[str]:
-    """Remove all staging folders, before the program ends by a signal.
+    """Remove all staging folders before the program ends because of a signal.
 
-    What is being moved into place is moved first. Nothing can be moved any more afterwards.
+    The function waits until the current moves into place are complete. After it no result can be
+    moved into place.
 
     Args:
-        patience: How long to wait for what is being moved [s].
+        patience: Longest time to wait for moves [s].
 
     Returns:
         The destinations that were not written.
     """
     if not _placing.acquire(timeout=patience):
-        # What was moved in part is completed by the next run: the staging folder must stay.
+        # The next run completes an incomplete move, so the staging folder must stay.
         return []
     unwritten = []
     for place, (destination, made) in list(_open.items()):
-        # The thread that writes may add a file meanwhile.
+        # The writing thread may add a file between these attempts.
         for _ in range(3):
             shutil.rmtree(place, ignore_errors=True)
             if not place.exists():
@@ -146,21 +148,27 @@ def abandon(patience: float) -> list[str]:
 
 
 def _make_parents(place: FilePath) -> list[FilePath]:
-    """Make the folders above a place; gives those that were not there, the lowest first."""
+    """Make the parent folders of a path; returns those that were missing, the innermost first."""
     missing = [x for x in place.parents if not x.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)
     return missing
 
 
 def _remove_empty(folders: list[FilePath]) -> None:
-    """Remove folders in which nothing came to be."""
+    """Remove those of the folders that are empty."""
     for folder in folders:
         with suppress(OSError):
             folder.rmdir()
 
 
 def _swap(fresh: FilePath, file: FilePath, old: FilePath) -> None:
-    """Folders cannot be replaced in one step: the old one comes back if the second step fails."""
+    """Replace a folder in two renames; if the second one fails, the old folder is restored.
+
+    Args:
+        fresh: The new folder.
+        file: The destination.
+        old: Path to which the old folder is moved.
+    """
     os.replace(file, old)
     try:
         os.replace(fresh, file)
@@ -170,20 +178,28 @@ def _swap(fresh: FilePath, file: FilePath, old: FilePath) -> None:
 
 
 def _take(place: FilePath, destination: FilePath) -> int | None:
-    """Make or take over a staging folder: the handle with the lock, None without locks."""
+    """Make a staging folder or take over an existing one.
+
+    Returns:
+        A handle with the lock; None if the system has no locks on folders.
+
+    Raises:
+        InvalidInput: Another process uses the folder.
+        OSError: The folder cannot be made.
+    """
     while True:
-        left = False
+        existed = False
         try:
             place.mkdir()
         except FileExistsError:
-            left = True
-        # Its owner may remove the folder between two of these steps.
+            existed = True
+        # Another process may remove its folder between these steps.
         with suppress(FileNotFoundError):
-            handle = _lock(place, left)
+            handle = _lock(place, existed)
             if handle == _BUSY:
                 raise InvalidInput(
                     f"Another run is writing to {destination}: wait for its end, or choose "
-                    f"another place. If there is no other run, remove {place}."
+                    f"another destination. If there is no other run, remove {place}."
                 )
             if handle is None or os.path.samestat(os.fstat(handle), os.lstat(place)):
                 return handle
@@ -193,20 +209,28 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
 _BUSY = -1
 
 
-def _lock(place: FilePath, left: bool) -> int | None:
-    """A handle on a folder, with its lock; or _BUSY if another process has the lock.
+def _lock(place: FilePath, existed: bool) -> int | None:
+    """Lock a folder.
 
-    Windows has no locks on folders, and some network file systems have none: there the handle is
-    None, and whoever made the folder has it.
+    Windows and some network file systems have no locks on folders. There the process that makes
+    the folder owns it.
+
+    Args:
+        place: The folder.
+        existed: Whether the folder existed before.
+
+    Returns:
+        A handle with the lock; _BUSY if another process uses the folder; None if there are no
+        locks and this process made the folder.
     """
     try:
         import fcntl
     except ImportError:
-        return _BUSY if left else None
+        return _BUSY if existed else None
     handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         os.close(handle)
-        return _BUSY if left or isinstance(error, BlockingIOError) else None
+        return _BUSY if existed or isinstance(error, BlockingIOError) else None
     return handle

@@ -1,4 +1,4 @@
-"""Frames and rotations in space, vectorised: rotation vectors, matrices, roll-pitch-yaw."""
+"""Frames and vectorised rotations in space: rotation vectors, matrices, roll-pitch-yaw."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 
-# A given rotation matrix may be off by this; it is then made orthonormal.
+# Tolerance of `R^T R - I` for a given rotation matrix R, which is then made orthonormal.
 ROTATION_TOLERANCE = 1e-6
-# A given quaternion may be off by this in length, as four printed digits are; it is then scaled.
+# Tolerance of the length of a given quaternion (about four printed digits), which is then scaled.
 QUATERNION_TOLERANCE = 1e-3
 ORIGIN = _checks.lock_floats(np.zeros(3))
 UNTURNED = _checks.lock_floats(np.eye(3))
@@ -22,15 +22,15 @@ UNTURNED = _checks.lock_floats(np.eye(3))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """A place and an orientation, in the coordinates of another frame.
+    """The position and orientation of a frame in another frame.
 
     Args:
-        position: Its origin [m], (3,).
-        rotation: Rotation matrix whose columns are its axes, (3, 3); anything that `rotations`
-            takes.
+        position: Origin of the frame [m], (3,).
+        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), or another form
+            that `rotations` accepts.
 
     Raises:
-        InvalidInput: Not such a place, or not a rotation.
+        InvalidInput: The position does not have 3 coordinates, or the rotation is not one.
     """
 
     position: FloatArray = field(default_factory=lambda: ORIGIN)
@@ -50,7 +50,7 @@ class Frame:
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
-        """A frame turned by roll, pitch and yaw about fixed x, y and z [rad], as in URDF.
+        """A frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
 
         Args:
             position: Origin of the frame [m], (3,).
@@ -59,7 +59,7 @@ class Frame:
         return cls(position=np.asarray(position), rotation=from_rpy(angles))
 
     def __matmul__(self, other: Frame) -> Frame:
-        """The frame `other`, given in this one, in the coordinates that this one is given in."""
+        """The frame `other`, which is given in this frame, in this frame's reference frame."""
         return Frame(
             position=self.position + self.rotation @ other.position,
             rotation=self.rotation @ other.rotation,
@@ -67,20 +67,20 @@ class Frame:
 
     @property
     def inverse(self) -> Frame:
-        """The frame in which this one is given, in the coordinates of this one."""
+        """The reference frame of this frame, in the coordinates of this frame."""
         back = self.rotation.T
         return Frame(position=-back @ self.position, rotation=back)
 
 
 def rotations(name: str, values: Any) -> FloatArray:
-    """Rotation matrices, (3, 3) or (n, 3, 3), from what people have.
+    """Rotation matrices, (3, 3) or (n, 3, 3), from one of several forms.
 
     Args:
-        name: For messages.
+        name: Name of the values, for messages.
         values: Rotation matrices; quaternions x, y, z, w, (4,) or (n, 4); or a rotation of scipy.
 
     Raises:
-        InvalidInput: Another shape, not finite, or not a rotation.
+        InvalidInput: The shape is another one, or the values are not finite or not rotations.
     """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
@@ -103,7 +103,7 @@ def rotations(name: str, values: Any) -> FloatArray:
         )
     if not _are_rotations(array):
         raise InvalidInput(
-            f"{name} holds a matrix that is no rotation: its axes must be at right "
+            f"{name} has a matrix that is no rotation: its axes must be at right "
             "angles, of length 1 and right-handed."
         )
     u, _, v = np.linalg.svd(array)
@@ -120,7 +120,7 @@ def from_rpy(angles: npt.ArrayLike) -> FloatArray:
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:
-    """Rotation matrices of rotation vectors [rad], (..., 3) to (..., 3, 3)."""
+    """Rotation matrices of rotation vectors [rad], (..., 3) to (..., 3, 3), by Rodrigues."""
     v = np.asarray(vectors, dtype=np.float64)
     angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
     first = np.sinc(angle / np.pi)
@@ -132,8 +132,8 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
 def log(matrices: npt.ArrayLike) -> FloatArray:
     """Rotation vectors [rad] of rotation matrices, (..., 3, 3) to (..., 3), of length 0 to pi."""
     r = np.asarray(matrices, dtype=np.float64)
-    # By way of the quaternion whose largest component is taken from the diagonal: accurate at every
-    # angle, half a turn too.
+    # The quaternion is computed from its largest component, which is accurate at every angle, also
+    # at half a turn.
     trace = np.trace(r, axis1=-2, axis2=-1)
     diagonal = np.diagonal(r, axis1=-2, axis2=-1)
     squares = np.concatenate([1 + trace[..., None], 1 + 2 * diagonal - trace[..., None]], axis=-1)
@@ -156,16 +156,20 @@ def log(matrices: npt.ArrayLike) -> FloatArray:
 
 
 def cross_matrix(v: FloatArray) -> FloatArray:
-    """Matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
+    """Cross-product matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
     k = np.zeros((*v.shape, 3))
     k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     return k - np.swapaxes(k, -1, -2)
 
 
 def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
-    """Vectors [rad] of the shortest rotations that turn unit vectors into others, (..., 3).
+    """Rotation vectors [rad] of the shortest rotations of unit vectors into others, (..., 3).
 
-    Where they are opposite, about any axis at right angles to them.
+    For opposite vectors the axis is one of the axes normal to them.
+
+    Args:
+        first: Unit vectors before the rotations, (..., 3).
+        second: Unit vectors after the rotations, same shape.
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     axis = np.cross(a, b)
@@ -175,34 +179,36 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit = np.where(size > 1e-12, axis / size, any_axis)
-    # At right angles to the first to the last digit: near half a turn, what is left counts twice.
+    # Make the axis exactly normal to the first vector: near half a turn an error would count twice.
     unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a
     unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
     return np.asarray(unit * angle)
 
 
 def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Angle between unit vectors [rad], in 0..pi, accurate at both ends of that range."""
+    """Angles between unit vectors [rad], from 0 to pi, accurate near 0 and near pi."""
     difference = np.linalg.norm(first - second, axis=-1)
     total = np.linalg.norm(first + second, axis=-1)
     return np.asarray(2 * np.arctan2(difference, total))
 
 
 def _is_transform(array: FloatArray) -> bool:
-    """Whether an array is a homogeneous transform, which four quaternions are by chance only."""
+    """Whether an array is a homogeneous transform; four quaternions are one by chance only."""
     if array.shape != (4, 4) or not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
         return False
     return _are_rotations(array[:3, :3])
 
 
 def _are_rotations(matrices: FloatArray) -> bool:
-    # No entry of a rotation exceeds 1: larger ones could overflow.
+    """Whether all matrices are rotations within `ROTATION_TOLERANCE`."""
+    # Entries of a rotation are at most 1; much larger entries could overflow below.
     capped = np.clip(matrices, -2.0, 2.0)
     off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
     return not ((off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
 
 
 def _from_quaternions(q: FloatArray) -> FloatArray:
+    """Rotation matrices of unit quaternions x, y, z, w, (..., 4) to (..., 3, 3)."""
     v, w = q[..., :3], q[..., 3, None, None]
     k = cross_matrix(v)
     return np.asarray(np.eye(3) + 2 * w * k + 2 * (k @ k))

@@ -35,14 +35,14 @@ def test_what_is_not_given_is_zero_and_all_is_locked():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"joints": ()}, ("at least one joint",)),
+        ({"joints": ()}, ("at least one revolute joint",)),
         ({"centers": None}, ("needs centres of mass",)),
         ({"positions": [0, 0, 0]}, ("positions of a chain", "(2, 3)")),
         ({"gravity": [0, 0, np.inf]}, ("gravity", "finite")),
         ({"axes": [[0, 0, 2], [0, 1, 0]]}, ("unit vectors",)),
         ({"armature": [-1, 0]}, ("armature", "negative")),
         ({"masses": [1, -1]}, ("link after b", "-1 kg")),
-        ({"inertias": [np.eye(3), np.diag([1, 1, 3])]}, ("link after b", "no body", "1, 1, 3")),
+        ({"inertias": [np.eye(3), np.diag([1, 1, 3])]}, ("link after b", "No body", "1, 1, 3")),
         ({"inertias": [np.triu(np.ones((3, 3))), np.eye(3)]}, ("link after a", "symmetric")),
     ],
 )
@@ -55,7 +55,7 @@ def test_chains_that_are_none_are_refused(change, words, refuses):
     [
         ({"mass": -1.0}, ("payload mass", "negative")),
         ({"center": [0, 0]}, ("centre of 3 coordinates",)),
-        ({"inertia": np.diag([1.0, 1.0, 3.0])}, ("inertia of the payload", "no body")),
+        ({"inertia": np.diag([1.0, 1.0, 3.0])}, ("inertia of the payload", "No body")),
     ],
 )
 def test_payloads_that_are_none_are_refused(change, words, refuses):

@@ -147,7 +147,7 @@ def test_the_users_own_serial_arm(tmp_path):
         ({"masses": {"value": [2, -1], "unit": "kg"}}, ("after second", "-1 kg")),
         (
             {"inertias": {"value": [[0.1, 0, 0, 0.1, 0, 0.5]] * 2, "unit": "kg m^2"}},
-            ("inertia of the link after first", "no body"),
+            ("inertia of the link after first", "No body"),
         ),
     ],
 )

@@ -179,7 +179,7 @@ NO_MASS = '<mass value="2"/>'
         ((NO_MASS, "<mass/>"), ("link lower of", "value of its mass")),
         ((NO_MASS, '<mass value="-2"/>'), ("link lower of", "-2 kg")),
         (('iyy="0.02" iyz="0" izz="0.02"', 'iyy="0.02" iyz="0" izz="0.2"'),
-         ("inertia of the link lower of", "no body")),
+         ("inertia of the link lower of", "No body")),
         (('<axis xyz="0 1 1"/>', '<axis xyz="0 0 0"/>'), ("Joint tilt of", "axis of length 0")),
         (('<axis xyz="0 1 1"/>', '<axis xyz="0 1"/>'), ("Joint tilt of", "three numbers", "'0 1'")),
         (('<origin xyz="0.4 0 0.02"/>', '<origin xyz="0.4 0 a"/>'), ("elbow", "three numbers")),

@@ -179,7 +179,7 @@ def test_a_description_may_be_named_alone(folder: FilePath) -> None:
         ({"name": "ur5e", "payload": {}}, "the key arm.payload.mass is missing"),
         (
             {"name": "ur5e", "payload": {"mass": 1, "inertia": [1, 0, 0, 1, 0, 5]}},
-            "arm.payload: The inertia of the payload is that of no body",
+            "arm.payload: No body can have the inertia of the payload",
         ),
         (
             {"file": "robot.urdf", "tip": "tcp", "locked": {"lfit": 0.1}},

@@ -169,7 +169,7 @@ def test_the_worst_of_a_monotone_box_is_a_corner(taught, rounded, arm, servo, li
 
 def test_too_many_corners_are_searched():
     weights = np.random.default_rng(1).normal(size=15)
-    signs = robustness._searched(lambda x: x @ weights + 0.1 * x[:, 0] * x[:, 1], 15)
+    signs = robustness._search_corners(lambda x: x @ weights + 0.1 * x[:, 0] * x[:, 1], 15)
     assert signs.shape == (robustness.MOST_CORNERS, 15) and (np.abs(signs) == 1).all()
     worst = signs[np.argmax(signs @ weights)]
     np.testing.assert_array_equal(worst, np.sign(weights))

@@ -1,4 +1,4 @@
-"""Xacro files are programs: they are expanded in a guarded process of their own.
+"""Expansion of xacro files, which contain programs, in a guarded process of its own.
 
-The guards are defence in depth, not a boundary: only files that somebody trusts are expanded.
+The guards are defence in depth, not a security boundary: only trusted files are expanded.
 """

@@ -1,7 +1,7 @@
-"""The process that expands one xacro file: started as a script, it answers once and ends.
+"""The child process that expands one xacro file; it is started as a script.
 
-It reads one line of JSON from its input, and writes one to its output. It ends when its input ends,
-which the end of its parent brings about, and when its time is over.
+The process reads one line of JSON from its standard input and writes one to its standard output.
+It ends early when its input is closed, for example by the end of the parent, or at the time limit.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-# Frames of Python per macro are some 10, with the elements around its call.
+# Recursion limit of Python: a macro takes about 10 frames with the elements around its call.
 DEEPEST = 5000
 MEGABYTE = 1_000_000
 
 
 def main() -> None:
-    """Answer one request, and end."""
+    """Answer one request, then end the process."""
     request = json.loads(sys.stdin.buffer.readline())
-    # This watch runs outside of the interpreter: no expression can keep it from ending the process.
+    # This timer runs outside of the interpreter, so no expression can prevent it from ending the
+    # process.
     nowhere = open(os.devnull, "w")
     faulthandler.dump_traceback_later(request["seconds"] + 1, exit=True, file=nowhere)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    # Folders that the parent imports from, but for that of the description.
+    # The parent's import path without the folder of the description.
     sys.path[:] = request["path"]
     answer = json.dumps(_answer(request)).encode()
     with contextlib.suppress(BrokenPipeError):
@@ -37,13 +38,14 @@ def main() -> None:
 
 
 def _end_with_parent() -> None:
+    """End the process when its standard input is closed."""
     while os.read(0, 1):
         pass
     os._exit(1)
 
 
 def _answer(request: Mapping[str, Any]) -> dict[str, str]:
-    """What the description expands to, or why it is refused."""
+    """The expanded description ("text"), or the reason why there is none ("refused", "failed")."""
     from armcontour._xacro.expressions import Refused
 
     try:
@@ -52,13 +54,17 @@ def _answer(request: Mapping[str, Any]) -> dict[str, str]:
         return {"refused": str(error)}
     except MemoryError:
         return {"refused": f"it needs more memory than {request['megabytes']} MB"}
-    # Expressions of the file may fail in any way.
+    # Expressions of the file may raise any exception.
     except Exception as error:
-        return {"failed": _said(error)}
+        return {"failed": _message(error)}
 
 
 def _expand(request: Mapping[str, Any]) -> str:
-    """The text that a description expands to."""
+    """The expanded text of a description.
+
+    Raises:
+        Refused: The description does something that is refused, or expands to too much text.
+    """
     import xml.dom.expatbuilder  # noqa: F401
 
     import xacro
@@ -68,7 +74,7 @@ def _expand(request: Mapping[str, Any]) -> str:
     from armcontour._xacro import guard
     from armcontour._xacro.expressions import Refused
 
-    # Without ROS there is none, and then no package is found.
+    # Without ROS this module does not exist, and no package is found.
     with contextlib.suppress(ImportError):
         import ament_index_python.packages  # type: ignore[import-not-found]  # noqa: F401
     file = request["file"]
@@ -85,7 +91,7 @@ def _expand(request: Mapping[str, Any]) -> str:
 
 
 def _limit(request: Mapping[str, Any]) -> None:
-    """Limit memory, time, files and processes, where the system can."""
+    """Limit memory, time, files and processes of this process if the system supports it."""
     try:
         import resource
     except ImportError:
@@ -99,13 +105,13 @@ def _limit(request: Mapping[str, Any]) -> None:
         ("RLIMIT_CORE", 0),
         ("RLIMIT_NPROC", 0),
     ):
-        # Some systems know fewer limits, or do not take this one.
+        # Some systems do not have a limit or refuse its value.
         with contextlib.suppress(AttributeError, ValueError, OSError):
             resource.setrlimit(getattr(resource, name), (most, most))
 
 
-def _said(error: BaseException) -> str:
-    """What an error says; of one that wraps others, too deep a nesting goes first."""
+def _message(error: BaseException) -> str:
+    """The message of an error, or of a recursion or memory error that it wraps."""
     inner: BaseException | None = error
     while inner is not None:
         if isinstance(inner, RecursionError):

@@ -1,4 +1,4 @@
-"""Expanding a xacro file in a guarded process: started, watched and ended here."""
+"""The function `expand_xacro`, which runs the guarded child process and reads its answer."""
 
 from __future__ import annotations
 
@@ -15,57 +15,57 @@ from armcontour import _files
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
 
-# The largest public descriptions take some 2 s.
+# Time limit [s]; the largest public descriptions take about 2 s.
 SECONDS = 10.0
-# Of the process; the largest public descriptions need a tenth.
+# Memory limit of the process [MB]; the largest public descriptions need a tenth of it.
 MEGABYTES = 1000
-# Of the answer: JSON may write a character as six.
+# Largest answer [bytes]: JSON may write a character as six.
 MOST_ANSWER = 6 * _files.SMALL
-# What an interpreter may need to start, and ROS to find packages.
+# Environment variables that the interpreter may need to start, and ROS to find packages.
 KEPT = ("AMENT_PREFIX_PATH", "DYLD_LIBRARY_PATH", "LD_LIBRARY_PATH", "SYSTEMROOT")
 
 
 def expand_xacro(file: FilePath, *, seconds: float = SECONDS) -> str:
-    """The robot description that a trusted xacro file expands to.
+    """Expand a trusted xacro file to the text of a robot description.
 
     Args:
         file: The xacro file.
-        seconds: How long it may take [s].
+        seconds: Time limit [s].
 
     Raises:
-        InvalidInput: xacro is not installed, the file does what is refused, or it cannot be
-            expanded in that time.
+        InvalidInput: xacro is not installed, the file does something that is refused, or it cannot
+            be expanded within the time limit.
     """
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
             f"{file} needs the package xacro, which is not installed: install armcontour[ros], or "
             "expand it to a .urdf elsewhere."
         )
-    found = _answer(file, seconds)
-    if "text" in found:
-        return str(found["text"])
-    if "refused" in found:
+    answer = _answer(file, seconds)
+    if "text" in answer:
+        return str(answer["text"])
+    if "refused" in answer:
         raise InvalidInput(
-            f"{file} is not expanded: {_printable(found['refused'])}; if that is meant, expand it "
-            "to a .urdf with the program xacro itself, which refuses nothing."
+            f"{file} is not expanded: {_printable(answer['refused'])}; if that is intended, expand "
+            "it to a .urdf with the program xacro itself, which refuses nothing."
         )
-    said = _printable(found.get("failed", "its process ended without an answer"))
-    raise InvalidInput(f"{file} cannot be expanded by xacro: {said}.")
+    message = _printable(answer.get("failed", "its process ended without an answer"))
+    raise InvalidInput(f"{file} cannot be expanded by xacro: {message}.")
 
 
 def _answer(file: FilePath, seconds: float) -> dict[str, Any]:
-    """The answer of a process that expands a file."""
-    place = os.path.abspath(file)
+    """The answer of a child process that expands a file; empty if it gave none."""
+    absolute = os.path.abspath(file)
     request = {
-        "file": place,
-        "path": _import_path(os.path.dirname(place)),
+        "file": absolute,
+        "path": _import_path(os.path.dirname(absolute)),
         "seconds": seconds,
         "megabytes": MEGABYTES,
         "most": _files.SMALL,
     }
-    process = _start(file, os.path.dirname(place))
+    process = _start(file, os.path.dirname(absolute))
     answer: list[bytes] = []
-    # Pipes cannot be read with a time limit on all systems, so another thread waits for it.
+    # Not all systems can read pipes with a time limit, so another thread reads the answer.
     reader = threading.Thread(target=_read, args=(process.stdout, answer), daemon=True)
     try:
         reader.start()
@@ -84,17 +84,21 @@ def _answer(file: FilePath, seconds: float) -> dict[str, Any]:
 
 
 def _import_path(folder: str) -> list[str]:
-    """Where the process imports from: as here, but never from the folder of the description."""
+    """Import path of the child process: that of this process without the description's folder."""
     own, refused = str(FilePath(__file__).parents[2]), os.path.realpath(folder)
     return [own, *(x for x in sys.path if x and os.path.realpath(x) != refused)]
 
 
 def _start(file: FilePath, folder: str) -> subprocess.Popen[bytes]:
-    """The process, with no environment but what it needs."""
+    """Start the child process, with only those environment variables that it needs.
+
+    Raises:
+        InvalidInput: The process cannot be started.
+    """
     child = str(FilePath(__file__).with_name("child.py"))
     try:
         return subprocess.Popen(
-            # Isolated, without warnings, writing no compiled modules.
+            # Isolated, without bytecode files, without warnings, with UTF-8.
             [sys.executable, "-I", "-B", "-W", "ignore", "-X", "utf8", child],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -112,6 +116,7 @@ def _start(file: FilePath, folder: str) -> subprocess.Popen[bytes]:
 
 
 def _read(pipe: IO[bytes], answer: list[bytes]) -> None:
+    """Read a pipe into a list of blocks, up to `MOST_ANSWER`."""
     size = 0
     while block := pipe.read(1 << 20):
         size += len(block)
@@ -121,7 +126,7 @@ def _read(pipe: IO[bytes], answer: list[bytes]) -> None:
 
 
 def _write(pipe: IO[bytes] | None, line: bytes) -> None:
-    """Write a line; a process that has ended is told by its lack of an answer."""
+    """Write a line to a pipe; errors are ignored, because an ended process gives no answer."""
     try:
         while pipe is not None and line:
             line = line[pipe.write(line) :]
@@ -130,6 +135,7 @@ def _write(pipe: IO[bytes] | None, line: bytes) -> None:
 
 
 def _parse(answer: list[bytes]) -> dict[str, Any]:
+    """The JSON object of an answer; empty if the answer is not one."""
     try:
         found = json.loads(b"".join(answer))
     except ValueError:
@@ -138,5 +144,5 @@ def _parse(answer: list[bytes]) -> dict[str, Any]:
 
 
 def _printable(text: object) -> str:
-    """What another process said, in characters that a terminal only shows."""
+    """A text of the child process, shortened and with escapes for unprintable characters."""
     return make_printable(str(text)[:500].rstrip(". "))

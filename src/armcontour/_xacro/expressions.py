@@ -1,4 +1,4 @@
-"""Expressions of xacro files: their syntax tree is checked, and their operators are bounded."""
+"""Compilation of xacro expressions with a checked syntax tree and bounded operators."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-# Text of an expression; the longest of public robot descriptions have some 200 characters.
+# Longest expression [characters]; in public robot descriptions they have up to about 200.
 LONGEST = 10_000
-# Elements of a repeated text or list, and of a range.
+# Largest number of elements of a repeated text or list, and of a range.
 MOST_ITEMS = 100_000
-# Bits of a whole number: 1e308 has 1024.
+# Largest number of bits of a whole number; 1e308 has 1024.
 MOST_BITS = 4096
-# Digits that a text is formatted with.
+# Largest width in the format of a text [characters].
 WIDEST = 100
 
 ALLOWED = (
@@ -51,7 +51,8 @@ NAMED = {
     ast.JoinedStr: "a formatted string",
     ast.NamedExpr: "an assignment",
 }
-# What leads from a value to the interpreter: private names; frames, code, generators, functions.
+# Prefixes of attributes that give access to the interpreter: private names, and attributes of
+# frames, code objects, generators and functions.
 INNER = ("_", "gi_", "f_", "cr_", "tb_", "ag_", "co_", "func_", "im_")
 # Methods that read attributes by name, or that make texts of any length.
 METHODS = {"format", "format_map", "mro"}
@@ -59,14 +60,14 @@ METHODS |= {"ljust", "rjust", "center", "zfill", "expandtabs", "to_bytes"}
 
 
 class Refused(BaseException):
-    """What a description must not do; no `except Exception` of xacro catches it."""
+    """The refusal of a description; a BaseException, so that xacro does not catch it."""
 
 
 def compile_expression(text: str) -> Any:
-    """The code of an expression, to be evaluated where the names in `OPERATIONS` are known.
+    """Compile an expression; the code must be evaluated with the names of `OPERATIONS`.
 
     Raises:
-        Refused: The expression could reach the interpreter.
+        Refused: The expression is too long, too deeply nested, or could access the interpreter.
         SyntaxError: The text is not an expression.
     """
     text = text.strip()
@@ -83,46 +84,54 @@ def compile_expression(text: str) -> Any:
 
 
 def _check(node: ast.AST, text: str) -> None:
-    """Refuse a part of an expression that no robot description needs."""
-    found = None
+    """Refuse a part of an expression that no robot description needs.
+
+    Raises:
+        Refused: The node is such a part.
+    """
+    bad = None
     if not isinstance(node, ALLOWED):
-        found = NAMED.get(type(node), f"syntax of the kind {type(node).__name__}")
+        bad = NAMED.get(type(node), f"syntax of the kind {type(node).__name__}")
     elif isinstance(node, ast.Name) and node.id.startswith("__"):
-        found = f"the name {node.id}"
+        bad = f"the name {node.id}"
     elif isinstance(node, ast.Attribute):
         if node.attr.startswith(INNER) or node.attr in METHODS:
-            found = f"the attribute {node.attr}"
-    if found is not None:
-        raise Refused(f"the expression {_shown(text)} holds {found}, which is refused")
+            bad = f"the attribute {node.attr}"
+    if bad is not None:
+        raise Refused(f"the expression {_shown(text)} contains {bad}, which is refused")
 
 
 def _shown(text: str) -> str:
+    """The text of an expression in quotes, shortened to 80 characters, for messages."""
     return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
 def _power(base: Any, exponent: Any) -> Any:
+    """The operator `**` with bounded results."""
     if isinstance(base, int) and isinstance(exponent, int):
-        _bits(base.bit_length() * max(exponent, 0))
+        _refuse_bits(base.bit_length() * max(exponent, 0))
     return base**exponent
 
 
 def _times(left: Any, right: Any) -> Any:
+    """The operator `*` with bounded results."""
     if isinstance(left, int) and isinstance(right, int):
-        _bits(left.bit_length() + right.bit_length())
+        _refuse_bits(left.bit_length() + right.bit_length())
     for items, count in ((left, right), (right, left)):
         if isinstance(items, str | bytes | list | tuple) and isinstance(count, int):
-            _items(len(items) * count)
+            _refuse_items(len(items) * count)
     return left * right
 
 
 def _shift(value: Any, by: Any) -> Any:
+    """The operator `<<` with bounded results."""
     if isinstance(value, int) and isinstance(by, int):
-        _bits(value.bit_length() + max(by, 0))
+        _refuse_bits(value.bit_length() + max(by, 0))
     return value << by
 
 
 def _remainder(left: Any, right: Any) -> Any:
-    """`%`: a remainder, or a text with values put in."""
+    """The operator `%` with bounded results: a remainder, or a formatted text."""
     if isinstance(left, str | bytes):
         text = left if isinstance(left, str) else left.decode("latin-1")
         if "*" in text or any(int(x) > WIDEST for x in re.findall(r"[0-9]{1,9}", text)):
@@ -130,27 +139,45 @@ def _remainder(left: Any, right: Any) -> Any:
     return left % right
 
 
-def _bits(count: int) -> None:
+def _refuse_bits(count: int) -> None:
+    """Refuse a whole number of more than `MOST_BITS` bits.
+
+    Raises:
+        Refused: It has more.
+    """
     if count > MOST_BITS:
         raise Refused(f"an expression makes a whole number of more than {MOST_BITS} bits")
 
 
-def _items(count: int) -> None:
+def _refuse_items(count: int) -> None:
+    """Refuse more than `MOST_ITEMS` items.
+
+    Raises:
+        Refused: There are more.
+    """
     if count > MOST_ITEMS:
         raise Refused(f"an expression makes more than {MOST_ITEMS} items")
 
 
 def bounded_range(*args: int) -> range:
-    """`range`, not longer than `MOST_ITEMS`."""
+    """The function `range` with at most `MOST_ITEMS` items.
+
+    Raises:
+        Refused: The range is longer.
+    """
     found = range(*args)
-    # The length of a longer one may not even be a number that `len` gives.
+    # `len` fails for very long ranges, so the length is computed from the ends.
     if found and abs((found[-1] - found[0]) // found.step) >= MOST_ITEMS:
         raise Refused(f"an expression makes more than {MOST_ITEMS} items")
     return found
 
 
 def bounded_factorial(n: int) -> int:
-    """`math.factorial` of numbers below 500, whose result has some 3800 bits."""
+    """The function `math.factorial` for numbers below 500, whose results have up to 3800 bits.
+
+    Raises:
+        Refused: The number is larger.
+    """
     if n >= 500:
         raise Refused(f"an expression makes a whole number of more than {MOST_BITS} bits")
     return math.factorial(n)
@@ -162,15 +189,15 @@ OPERATORS: dict[type[ast.operator], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.LShift: ("__shifted", _shift),
     ast.Mod: ("__remainder", _remainder),
 }
-# What the code of `compiled` calls in the place of operators, by name.
+# Functions that compiled expressions call instead of operators, by their names.
 OPERATIONS = dict(OPERATORS.values())
 
 
 class _Bounded(ast.NodeTransformer):
-    """Puts calls of bounded functions in the place of operators that could explode."""
+    """Replaces operators whose results could be very large by calls of bounded functions."""
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:  # noqa: N802
-        """Replace one operator; the name is the one that `ast` calls."""
+        """Replace one operator; `ast` requires this name of the method."""
         self.generic_visit(node)
         if type(node.op) not in OPERATORS:
             return node

@@ -1,4 +1,4 @@
-"""Guards around xacro, in the process that expands one description and then ends."""
+"""Guards around xacro in the child process: bounded evaluation, files and calls."""
 
 from __future__ import annotations
 
@@ -21,28 +21,35 @@ from armcontour._xacro.expressions import (
 )
 from armcontour.errors import InvalidInput
 
-# Macros that call one another, and files that include one another; robots have some 10.
+# Largest depth of macros that call one another and of files that include one another; robot
+# descriptions have about 10.
 MOST_DEEP = 100
-# Characters of one text that expressions make.
+# Longest text that an expression makes [characters].
 LONGEST_TEXT = 1_000_000
 PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
-# Symbols that look into values as attributes do.
+# Functions that give access to the attributes of values.
 INNER_SYMBOLS = ("type", "vars")
-# What the interpreter tells of before it touches the machine: refused by the first word.
+# First words of the audit events that are refused: the interpreter raises them before it accesses
+# the system.
 TOUCHING = {"_winapi", "code", "ctypes", "fcntl", "ftplib", "function", "gc", "http", "mmap"}
 TOUCHING |= {"msvcrt", "object", "os", "pickle", "pty"}
 TOUCHING |= {"shutil", "signal", "smtplib", "socket", "sqlite3", "subprocess", "syslog", "tempfile"}
 TOUCHING |= {"urllib", "webbrowser", "winreg"}
-# Codecs and parts of the XML reader are loaded when they are first used.
+# Prefixes of modules that the interpreter loads at first use: codecs, and parts of the XML reader.
 LOADED_LATER = ("encodings.", "pyexpat", "xml.")
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
 class Reading:
-    """What a description may read: files below its own folder, and of packages that it names.
+    """The files that a description may read: below its own folder and in packages that it names.
 
     Args:
         file: The description.
+
+    Attributes:
+        file: Real path of the description.
+        folders: Folders below which files may be read.
+        looks_for_package: Whether ROS is searching a package, which may read any folder.
     """
 
     def __init__(self, file: str) -> None:
@@ -51,12 +58,16 @@ class Reading:
         self.looks_for_package = False
 
     def allows(self, name: str | bytes) -> bool:
-        """Whether a file or folder may be read; links count as where they lead."""
-        place = FilePath(os.path.realpath(os.fsdecode(name)))
-        return place == self.file or any(place.is_relative_to(x) for x in self.folders)
+        """Whether a file or folder may be read; a link counts as its target."""
+        target = FilePath(os.path.realpath(os.fsdecode(name)))
+        return target == self.file or any(target.is_relative_to(x) for x in self.folders)
 
     def refuse(self, name: str | bytes) -> None:
-        """Refuse a file that may not be read."""
+        """Refuse a file that may not be read.
+
+        Raises:
+            Refused: The file may not be read.
+        """
         if not self.allows(name):
             raise Refused(
                 f"it reads {os.fsdecode(name)!r}, which lies outside of the folder of the "
@@ -65,19 +76,19 @@ class Reading:
 
 
 def guard(xacro: Any, substitution: Any, reading: Reading) -> None:
-    """Put guarded functions in the place of what xacro evaluates and reads with.
+    """Replace the functions by which xacro evaluates expressions and reads files by guarded ones.
 
     Args:
-        xacro: The module.
-        substitution: Its module substitution_args.
-        reading: What may be read.
+        xacro: The module xacro.
+        substitution: The module xacro.substitution_args.
+        reading: The files that may be read.
     """
     xacro.safe_eval = _safe_eval
     substitution._eval = _evaluator(substitution)
     substitution._eval_env = _refuse_env
     substitution._eval_optenv = _refuse_env
     substitution._eval_find = _finder(substitution, reading)
-    # A name of the module goes before the builtin one.
+    # A function of the module hides the builtin one.
     xacro.open = _opener(xacro, reading)
     xacro.eval_text = _bounded_text(xacro.eval_text)
     xacro.handle_macro_call = _bounded_calls(xacro, xacro.handle_macro_call)
@@ -91,9 +102,12 @@ def guard(xacro: Any, substitution: Any, reading: Reading) -> None:
 
 
 def watch(reading: Reading) -> None:
-    """Refuse from now on whatever the interpreter says that it is about to do to the machine.
+    """Install an audit hook that refuses access to the system from now on.
 
-    No code can take this back: it also meets what gets past the checks of expressions.
+    No code can remove an audit hook, so it also stops an expression that passes the other checks.
+
+    Args:
+        reading: The files that may be read.
     """
     library = FilePath(os.path.realpath(os.path.dirname(os.__file__)))
 
@@ -113,7 +127,16 @@ def watch(reading: Reading) -> None:
 
 
 def _check_open(args: tuple[Any, ...], reading: Reading, library: FilePath) -> None:
-    """Refuse to write, and to read what may not be read."""
+    """Refuse to open a file for writing, or for reading if it may not be read.
+
+    Args:
+        args: Arguments of the audit event `open`: name, mode and flags.
+        reading: The files that may be read.
+        library: Folder of Python's standard library, which may be read.
+
+    Raises:
+        Refused: The file must not be opened.
+    """
     name, mode, flags = (*args, None, None)[:3]
     if isinstance(name, int):
         return
@@ -126,7 +149,7 @@ def _check_open(args: tuple[Any, ...], reading: Reading, library: FilePath) -> N
 
 
 class _Names:
-    """Names of an expression: the bounded operators, which nothing can hide, then symbols."""
+    """The names of an expression: bounded operators, which no symbol can hide, then symbols."""
 
     def __init__(self, symbols: Any) -> None:
         self._symbols = symbols
@@ -136,19 +159,19 @@ class _Names:
 
 
 def _safe_eval(expr: str, symbols: Any) -> Any:
-    """What xacro evaluates `${...}` with."""
+    """Evaluate an expression `${...}`; replaces xacro's function of this name."""
     names: Any = _Names(symbols)
     return eval(compile_expression(expr), {"__builtins__": {}}, names)
 
 
 def _evaluator(substitution: Any) -> Callable[[str, dict[str, Any]], str]:
-    """What xacro evaluates `$(eval ...)` with; its own leaves all of Python's builtins open."""
+    """A function that evaluates `$(eval ...)`; xacro's own gives access to all builtins."""
     given = substitution._eval_dict
     symbols = {key: value for key, value in given.items() if not key.startswith("_")}
     symbols |= {x.__name__: x for x in (list, dict, map, str, float, int)}
     symbols |= {name: bounded for name, bounded in BOUNDED.items() if name in given}
     symbols |= {"env": _refuse_env, "optenv": _refuse_env}
-    # The function that is put in its place is looked up when it is called.
+    # The guarded function is looked up at the time of the call.
     symbols["find"] = lambda name: substitution._eval_find(name)
 
     def evaluate(text: str, context: dict[str, Any]) -> str:
@@ -167,14 +190,16 @@ def _evaluator(substitution: Any) -> Callable[[str, dict[str, Any]], str]:
 
 
 def _refuse_env(name: str, default: str = "") -> str:
+    """Refuse to read an environment variable."""
     raise Refused(f"it reads the environment variable {name!r}, and the environment is not read")
 
 
 def _refuse_count(*args: object, **options: object) -> int:
+    """Refuse functions with unbounded results."""
     raise Refused("it calls comb, perm, prod or sumprod, whose results have no bound")
 
 
-# What stands in the place of functions whose results could be of any size.
+# Replacements of functions whose results could be of any size.
 BOUNDED: dict[str, Callable[..., Any]] = {
     "factorial": bounded_factorial,
     "range": bounded_range,
@@ -183,7 +208,7 @@ BOUNDED: dict[str, Callable[..., Any]] = {
 
 
 def _finder(substitution: Any, reading: Reading) -> Callable[[str], str]:
-    """What finds the folder of a package; files of a package that is found may be read."""
+    """A function that returns the folder of a package, whose files may then be read."""
     find = substitution._eval_find
 
     def found(name: str) -> str:
@@ -206,14 +231,14 @@ def _finder(substitution: Any, reading: Reading) -> Callable[[str], str]:
 
 
 def _opener(xacro: Any, reading: Reading) -> Callable[[str], io.BytesIO]:
-    """What opens included files and the YAML of `load_yaml`."""
+    """A function that opens included files and the files of `load_yaml`."""
 
     def opened(name: str) -> io.BytesIO:
         reading.refuse(name)
         if len(xacro.filestack or ()) > MOST_DEEP:
             raise Refused(f"its files include one another more than {MOST_DEEP} deep")
         if not os.path.exists(name):
-            # Includes that are optional wait for just this error.
+            # xacro catches this error for optional includes.
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
         try:
             return io.BytesIO(_files.read_bytes(name, "included file"))
@@ -224,6 +249,8 @@ def _opener(xacro: Any, reading: Reading) -> Callable[[str], io.BytesIO]:
 
 
 def _bounded_text(evaluate: Callable[..., Any]) -> Callable[..., Any]:
+    """The function that evaluates the expressions of a text, with a bounded result."""
+
     def eval_text(text: str, symbols: Any) -> Any:
         found = evaluate(text, symbols)
         if isinstance(found, str) and len(found) > max(LONGEST_TEXT, len(text)):
@@ -234,6 +261,8 @@ def _bounded_text(evaluate: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _bounded_calls(xacro: Any, call: Callable[..., Any]) -> Callable[..., Any]:
+    """The function that calls a macro, with a bounded depth of calls."""
+
     def handle_macro_call(node: Any, macros: Any, symbols: Any) -> Any:
         if len(xacro.macrostack) > MOST_DEEP:
             raise Refused(f"its macros call one another more than {MOST_DEEP} deep")

@@ -1,4 +1,4 @@
-"""The compiled kinematics of a chain: poses, Jacobians and their drift, many states at a time."""
+"""Compiled kinematics of a chain: poses, Jacobians and bias accelerations of many states."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour._kernels import compiled
 
 @compiled()
 def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
-    """Write the rotation by `angle` about a unit vector into `out`, (3, 3)."""
+    """Write the rotation matrix of a turn by `angle` about the unit vector `axis` into `out`."""
     c, s = math.cos(angle), math.sin(angle)
     v = 2.0 * math.sin(0.5 * angle) ** 2
     x, y, z = axis[0], axis[1], axis[2]
@@ -22,15 +22,15 @@ def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
 
 
 @compiled()
-def times(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    """Write the product of two matrices of 3 by 3 into `out`, which is neither of them."""
+def write_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Write the product of two 3 by 3 matrices into `out`, which must be a third array."""
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
 @compiled()
-def place(
+def write_kinematics(
     rotations: FloatArray,
     positions: FloatArray,
     axes: FloatArray,
@@ -42,19 +42,23 @@ def place(
     pose: FloatArray,
     scratch: FloatArray,
 ) -> None:
-    """Where everything is at one joint position.
+    """Write the joint origins, the joint axes and the tool pose of one state into arrays.
+
+    All results are in the work frame. A pose is a rotation with the position in column 3.
 
     Args:
-        rotations: Of the chain, (dof, 3, 3).
-        positions: Of the chain, (dof, 3).
-        axes: Of the chain, (dof, 3).
-        base: Base in work coordinates: rotation and, in column 3, position, (3, 4).
-        end: Tool in the frame of the last link: rotation and position, (3, 4).
-        q: Joint positions, (dof,).
-        origins: Takes a point of every joint's axis, (dof, 3).
-        directions: Takes every joint's axis, (dof, 3).
-        pose: Takes the tool's rotation and, in column 3, its position, (3, 4).
-        scratch: Memory, (3, 3, 3).
+        rotations: Rotations of the joint frames at q = 0, each in the frame of the link before,
+            (dof, 3, 3).
+        positions: Positions of the joint frames, each in the frame of the link before [m],
+            (dof, 3).
+        axes: Joint axes in the joint frames, (dof, 3).
+        base: Pose of the base in the work frame, (3, 4).
+        end: Pose of the tool in the frame of the last link, (3, 4).
+        q: Joint positions [rad], (dof,).
+        origins: Output: a point on each joint axis [m], (dof, 3).
+        directions: Output: the joint axes, (dof, 3).
+        pose: Output: the pose of the tool, (3, 4).
+        scratch: Memory for intermediate results, (3, 3, 3).
     """
     here, turn, moved = scratch[0], scratch[1], scratch[2]
     here[:, :] = base[:, :3]
@@ -64,13 +68,13 @@ def place(
         x += here[0, 0] * p[0] + here[0, 1] * p[1] + here[0, 2] * p[2]
         y += here[1, 0] * p[0] + here[1, 1] * p[1] + here[1, 2] * p[2]
         z += here[2, 0] * p[0] + here[2, 1] * p[1] + here[2, 2] * p[2]
-        times(here, rotations[k], moved)
+        write_product(here, rotations[k], moved)
         origins[k, 0], origins[k, 1], origins[k, 2] = x, y, z
         a = axes[k]
         for i in range(3):
             directions[k, i] = moved[i, 0] * a[0] + moved[i, 1] * a[1] + moved[i, 2] * a[2]
         write_rotation(a, q[k], turn)
-        times(moved, turn, here)
+        write_product(moved, turn, here)
     for i in range(3):
         for j in range(3):
             pose[i, j] = here[i, 0] * end[0, j] + here[i, 1] * end[1, j] + here[i, 2] * end[2, j]
@@ -80,10 +84,13 @@ def place(
 
 
 @compiled()
-def jacobian(
+def write_jacobian(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, out: FloatArray
 ) -> None:
-    """Write the Jacobian of the tool's velocity and angular velocity into `out`, (6, dof)."""
+    """Write the geometric Jacobian of the tool of one state into `out`, (6, dof).
+
+    Rows 0 to 2 are of the velocity, rows 3 to 5 of the angular velocity.
+    """
     for k in range(len(origins)):
         a = directions[k]
         x, y, z = (
@@ -98,20 +105,21 @@ def jacobian(
 
 
 @compiled()
-def drift(
+def write_bias_acceleration(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
 ) -> None:
-    """Write `dJ/dt dq`, the tool's acceleration and angular acceleration at ddq = 0, into `out`.
+    """Write the bias acceleration `dJ/dt dq` of one state into `out`, (6,).
 
-    Every link's frame is carried along: its angular velocity, its angular acceleration, and the
-    acceleration of its joint's origin. (6,)
+    This is the acceleration and angular acceleration of the tool at ddq = 0. The loop computes
+    from link to link the angular velocity, the angular acceleration and the acceleration of the
+    next joint's origin.
     """
     w0 = w1 = w2 = 0.0
     e0 = e1 = e2 = 0.0
     a0 = a1 = a2 = 0.0
     n = len(dq)
     for k in range(n):
-        # A joint's axis is carried by the link before it: its rate adds omega x axis dq.
+        # The link before the joint turns the joint axis, which adds omega x axis dq.
         d = directions[k]
         r0, r1, r2 = d[0] * dq[k], d[1] * dq[k], d[2] * dq[k]
         e0 += w1 * r2 - w2 * r1
@@ -144,13 +152,16 @@ def poses(
     end: FloatArray,
     q: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Tool poses, (n, 3, 4), and origins and axes of all joints, (n, dof, 3) each."""
+    """Tool poses, (n, 3, 4), and origins and axes of all joints, (n, dof, 3) each.
+
+    The arguments are those of `write_kinematics`, with q as (n, dof).
+    """
     n, dof = q.shape
     found = np.empty((n, 3, 4))
     origins, directions = np.empty((n, dof, 3)), np.empty((n, dof, 3))
     scratch = np.empty((3, 3, 3))
     for i in range(n):
-        place(
+        write_kinematics(
             rotations,
             positions,
             axes,
@@ -167,11 +178,11 @@ def poses(
 
 @compiled()
 def jacobians(origins: FloatArray, directions: FloatArray, pose: FloatArray) -> FloatArray:
-    """Jacobians of velocity and angular velocity, (n, 6, dof)."""
+    """Geometric Jacobians of all states, (n, 6, dof), from the results of `poses`."""
     n, dof = origins.shape[0], origins.shape[1]
     out = np.empty((n, 6, dof))
     for i in range(n):
-        jacobian(origins[i], directions[i], pose[i], out[i])
+        write_jacobian(origins[i], directions[i], pose[i], out[i])
     return out
 
 
@@ -179,11 +190,11 @@ def jacobians(origins: FloatArray, directions: FloatArray, pose: FloatArray) -> 
 def drifts(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
 ) -> FloatArray:
-    """`dJ/dt dq` of every state, (n, 6)."""
+    """Bias accelerations `dJ/dt dq` of all states, (n, 6), from the results of `poses`."""
     n = len(origins)
     out = np.empty((n, 6))
     for i in range(n):
-        drift(origins[i], directions[i], pose[i], dq[i], out[i])
+        write_bias_acceleration(origins[i], directions[i], pose[i], dq[i], out[i])
     return out
 
 
@@ -191,7 +202,7 @@ def drifts(
 def twists(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
 ) -> FloatArray:
-    """Velocities and angular velocities of joint velocities, (n, 6), without the Jacobians."""
+    """Velocities and angular velocities of the tool, (n, 6), without computing the Jacobians."""
     n, dof = dq.shape
     out = np.zeros((n, 6))
     for i in range(n):

@@ -1,7 +1,9 @@
-"""The compiled inverse kinematics: Newton's method at many poses, and following a row of poses.
+"""Compiled inverse kinematics: Newton's method, damped least squares, following of pose sequences.
 
-A pose asks for 6 things, or for 5 where turning about the tool axis is free, or for 3 where only
-the tool point counts. Joints beyond that are told by further rows `w q = w g`, the guide.
+The task dimension is the number of equations that a target pose gives: 6; 5 if rotation about the
+tool axis is free; 3 if only the tool point counts. If the arm has more joints than that, guide
+equations `w q = w g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's
+joint positions.
 """
 
 from __future__ import annotations
@@ -12,34 +14,34 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.arms._chain import drift, jacobian, place
+from armcontour.arms._chain import write_bias_acceleration, write_jacobian, write_kinematics
 
-# Newton's method has arrived when its step is below this: the next one would be its square, times
-# how badly the arm is conditioned there.
+# Newton's method ends when its step is below this [rad]: the next step would be the square of this
+# one times the condition number of the Jacobian.
 ARRIVED = 1e-10
 MOST_STEPS = 15
-# A step of more than this [rad] of any joint is shortened to it.
+# Longest step of any joint [rad]; longer steps are shortened.
 LONGEST_STEP = 0.5
-# Following, one step moves no joint by more than this [rad], and takes so many corrections at most.
+# `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
-# It is halved this often before the way on counts as lost.
+# `follow` gives up after it has halved the step between two poses this many times.
 MOST_HALVINGS = 12
-# A pivot this small against the largest is none.
+# A matrix counts as singular if its smallest pivot over its largest one is below this.
 SINGULAR = 1e-11
 
 
 @compiled()
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
-    """Solve a x = b in place by elimination; the solution is left in b.
+    """Solve a x = b in place by Gaussian elimination with pivoting.
 
     Args:
-        a: (n, n), overwritten.
-        b: (n, k), overwritten.
-        n: Size.
+        a: Matrix, (n, n), overwritten.
+        b: Right-hand sides, (n, k), overwritten with the solutions.
+        n: Number of equations.
 
     Returns:
-        The smallest pivot over the largest: 0 where a is singular.
+        The smallest pivot over the largest pivot; 0 if a is singular.
     """
     least, most = math.inf, 0.0
     for i in range(n):
@@ -73,26 +75,34 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 
 @compiled()
-def missing(pose: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
-    """Write what is missing to a target pose into `out`, (task,): metres, then radians.
+def write_pose_error(pose: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
+    """Write the position and orientation error from a pose to its target into `out`, (task,).
 
-    Of a tool axis, the turn towards its target along the target's x and y.
+    The first 3 values are the position error [m]. For task 6 the others are the rotation vector
+    from the pose to the target [rad]. For task 5 they are the components of the rotation vector
+    between the tool axes along the target's x and y axes [rad].
+
+    Args:
+        pose: Pose of the tool, (3, 4).
+        target: Target pose, (3, 4).
+        task: Task dimension: 6, 5 or 3.
+        out: Output: the error, (task,) or longer.
     """
     for i in range(3):
         out[i] = target[i, 3] - pose[i, 3]
     if task == 6:
-        # The turn from the pose to the target: the target times the pose transposed.
+        # The rotation from the pose to the target: the target times the transposed pose.
         v0 = v1 = v2 = c = 0.0
         for k in range(3):
             v0 += target[2, k] * pose[1, k] - target[1, k] * pose[2, k]
             v1 += target[0, k] * pose[2, k] - target[2, k] * pose[0, k]
             v2 += target[1, k] * pose[0, k] - target[0, k] * pose[1, k]
             c += target[0, k] * pose[0, k] + target[1, k] * pose[1, k] + target[2, k] * pose[2, k]
-        s = math.sqrt(v0 * v0 + v1 * v1 + v2 * v2)  # twice the sine
+        s = math.sqrt(v0 * v0 + v1 * v1 + v2 * v2)  # twice the sine of the angle
         angle = math.atan2(s, c - 1.0)
         scale = angle / s if s > 1e-12 else 0.5
         if s <= 1e-12 and c < 0.0:
-            # Half a turn: about any axis will do to leave it.
+            # At half a turn the axis is undefined; a rotation about any axis makes progress.
             v0, v1, v2, scale = 1.0, 0.0, 0.0, math.pi
         out[3], out[4], out[5] = scale * v0, scale * v1, scale * v2
     elif task == 5:
@@ -110,7 +120,16 @@ def missing(pose: FloatArray, target: FloatArray, task: int, out: FloatArray) ->
 
 @compiled()
 def write_task_rows(full: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
-    """Write the rows of the Jacobian that a target asks for into `out`, (task, dof)."""
+    """Write those rows of the Jacobian that a task has equations for into `out`, (task, dof).
+
+    The rows belong to the values of `write_pose_error`.
+
+    Args:
+        full: Geometric Jacobian, (6, dof).
+        target: Target pose, (3, 4).
+        task: Task dimension: 6, 5 or 3.
+        out: Output: the rows.
+    """
     dof = full.shape[1]
     for k in range(dof):
         for i in range(3):
@@ -140,26 +159,27 @@ def newton(
     w: FloatArray,
     g: FloatArray,
 ) -> tuple[BoolArray, FloatArray]:
-    """Joint positions at poses, from guesses.
+    """Solve the inverse kinematics at many poses by Newton's method from initial guesses.
 
     Args:
-        rotations: Of the chain, as in `place`.
-        positions: Of the chain, as in `place`.
-        axes: Of the chain, as in `place`.
-        base: Base of the chain, as in `place`.
-        end: Tool of the chain, as in `place`.
-        q: Guesses, overwritten with what is found, (n, dof).
-        targets: Poses, (n, 3, 4).
-        task: 6, 5 or 3 of them.
-        w: The guide's rows, (n, dof - task, dof).
-        g: Joint positions of the guide, (n, dof).
+        rotations: Rotations of the joint frames, (dof, 3, 3).
+        positions: Positions of the joint frames [m], (dof, 3).
+        axes: Joint axes in the joint frames, (dof, 3).
+        base: Base in the work frame, (3, 4).
+        end: Tool in the frame of the last link, (3, 4).
+        q: Initial guesses of the joint positions [rad], overwritten with the results, (n, dof).
+        targets: Target poses, (n, 3, 4).
+        task: Task dimension: 6, 5 or 3.
+        w: Rows of the guide equations, (n, dof - task, dof).
+        g: Joint positions of the guide [rad], (n, dof).
 
     Returns:
-        Whether each was found, (n,), and by how much the guess was off [rad], (n,).
+        Whether a solution was found for each pose, (n,), and the largest difference of a joint
+        between guess and result [rad], (n,).
     """
     n, dof = q.shape
     found = np.zeros(n, dtype=np.bool_)
-    off = np.zeros(n)
+    change = np.zeros(n)
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
     a, b, start = np.empty((dof, dof)), np.empty((dof, 1)), np.empty(dof)
@@ -167,9 +187,11 @@ def newton(
     for i in range(n):
         start[:] = q[i]
         for _ in range(MOST_STEPS):
-            place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
-            jacobian(origins, directions, pose, full)
-            missing(pose, targets[i], task, e)
+            write_kinematics(
+                rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
+            )
+            write_jacobian(origins, directions, pose, full)
+            write_pose_error(pose, targets[i], task, e)
             write_task_rows(full, targets[i], task, a)
             b[:task, 0] = e[:task]
             for r in range(dof - task):
@@ -190,8 +212,8 @@ def newton(
                 found[i] = True
                 break
         for k in range(dof):
-            off[i] = max(off[i], abs(q[i, k] - start[k]))
-    return found, off
+            change[i] = max(change[i], abs(q[i, k] - start[k]))
+    return found, change
 
 
 @compiled()
@@ -208,37 +230,42 @@ def path_derivatives(
     w: FloatArray,
     g: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """dq_ds and d2q_ds2 at joint positions that meet a path's poses.
+    """Derivatives of the joint positions by arc length s, at the poses of a path.
 
-    Where only the tool axis is asked for, `x . omega = x . rate` for the target's x and y, which
-    turn with the target; the second derivative is that of these equations.
+    If rotation about the tool axis is free, the equations of the orientation are
+    `x . omega = x . rate` for the target's x and y axes, which rotate with the target. The second
+    derivative follows from differentiating these equations.
 
     Args:
-        rotations: Of the chain, as in `place`.
-        positions: Of the chain, as in `place`.
-        axes: Of the chain, as in `place`.
-        base: Base of the chain, as in `place`.
-        end: Tool of the chain, as in `place`.
-        q: Joint positions, (n, dof).
-        targets: Poses, (n, 3, 4).
-        rates: Of the targets with respect to s: velocity, acceleration, rate of turning and its
-            derivative, (n, 4, 3).
-        task: 6, 5 or 3 of them.
-        w: The guide's rows and their first two derivatives, (n, 3, dof - task, dof).
-        g: The guide and its first two derivatives, (n, 3, dof).
+        rotations: Rotations of the joint frames, (dof, 3, 3).
+        positions: Positions of the joint frames [m], (dof, 3).
+        axes: Joint axes in the joint frames, (dof, 3).
+        base: Base in the work frame, (3, 4).
+        end: Tool in the frame of the last link, (3, 4).
+        q: Joint positions that solve the inverse kinematics [rad], (n, dof).
+        targets: Target poses, (n, 3, 4).
+        rates: Derivatives of the targets by s: first and second of the position, angular velocity
+            and its derivative, (n, 4, 3).
+        task: Task dimension: 6, 5 or 3.
+        w: Rows of the guide equations and their first two derivatives by s,
+            (n, 3, dof - task, dof).
+        g: Joint positions of the guide and their first two derivatives by s, (n, 3, dof).
 
     Returns:
-        dq_ds and d2q_ds2, (n, dof), and how far from singular each is, (n,): 0 is singular.
+        dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), and the smallest over the largest pivot of
+        the equations, (n,): 0 if they are singular.
     """
     n, dof = q.shape
-    first, second, apart = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
+    first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
     a, copy, b = np.empty((dof, dof)), np.empty((dof, dof)), np.empty((dof, 1))
-    carried, turn = np.empty(6), np.empty(3)
+    bias, turn = np.empty(6), np.empty(3)
     for i in range(n):
-        place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
-        jacobian(origins, directions, pose, full)
+        write_kinematics(
+            rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
+        )
+        write_jacobian(origins, directions, pose, full)
         target, rate = targets[i], rates[i]
         write_task_rows(full, target, task, a)
         for r in range(dof - task):
@@ -259,16 +286,17 @@ def path_derivatives(
             for k in range(dof):
                 value += w[i, 0, r, k] * g[i, 1, k] - w[i, 1, r, k] * (q[i, k] - g[i, 0, k])
             b[task + r, 0] = value
-        apart[i] = solve(copy, b, dof)
+        pivot_ratio[i] = solve(copy, b, dof)
         first[i] = b[:, 0]
-        drift(origins, directions, pose, first[i], carried)
+        write_bias_acceleration(origins, directions, pose, first[i], bias)
         for k in range(3):
-            b[k, 0] = rate[1, k] - carried[k]
+            b[k, 0] = rate[1, k] - bias[k]
         if task == 6:
             for k in range(3):
-                b[3 + k, 0] = rate[3, k] - carried[3 + k]
+                b[3 + k, 0] = rate[3, k] - bias[3 + k]
         elif task == 5:
-            # The tool turns about its axis at its own rate: the difference is along the axis.
+            # The tool may rotate about its axis at another rate than the target: the difference of
+            # the angular velocities is along the tool axis.
             for k in range(3):
                 value = rate[2, k]
                 for j in range(dof):
@@ -283,9 +311,9 @@ def path_derivatives(
                     vx * turn[0]
                     + vy * turn[1]
                     + vz * turn[2]
-                    + x * (rate[3, 0] - carried[3])
-                    + y * (rate[3, 1] - carried[4])
-                    + z * (rate[3, 2] - carried[5])
+                    + x * (rate[3, 0] - bias[3])
+                    + y * (rate[3, 1] - bias[4])
+                    + z * (rate[3, 2] - bias[5])
                 )
         for r in range(dof - task):
             value = 0.0
@@ -298,7 +326,7 @@ def path_derivatives(
             b[task + r, 0] = value
         solve(a, b, dof)
         second[i] = b[:, 0]
-    return first, second, apart
+    return first, second, pivot_ratio
 
 
 @compiled()
@@ -312,20 +340,22 @@ def free_motions(
     targets: FloatArray,
     task: int,
 ) -> FloatArray:
-    """Joint motions that leave alone what is asked of the tool, orthonormal.
+    """Orthonormal basis of the null-space motion: joint motion that does not move the tool.
+
+    For task 5 the tool may rotate about its axis, for task 3 about its tool point.
 
     Args:
-        rotations: Of the chain, as in `place`.
-        positions: Of the chain, as in `place`.
-        axes: Of the chain, as in `place`.
-        base: Base of the chain, as in `place`.
-        end: Tool of the chain, as in `place`.
-        q: Joint positions, (n, dof).
-        targets: Poses, (n, 3, 4).
-        task: 6, 5 or 3 of them.
+        rotations: Rotations of the joint frames, (dof, 3, 3).
+        positions: Positions of the joint frames [m], (dof, 3).
+        axes: Joint axes in the joint frames, (dof, 3).
+        base: Base in the work frame, (3, 4).
+        end: Tool in the frame of the last link, (3, 4).
+        q: Joint positions [rad], (n, dof).
+        targets: Target poses, (n, 3, 4).
+        task: Task dimension: 6, 5 or 3.
 
     Returns:
-        (n, dof - task, dof).
+        Unit vectors of joint motion, (n, dof - task, dof).
     """
     n, dof = q.shape
     found = np.empty((n, dof - task, dof))
@@ -333,19 +363,21 @@ def free_motions(
     pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
     rows, rest = np.empty((dof, dof)), np.empty(dof)
     for i in range(n):
-        place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
-        jacobian(origins, directions, pose, full)
+        write_kinematics(
+            rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
+        )
+        write_jacobian(origins, directions, pose, full)
         write_task_rows(full, targets[i], task, rows)
         for r in range(dof):
             if r >= task:
-                # Next, the joint of which the rows so far hold least.
+                # Start from the joint axis that is farthest from the span of the rows so far.
                 rest[:] = 1.0
                 for j in range(r):
                     for k in range(dof):
                         rest[k] -= rows[j, k] ** 2
                 rows[r] = 0.0
                 rows[r, np.argmax(rest)] = 1.0
-            # Twice is enough to be at right angles to the last digit.
+            # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
             for _ in range(2):
                 for j in range(r):
                     along = 0.0
@@ -364,7 +396,7 @@ def free_motions(
 
 
 @compiled()
-def least_step(
+def write_shortest_step(
     full: FloatArray,
     target: FloatArray,
     e: FloatArray,
@@ -375,9 +407,23 @@ def least_step(
     right: FloatArray,
     out: FloatArray,
 ) -> float:
-    """Write the shortest joint step that makes up for `e` into `out`; returns its largest part.
+    """Write the shortest joint step that removes the pose error `e` into `out`.
 
-    `J^T (J J^T + damping² I)^-1 e`; it is long or not finite where the arm is singular.
+    The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
+
+    Args:
+        full: Geometric Jacobian, (6, dof).
+        target: Target pose, (3, 4).
+        e: Pose error as in `write_pose_error`, (task,).
+        task: Task dimension: 6, 5 or 3.
+        damping: Damping of the least squares.
+        rows: Memory for the Jacobian of the pose error, (6, dof).
+        square: Memory, (6, 6).
+        right: Memory, (6, 1).
+        out: Output: the step [rad], (dof,).
+
+    Returns:
+        The largest step of a joint [rad]; infinite if the equations are singular.
     """
     dof = full.shape[1]
     write_task_rows(full, target, task, rows)
@@ -413,36 +459,38 @@ def approach(
     weight: float,
     most: int,
 ) -> FloatArray:
-    """Bring every row of joint positions as near to one pose as it gets, by damped least squares.
+    """Move each row of joint positions as close to one pose as possible, by damped least squares.
 
     Args:
-        rotations: Of the chain, as in `place`.
-        positions: Of the chain, as in `place`.
-        axes: Of the chain, as in `place`.
-        base: Base of the chain, as in `place`.
-        end: Tool of the chain, as in `place`.
-        target: The pose, (3, 4).
-        task: 6, 5 or 3 of it.
-        q: Where each starts, overwritten with where it ends, (n, dof).
-        weight: Metres that count as much as a radian.
+        rotations: Rotations of the joint frames, (dof, 3, 3).
+        positions: Positions of the joint frames [m], (dof, 3).
+        axes: Joint axes in the joint frames, (dof, 3).
+        base: Base in the work frame, (3, 4).
+        end: Tool in the frame of the last link, (3, 4).
+        target: Target pose, (3, 4).
+        task: Task dimension: 6, 5 or 3.
+        q: Joint positions to start from [rad], overwritten with the results, (n, dof).
+        weight: Weight of a radian against a metre [m/rad].
         most: Largest number of steps.
 
     Returns:
-        What is missing in the end, (n, 2) [m, rad].
+        Position and orientation error that remain, (n, 2) [m, rad].
     """
     n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
     rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty((6, 1))
     step, trial, e = np.empty(dof), np.empty(dof), np.zeros(6)
-    left = np.empty((n, 2))
+    residual = np.empty((n, 2))
     for i in range(n):
         damping = 0.05
         cost = math.inf
         trial[:] = q[i]
         for _ in range(most):
-            place(rotations, positions, axes, base, end, trial, origins, directions, pose, scratch)
-            missing(pose, target, task, e)
+            write_kinematics(
+                rotations, positions, axes, base, end, trial, origins, directions, pose, scratch
+            )
+            write_pose_error(pose, target, task, e)
             value = 0.0
             for k in range(task):
                 if k >= 3:
@@ -455,42 +503,46 @@ def approach(
                 damping = max(damping * 0.3, 1e-9)
                 if cost < 1e-26 or gain < 1e-12 * cost:
                     break
-                jacobian(origins, directions, pose, full)
+                write_jacobian(origins, directions, pose, full)
                 full[3:] *= weight
             else:
                 damping *= 4.0
                 if damping > 1e3:
                     break
-                # The state to step from has not changed, but e is that of the trial.
-                place(
+                # The step starts from q[i] again, so e of the rejected trial is computed anew.
+                write_kinematics(
                     rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
                 )
-                missing(pose, target, task, e)
+                write_pose_error(pose, target, task, e)
                 for k in range(3, task):
                     e[k] *= weight
-            size = least_step(full, target, e, task, damping, rows, square, right, step)
+            size = write_shortest_step(full, target, e, task, damping, rows, square, right, step)
             if not math.isfinite(size):
                 break
             scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
             for k in range(dof):
                 trial[k] = q[i, k] + scale * step[k]
-        place(rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch)
-        missing(pose, target, task, e)
-        left[i, 0] = math.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
+        write_kinematics(
+            rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
+        )
+        write_pose_error(pose, target, task, e)
+        residual[i, 0] = math.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
         turn = 0.0
         for k in range(3, task):
             turn += e[k] ** 2
-        left[i, 1] = math.sqrt(turn)
-    return left
+        residual[i, 1] = math.sqrt(turn)
+    return residual
 
 
 @compiled()
-def between(first: FloatArray, second: FloatArray, share: float, out: FloatArray) -> None:
-    """Write a pose between two that are near each other into `out`, (3, 4)."""
+def write_pose_between(
+    first: FloatArray, second: FloatArray, share: float, out: FloatArray
+) -> None:
+    """Write the pose at `share` (0 to 1) from the first to the second of two close poses."""
     for i in range(3):
         for j in range(4):
             out[i, j] = first[i, j] + share * (second[i, j] - first[i, j])
-    # Axes at right angles again: z first, then x.
+    # Make the axes orthonormal again: first z, then x, then y.
     for j in (2, 0):
         if j == 0:
             along = out[0, 0] * out[0, 2] + out[1, 0] * out[1, 2] + out[2, 0] * out[2, 2]
@@ -515,20 +567,20 @@ def follow(
     task: int,
     q: FloatArray,
 ) -> int:
-    """Follow a row of poses from the first joint position, by the shortest joint steps.
+    """Follow a sequence of poses from given joint positions by the shortest joint steps.
 
     Args:
-        rotations: Of the chain, as in `place`.
-        positions: Of the chain, as in `place`.
-        axes: Of the chain, as in `place`.
-        base: Base of the chain, as in `place`.
-        end: Tool of the chain, as in `place`.
-        targets: Poses near to their neighbours, (n, 3, 4).
-        task: 6, 5 or 3 of them.
-        q: Joint positions, of which the first is given and the others are found, (n, dof).
+        rotations: Rotations of the joint frames, (dof, 3, 3).
+        positions: Positions of the joint frames [m], (dof, 3).
+        axes: Joint axes in the joint frames, (dof, 3).
+        base: Base in the work frame, (3, 4).
+        end: Tool in the frame of the last link, (3, 4).
+        targets: Target poses, each close to the one before, (n, 3, 4).
+        task: Task dimension: 6, 5 or 3.
+        q: Joint positions [rad], (n, dof): row 0 is given, the other rows are outputs.
 
     Returns:
-        How many poses were reached, the first among them.
+        The number of poses that were reached, including the first one.
     """
     n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
@@ -542,20 +594,21 @@ def follow(
         done, share = 0.0, 1.0
         while done < 1.0:
             ahead = min(done + share, 1.0)
-            between(targets[i - 1], targets[i], ahead, target)
+            write_pose_between(targets[i - 1], targets[i], ahead, target)
             if ahead == 1.0:
                 target[:] = targets[i]
             trial[:] = here
             arrived = False
             before = math.inf
             for _ in range(FOLLOW_CORRECTIONS):
-                place(
+                write_kinematics(
                     rotations, positions, axes, base, end, trial, origins, directions, pose, scratch
                 )
-                jacobian(origins, directions, pose, full)
-                missing(pose, target, task, e)
-                size = least_step(full, target, e, task, 0.0, rows, square, right, step)
-                # Corrections shrink by half at least, or the way may lead to another solution.
+                write_jacobian(origins, directions, pose, full)
+                write_pose_error(pose, target, task, e)
+                size = write_shortest_step(full, target, e, task, 0.0, rows, square, right, step)
+                # Each correction must be at most half of the one before; otherwise the steps may
+                # lead to another configuration.
                 if not size < 0.5 * before or size > FOLLOW_STEP:
                     arrived = size < 1e-9
                     break
@@ -578,9 +631,11 @@ def follow(
 
 @compiled()
 def distinct(solutions: FloatArray, apart: float) -> IntArray:
-    """Indices of joint positions that differ from all before them by more than `apart` [rad].
+    """Indices of the distinct solutions, without those that repeat a solution before them.
 
-    Whole turns do not count.
+    Args:
+        solutions: Joint positions [rad], (n, dof).
+        apart: Solutions are distinct if a joint differs by more than this [rad], up to whole turns.
     """
     n, dof = solutions.shape
     kept = np.empty(n, dtype=np.intp)

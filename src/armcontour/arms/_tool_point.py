@@ -1,4 +1,4 @@
-"""The tool point of an arm, compiled: nothing else of its pose, and few sines."""
+"""Compiled computation of the tool point alone, with few evaluations of sines and cosines."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from typing import NamedTuple
 from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
 
-# Sines are continued over this angle [rad], as far as their series is exact to rounding.
+# Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
+# rounding there.
 NEAR_ANGLE = 0.125
 
 
 class Robot(NamedTuple):
-    """An arm: base and links of a planar one, or the arrays of a chain.
+    """An arm as arrays: the lengths of a planar arm, or the arrays of a chain.
 
-    `planar` has base and two links [m], (3,), and links of 0 for a chain; the others are as in
-    `_chain.place`.
+    `planar` holds the position of the base and the two link lengths [m], (3,); the lengths are 0
+    for a chain. The other arrays are those of `_chain.write_kinematics`.
     """
 
     planar: FloatArray
@@ -28,8 +29,11 @@ class Robot(NamedTuple):
 
 
 @compiled(fastmath=FUSED)
-def _turn(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
-    """Sine and cosine of joint j's angle, from those of an angle near by, which are kept."""
+def _sine_and_cosine(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
+    """Sine and cosine of joint j's angle q, from the stored sine and cosine of an angle near q.
+
+    Row j of `anchors` stores that angle, its sine and its cosine; it is updated if q is too far.
+    """
     x = q - anchors[j, 0]
     if not -NEAR_ANGLE < x < NEAR_ANGLE:
         anchors[j, 0], anchors[j, 1], anchors[j, 2] = q, math.sin(q), math.cos(q)
@@ -44,9 +48,9 @@ def _turn(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
 def tool_in_plane(
     planar: FloatArray, q: FloatArray, anchors: FloatArray
 ) -> tuple[float, float, float]:
-    """Tool point of a planar arm at joint positions q; the arguments are those of `tool_point`."""
-    s, c = _turn(q[0], anchors, 0)
-    s2, c2 = _turn(q[0] + q[1], anchors, 1)
+    """Tool point [m] of a planar arm; the arguments are those of `tool_point`."""
+    s, c = _sine_and_cosine(q[0], anchors, 0)
+    s2, c2 = _sine_and_cosine(q[0] + q[1], anchors, 1)
     return planar[0] + planar[1] * s + planar[2] * s2, planar[1] * c + planar[2] * c2, 0.0
 
 
@@ -60,10 +64,13 @@ def tool_in_space(
     q: FloatArray,
     anchors: FloatArray,
 ) -> tuple[float, float, float]:
-    """Tool point of a chain, from its end to its base."""
+    """Tool point [m] of a chain, computed from its end to its base.
+
+    The arrays of the chain are those of `Robot`; q and anchors are those of `tool_point`.
+    """
     x, y, z = end[0, 3], end[1, 3], end[2, 3]
     for j in range(len(q) - 1, -1, -1):
-        s, c = _turn(q[j], anchors, j)
+        s, c = _sine_and_cosine(q[j], anchors, j)
         a, b, d = axes[j, 0], axes[j, 1], axes[j, 2]
         along = (a * x + b * y + d * z) * (1 - c)
         x, y, z = (
@@ -86,13 +93,13 @@ def tool_in_space(
 
 @compiled(fastmath=FUSED)
 def tool_point(robot: Robot, q: FloatArray, anchors: FloatArray) -> tuple[float, float, float]:
-    """Tool point [m] at joint positions q.
+    """Tool point [m] at one joint position.
 
     Args:
         robot: The arm.
-        q: (dof,) [rad].
-        anchors: Angles near by and their sines and cosines, (dof, 3), which are kept up to date; at
-            first 0, 0, 1.
+        q: Joint positions [rad], (dof,).
+        anchors: For each joint an angle with its sine and cosine, (dof, 3), updated when the joint
+            moves far from the angle; 0, 0, 1 before the first call.
     """
     r = robot
     if r.planar[1] > 0.0:

@@ -1,4 +1,4 @@
-"""What every arm can do, whatever its build."""
+"""The base class of all arms: kinematics, limits and joint torques."""
 
 from __future__ import annotations
 
@@ -20,17 +20,20 @@ if TYPE_CHECKING:
 
 
 class Arm(ABC):
-    """An arm's kinematics; arrays are time first, (n, dof) for joints, (n, dimension) for the tool.
+    """An arm with its kinematics and limits.
+
+    Arrays have one row per state: (n, dof) for the joints, (n, dimension) for the tool.
 
     Attributes:
-        name: For people.
-        joint_names: One per joint.
-        limits: The arm's own limits.
-        dimension: Coordinates of a tool point: 2 in the plane, 3 in space.
-        branches: Names of the inverse solutions, the default one first; empty without such.
-        source: Where the numbers come from.
-        chain: Its joints and links as data; None where nothing is known of its bodies.
-        limits_hint: What would give the arm the limits that it lacks, for messages.
+        name: Name of the arm, for messages and reports.
+        joint_names: One name per joint.
+        limits: Limits of the arm's joints and tool.
+        dimension: Number of coordinates of a tool point: 2 in the plane, 3 in space.
+        branches: Names of the solutions of the closed-form inverse kinematics, the default
+            solution first; empty if the arm has no closed form.
+        source: Where the data of the arm come from.
+        chain: The joints and links as data; None if the arm has no such data.
+        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
     """
 
     name: str
@@ -48,13 +51,13 @@ class Arm(ABC):
         return len(self.joint_names)
 
     def with_limits(self, limits: Limits) -> Self:
-        """The same arm with other limits of its own.
+        """A copy of the arm with other limits.
 
         Args:
             limits: The new limits, one value for all joints or one per joint.
 
         Raises:
-            InvalidInput: A wrong number of values.
+            InvalidInput: The number of values differs from the number of joints.
         """
         other = copy.copy(self)
         other.limits = limits.for_joints(self.dof)
@@ -62,22 +65,23 @@ class Arm(ABC):
 
     @property
     def has_bodies(self) -> bool:
-        """Whether its masses are known."""
+        """Whether the masses of the links are known."""
         return self.chain is not None and self.chain.masses is not None
 
     @cached_property
     def dynamics(self) -> Dynamics:
-        """What its motion costs in torque.
+        """The rigid-body model that computes the joint torques.
 
         Raises:
-            InvalidInput: Its masses are not known.
+            InvalidInput: The masses of the links are not known.
         """
         from armcontour.arms.dynamics import Dynamics
 
         if self.chain is None or self.chain.masses is None:
             raise InvalidInput(
-                f"The masses of the arm {self.name} are not known, so its torques are not either: "
-                "load it from a file whose links have masses, centres of mass and inertias."
+                f"The masses of the arm {self.name} are not known, so its torques cannot be "
+                "computed: load it from a file whose links have masses, centres of mass and "
+                "inertias."
             )
         return Dynamics(self.chain)
 
@@ -99,7 +103,7 @@ class Arm(ABC):
 
     @abstractmethod
     def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian when the joints move at `dq`, (n, dimension, dof).
+        """Time derivative of the Jacobian at the joint velocities `dq`, (n, dimension, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -108,14 +112,14 @@ class Arm(ABC):
 
     @abstractmethod
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points of the arm from base to tool, for drawing it, (n, points, dimension) [m].
+        """Points on the arm from the base to the tool, for drawings, (n, points, dimension) [m].
 
         Args:
             q: Joint positions [rad], (..., dof).
         """
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity (22) [m/s].
+        """Tool velocity [m/s], eq. (22).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -139,7 +143,7 @@ class Arm(ABC):
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and acceleration [m/s²].
+        """Tool velocity [m/s] and tool acceleration [m/s²].
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -149,7 +153,9 @@ class Arm(ABC):
         return self.tool_velocity(q, dq), self.tool_acceleration(q, dq, ddq)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
-        """Torque of every joint's drive [N m]: bodies, drives, gravity, payload and friction.
+        """Torque of each joint's drive [N m].
+
+        The torque covers the inertia of links, drives and payload, gravity, and friction.
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -157,7 +163,7 @@ class Arm(ABC):
             ddq: Joint accelerations [rad/s²], same shape.
 
         Raises:
-            InvalidInput: The masses of the arm are not known.
+            InvalidInput: The masses of the links are not known.
         """
         dynamics = self.dynamics
         return dynamics.torque(q, dq, ddq) + dynamics.friction(dq)

@@ -1,4 +1,4 @@
-"""A chain of joints and links as data: where its axes are, and what its links weigh."""
+"""The data of a chain of joints and links: joint axes, masses, inertias, friction, payload."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Payload:
-    """What the tool carries, in the frame of the chain's tip.
+    """A load at the tool, in the frame of the chain's tip.
 
     Args:
         mass: Mass of the load [kg].
-        center: Centre of mass [m], (3,).
-        inertia: About the centre of mass, along the tip's axes [kg m²], (3, 3); a point by default.
+        center: Centre of mass of the load [m], (3,).
+        inertia: Inertia about the centre of mass, along the tip's axes [kg m²], (3, 3); by default
+            that of a point mass.
 
     Raises:
-        InvalidInput: A negative mass, or an inertia that no body has.
+        InvalidInput: The mass is negative, or no body can have this inertia.
     """
 
     mass: Mass
@@ -47,33 +48,35 @@ class Payload:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain:
-    """Turning joints in a row, each with the link after it; arrays have one row per joint.
+    """Revolute joints in series, each with the link after the joint; arrays have one row per joint.
 
-    Joint i turns by q[i] about `axes[i]` in a frame that, at q = 0, stands at `positions[i]`,
-    `rotations[i]` in the frame of link i - 1 (of the base for the first). Links have the frame of
-    their joint.
+    Joint i turns by q[i] about `axes[i]`. The frame of joint i is also the frame of link i; at
+    q = 0 it has the position `positions[i]` and the rotation `rotations[i]` in the frame of link
+    i - 1. The first joint is in the frame of the base.
 
     Args:
         joints: Names of the joints.
-        rotations: (n, 3, 3).
-        positions: [m], (n, 3).
-        axes: Unit vectors, (n, 3).
-        masses: Of the links [kg], (n,); None where they are not known.
-        centers: Centres of mass [m], (n, 3).
-        inertias: About the centres of mass, along the links' axes [kg m²], (n, 3, 3).
-        armature: Inertia of each drive, seen at its joint [kg m²], (n,).
-        viscous: Viscous friction [N m s/rad], (n,).
-        coulomb: Coulomb friction [N m], (n,).
-        base: The base in the coordinates that tool points are given in (the work frame).
-        tip: End of the chain (the flange) in the frame of the last link.
-        tool: The tool in the frame of the tip; paths are followed by its origin, and its z axis is
-            the tool axis.
-        gravity: In the frame of the base [m/s²], (3,).
-        payload: What the tip carries.
-        assumed: Which numbers are assumed and by what rule; empty if none.
+        rotations: Rotations of the joint frames, (n, 3, 3).
+        positions: Positions of the joint frames [m], (n, 3).
+        axes: Joint axes as unit vectors in the joint frames, (n, 3).
+        masses: Masses of the links [kg], (n,); None if they are not known.
+        centers: Centres of mass of the links in the link frames [m], (n, 3).
+        inertias: Inertias of the links about their centres of mass, along the axes of the link
+            frames [kg m²], (n, 3, 3).
+        armature: Inertia of each drive, reflected to its joint [kg m²], (n,).
+        viscous: Viscous friction of the joints [N m s/rad], (n,).
+        coulomb: Coulomb friction of the joints [N m], (n,).
+        base: Frame of the base in the work frame, in which tool points are given.
+        tip: Frame of the end of the chain (the flange) in the frame of the last link.
+        tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
+            axis.
+        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
+        payload: Load at the tip.
+        assumed: Which data are assumed, and by which rule; empty if none are.
 
     Raises:
-        InvalidInput: Arrays that do not fit, or a link that no body could be.
+        InvalidInput: Shapes of arrays do not fit, or no body can have the mass or inertia of a
+            link.
     """
 
     joints: tuple[str, ...]
@@ -96,7 +99,7 @@ class Chain:
     def __post_init__(self) -> None:
         n = len(self.joints)
         if n == 0:
-            raise InvalidInput("A chain needs at least one joint that turns.")
+            raise InvalidInput("A chain needs at least one revolute joint.")
         if self.masses is not None and (self.centers is None or self.inertias is None):
             raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
         for name, shape in (
@@ -138,15 +141,20 @@ class Chain:
         return len(self.joints)
 
     def replace(self, **changes: object) -> Chain:
-        """The same chain with some of its data changed."""
+        """A copy of the chain with some of its data changed."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
 
 def refuse_inertia(who: str, inertia: npt.ArrayLike) -> None:
-    """Refuse an inertia that no body has.
+    """Refuse an inertia matrix that no body can have.
+
+    Args:
+        who: Name of the body, for the message.
+        inertia: Inertia about the centre of mass [kg m²], (3, 3).
 
     Raises:
-        InvalidInput: Not symmetric, or moments that are negative or break the triangle inequality.
+        InvalidInput: The matrix is not symmetric, or its principal moments are negative or break
+            the triangle inequality.
     """
     matrix = np.asarray(inertia, dtype=np.float64)
     size = float(np.abs(matrix).max())
@@ -155,7 +163,7 @@ def refuse_inertia(who: str, inertia: npt.ArrayLike) -> None:
     moments = np.linalg.eigvalsh(matrix)
     if moments[0] < -1e-9 * size or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
         raise InvalidInput(
-            f"The inertia of {who} is that of no body: its principal moments are "
+            f"No body can have the inertia of {who}: its principal moments are "
             f"{', '.join(f'{x:.4g}' for x in moments)} kg m², and none may be negative or exceed "
             "the sum of the two others."
         )

@@ -1,4 +1,4 @@
-"""The torques of a chain of rigid bodies, by pinocchio."""
+"""Joint torques of a chain of rigid bodies, computed with pinocchio."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from armcontour.errors import InvalidInput
 
 
 class Dynamics:
-    """What the motion of a chain costs in torque; arrays are (n, dof), or (dof,) for one state.
+    """Inverse dynamics of a chain; arrays are (n, dof), or (dof,) for one state.
 
     Args:
-        chain: With masses. Its armature is an inertia at each joint, apart from the bodies.
+        chain: A chain with masses. Its armature is added to the torque of each joint separately.
 
     Raises:
-        InvalidInput: No masses, or pinocchio is not installed.
+        InvalidInput: The chain has no masses, or pinocchio is not installed.
     """
 
     def __init__(self, chain: Chain) -> None:
@@ -27,7 +27,7 @@ class Dynamics:
             raise InvalidInput("A chain without masses has no dynamics: give the masses of links.")
         self.chain = chain
         self._pin: Any = pinocchio()
-        # With gravity, and without it: a torque along a path is wanted in parts.
+        # One model with gravity and one without: `path_terms` separates the gravity torque.
         self._model = _model(self._pin, chain)
         self._weightless = self._model.copy()
         self._weightless.gravity.linear = np.zeros(3)
@@ -38,14 +38,14 @@ class Dynamics:
         self._falls = bool(np.any(chain.gravity))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
-        """Torques [N m] of bodies, drives and gravity, without friction."""
+        """Joint torques [N m] of links, payload, drives and gravity, without friction."""
         at, rate, second = self._rows(q, dq, ddq)
         found = self._rnea(self._model, self._data, at, rate, second)
         found += self._armature * second
         return found.reshape(np.shape(q))
 
     def friction(self, dq: npt.ArrayLike) -> FloatArray:
-        """Torques [N m] that viscous and Coulomb friction cost."""
+        """Joint torques [N m] of viscous and Coulomb friction."""
         rate = np.asarray(dq, dtype=np.float64)
         viscous, coulomb = self._friction
         return np.asarray(viscous * rate + coulomb * np.sign(rate))
@@ -53,7 +53,13 @@ class Dynamics:
     def path_terms(
         self, q: npt.ArrayLike, dq_ds: npt.ArrayLike, d2q_ds2: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """a, b and c of the torque `a dds + b ds² + c` along a path, without friction."""
+        """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq_ds: First derivatives by arc length [rad/m], same shape.
+            d2q_ds2: Second derivatives by arc length [rad/m²], same shape.
+        """
         at, first, second = self._rows(q, dq_ds, d2q_ds2)
         still = np.zeros_like(at)
         model, data = self._weightless, self._weightless_data
@@ -63,20 +69,21 @@ class Dynamics:
         return a.reshape(shape), b.reshape(shape), self._gravity(at).reshape(shape)
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
-        """Torque per joint acceleration [kg m²], (n, dof, dof)."""
+        """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
         (at,) = self._rows(q)
         n, dof = at.shape
         found = np.empty((n, dof, dof))
         crba, model, data = self._pin.crba, self._model, self._data
         for out, x in zip(found, at, strict=True):
             out[:] = crba(model, data, x)
-        # Only the upper triangle is promised.
+        # pinocchio guarantees only the upper triangle.
         upper = np.triu(found)
         found = upper + np.swapaxes(np.triu(found, 1), -1, -2)
         found[:, range(dof), range(dof)] += self._armature
         return found.reshape(*np.shape(q), dof)
 
     def _gravity(self, q: FloatArray) -> FloatArray:
+        """Joint torques [N m] of gravity, (n, dof)."""
         found = np.zeros_like(q)
         if self._falls:
             gravity, model, data = self._pin.computeGeneralizedGravity, self._model, self._data
@@ -87,14 +94,21 @@ class Dynamics:
     def _rnea(
         self, model: Any, data: Any, q: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> FloatArray:
-        # One call from Python per row: 1.3 us with the loop, of which pinocchio takes most.
+        """Joint torques [N m] by the recursive Newton-Euler algorithm, (n, dof)."""
+        # One Python call per row takes 1.3 us with the loop, most of it inside pinocchio.
         rnea, found = self._pin.rnea, np.empty_like(q)
         for out, x, v, a in zip(found, q, dq, ddq, strict=True):
             out[:] = rnea(model, data, x, v, a)
         return found
 
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
-        """The states as rows of one shape, checked: pinocchio would read past a short row."""
+        """The given states as rows, (n, dof) each.
+
+        The shapes are checked because pinocchio would read past the end of a short row.
+
+        Raises:
+            InvalidInput: The shapes differ, or the number of columns is not that of the joints.
+        """
         arrays = [np.asarray(x, dtype=np.float64) for x in states]
         shape, dof = arrays[0].shape, len(self.chain)
         if any(x.shape != shape for x in arrays) or shape[-1:] != (dof,):
@@ -106,10 +120,10 @@ class Dynamics:
 
 
 def pinocchio() -> Any:
-    """The module of rigid bodies.
+    """The module pinocchio, imported at first use.
 
     Raises:
-        InvalidInput: It is not installed.
+        InvalidInput: pinocchio is not installed.
     """
     try:
         import pinocchio as module
@@ -122,10 +136,11 @@ def pinocchio() -> Any:
 
 
 def _model(pin: Any, chain: Chain) -> Any:
+    """Pinocchio's model of a chain with its payload."""
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)
     joint = 0
-    here = pin.SE3.Identity()
+    identity = pin.SE3.Identity()
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     for k, name in enumerate(chain.joints):
         joint = model.addJoint(
@@ -137,10 +152,10 @@ def _model(pin: Any, chain: Chain) -> Any:
         body = pin.Inertia(
             float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
         )
-        model.appendBodyToJoint(joint, body, here)
+        model.appendBodyToJoint(joint, body, identity)
     if chain.payload is not None:
         load = chain.payload
-        carried = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
+        body = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
         tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
-        model.appendBodyToJoint(joint, carried, tip)
+        model.appendBodyToJoint(joint, body, tip)
     return model

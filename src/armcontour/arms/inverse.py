@@ -1,4 +1,4 @@
-"""Inverse kinematics of serial arms: all the ways to hold the tool in one pose."""
+"""Inverse kinematics of serial arms: all joint positions that put the tool in one pose."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from armcontour._checks import FloatArray
 from armcontour.arms import _newton
 from armcontour.arms.serial import SerialArm
 
-# Joint positions that the search starts from; with these every one of the eight configurations of
-# a common six-joint arm is found in thousands of random poses.
+# Number of joint positions that the search starts from. With this number the search found all
+# eight configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
-# A metre counts like this many radians in the search, and for how far out of reach a pose is.
+# Weight of a radian against a metre [m/rad]: in the search for solutions, and in the search for
+# the reachable point that is nearest to a pose.
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
 MOST_STEPS = 200
-# Poses nearer than this are met [m, rad].
+# A pose is reached if position and orientation are closer than this [m, rad].
 MET = 1e-8
-# Solutions farther apart than this are two [rad]; of joints to spare there are many solutions.
+# Two solutions are distinct if they differ by more than this [rad]. A redundant arm has infinitely
+# many solutions, so only solutions that differ a lot are listed.
 APART = 1e-3
 APART_REDUNDANT = 0.5
 
@@ -25,33 +27,35 @@ APART_REDUNDANT = 0.5
 def configurations(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """Joint positions that hold the tool in a pose; whole turns do not count as another.
+    """All joint positions that put the tool in a pose, up to whole turns of a joint.
 
-    Where the arm has joints to spare, a sample of its infinitely many.
+    A redundant arm has infinitely many; the function returns a sample of them.
 
     Args:
         arm: The arm.
         pose: Rotation and position of the tool, (3, 4).
-        task: 6 for all of it, 5 without turning about the tool axis, 3 for the point alone.
-        near: Joint positions to start from instead of everywhere, (dof,).
+        task: Task dimension: 6 for the whole pose, 5 if rotation about the tool axis is free, 3
+            for the tool point alone.
+        near: Joint positions [rad] to start the search from, (dof,); by default the search starts
+            all over the joint ranges.
 
     Returns:
-        (k, dof), k is 0 where there are none.
+        Joint positions [rad], (k, dof); k is 0 if there is no solution.
     """
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
-    left = _newton.approach(
+    residuals = _newton.approach(
         *arm.arrays, np.ascontiguousarray(pose), task, q, SEARCH_WEIGHT, MOST_STEPS
     )
-    good = q[(left < MET).all(axis=1)]
-    good = np.pi - np.mod(np.pi - good, 2 * np.pi) if near is None else good
-    kept = _newton.distinct(good, APART if task == arm.dof else APART_REDUNDANT)
-    return np.asarray(good[kept])
+    solutions = q[(residuals < MET).all(axis=1)]
+    solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
+    kept = _newton.distinct(solutions, APART if task == arm.dof else APART_REDUNDANT)
+    return np.asarray(solutions[kept])
 
 
 def seeds(arm: SerialArm) -> FloatArray:
-    """Joint positions all over the arm's range, the same ones every time, (SEEDS, dof).
+    """Random joint positions [rad] all over the joint ranges, the same in every call, (SEEDS, dof).
 
-    Of a joint that can turn by a whole turn or more, in one turn.
+    A joint range of a whole turn or more counts as the one turn from -pi to pi.
     """
     lower, upper = arm.limits.joint_range(arm.dof)
     narrow = upper - lower < 2 * np.pi
@@ -61,19 +65,21 @@ def seeds(arm: SerialArm) -> FloatArray:
 
 
 def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """How far the tool stays from each pose with its orientation kept [m], (n,).
+    """Distance from each pose to the nearest tool point that the arm reaches [m], (n,).
+
+    The search keeps the required tool orientation as far as possible.
 
     Args:
         arm: The arm.
-        poses: (n, 3, 4).
-        task: As in `configurations`.
-        q: Joint positions to start from, (k, dof).
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions to start the search from [rad], (k, dof).
     """
-    found = np.empty(len(poses))
+    distances = np.empty(len(poses))
     for i, pose in enumerate(poses):
         tried = q.copy()
-        left = _newton.approach(
+        residuals = _newton.approach(
             *arm.arrays, np.ascontiguousarray(pose), task, tried, REACH_WEIGHT, MOST_STEPS
         )
-        found[i] = left[:, 0].min()
-    return found
+        distances[i] = residuals[:, 0].min()
+    return distances

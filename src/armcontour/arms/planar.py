@@ -1,4 +1,4 @@
-"""The planar two-link arm of the paper, eq. (1)-(4)."""
+"""The planar two-link arm of the paper with its closed-form kinematics, eq. (1)-(4)."""
 
 from __future__ import annotations
 
@@ -14,31 +14,33 @@ from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.frames import Frame
 
-# Nearer than this to the edge of its reach the arm is singular: there sin(theta2) is about 1e-4,
-# joints move 10^4 times faster than the tool, and double precision leaves 8 digits of position.
+# Closer than this [m] to a limit of its reach the arm counts as singular: there sin(theta2) is
+# about 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits
+# of the position.
 SINGULAR_MARGIN = 1e-9
 
 
 class PlanarTwoLink(Arm):
-    """Two parallel joints, two links; joint angles are measured from the y axis, clockwise.
+    """An arm of two links in a plane, with two parallel joint axes.
+
+    Joint angles are measured clockwise: the first from the y axis, the second from the first link.
+    The attribute `chain` holds the same joints in space. The plane is z = 0 and is assumed to be
+    horizontal, so gravity causes no torque.
 
     Args:
-        name: For people.
+        name: Name of the arm, for messages and reports.
         base: Distance L0 of the first joint from the origin, along x [m].
         links: Link lengths L1, L2 [m].
-        limits: The arm's own limits.
-        source: Where the numbers come from.
-        joint_names: Two names.
-        tubes: The tubes that its links are assumed to be; None: nothing is known of their masses.
-        payload: What the tool carries; its frame is in the plane, with y along the second link.
-        assumed: What is assumed of its bodies and by what rule, for people.
-
-    Its `chain` has both joints in space: the plane is z = 0, and taken as horizontal, so that
-    gravity costs no torque.
+        limits: Limits of the arm's joints and tool.
+        source: Where the data of the arm come from.
+        joint_names: Names of the two joints.
+        tubes: The tubes that stand for the two links; None if the masses are not known.
+        payload: Load at the tool; its frame lies in the plane, with y along the second link.
+        assumed: Which masses and inertias are assumed, and by which rule, for messages.
     """
 
     dimension = 2
-    # Named by the sign of theta2: (4) is printed for the first only.
+    # Named after the sign of theta2. The paper prints (4) for the first solution only.
     branches = ("positive", "negative")
 
     def __init__(
@@ -69,11 +71,11 @@ class PlanarTwoLink(Arm):
         return abs(self.link1 - self.link2), self.link1 + self.link2
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points, (1)-(2)."""
+        """Tool points [m], eq. (1)-(2)."""
         return np.asarray(self.links(q)[..., -1, :])
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Base, elbow and tool."""
+        """Points of the base, the elbow and the tool, (n, 3, 2) [m]."""
         q1, q12 = self._angles(q)
         base = np.stack([np.full_like(q1, self.base), np.zeros_like(q1)], axis=-1)
         elbow = base + self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
@@ -81,20 +83,22 @@ class PlanarTwoLink(Arm):
         return np.stack([base, elbow, tool], axis=-2)
 
     def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
-        """Joint positions, (3)-(4) with the quadrant of (3) mended; theta1 within (-2 pi, 2 pi).
+        """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
+
+        The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
 
         Args:
             points: Tool points [m], (..., 2).
-            branch: Branch of the inverse kinematics, by default the first of `branches`.
+            branch: Solution of the inverse kinematics, by default the first of `branches`.
 
         Raises:
-            Unreachable: Out of reach or singular; `index` is the first such point.
+            Unreachable: A point is out of reach or singular; `index` is the first such point.
         """
         sign = 1.0 if self._branch(branch) == "positive" else -1.0
         at = np.asarray(points, dtype=np.float64)
         c, y = at[..., 0] - self.base, at[..., 1]
         self._refuse_out_of_reach(at, np.hypot(c, y))
-        # 1 - cos(theta2) and 1 + cos(theta2) as products: exact at both edges of the reach.
+        # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
         distance = np.hypot(c, y)
         near, far = self.reach
         low = (distance - near) * (distance + near) / (2 * self.link1 * self.link2)
@@ -106,14 +110,14 @@ class PlanarTwoLink(Arm):
         return np.stack([q1, q2], axis=-1)
 
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """The Jacobian printed under (23)."""
+        """Tool velocity per joint velocity [m/rad], (n, 2, 2), as printed below eq. (23)."""
         q1, q12 = self._angles(q)
         far = np.stack([self.link2 * np.cos(q12), -self.link2 * np.sin(q12)], axis=-1)
         near = np.stack([self.link1 * np.cos(q1), -self.link1 * np.sin(q1)], axis=-1)
         return np.stack([near + far, far], axis=-1)
 
     def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian."""
+        """Time derivative of the Jacobian at the joint velocities `dq`, (n, 2, 2)."""
         q1, q12 = self._angles(q)
         rate = np.asarray(dq, dtype=np.float64)
         rate1, rate12 = rate[..., 0, None], (rate[..., 0] + rate[..., 1])[..., None]
@@ -122,30 +126,37 @@ class PlanarTwoLink(Arm):
         return np.stack([near + far, far], axis=-1)
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
-        """Joint velocities [rad/s] that move the tool at `velocity` [m/s], (28).
+        """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
 
         Args:
             q: Joint positions [rad], (..., 2).
             velocity: Tool velocities [m/s], same shape.
+
+        Raises:
+            Unreachable: The arm is singular at one of the joint positions.
         """
         return self._solve(q, np.asarray(velocity, dtype=np.float64))
 
     def joint_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
     ) -> FloatArray:
-        """Joint accelerations [rad/s²] that give the tool `acceleration` [m/s²], (27).
+        """Joint accelerations [rad/s²] that give the tool the acceleration `acceleration`.
 
-        Written as `J⁻¹ (a - dJ/dt dq)`, which is (27) with its misprints mended.
+        The equation is `J⁻¹ (a - dJ/dt dq)`, which is (27) without its misprints.
 
         Args:
             q: Joint positions [rad], (..., 2).
             dq: Joint velocities [rad/s], same shape.
             acceleration: Tool accelerations [m/s²], same shape.
+
+        Raises:
+            Unreachable: The arm is singular at one of the joint positions.
         """
         coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
         return self._solve(q, np.asarray(acceleration, dtype=np.float64) - coupling)
 
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
+        """Solve `J(q) x = right` for x, (..., 2)."""
         jacobian = self.jacobian(q)
         try:
             return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
@@ -158,6 +169,7 @@ class PlanarTwoLink(Arm):
     def _chain(
         self, tubes: tuple[Tube, Tube] | None, payload: Payload | None, assumed: str
     ) -> Chain:
+        """The two joints and links as a chain in space."""
         lengths = np.array([self.link1, self.link2])
         bodies: dict[str, npt.ArrayLike] = {}
         if tubes is not None:
@@ -169,7 +181,7 @@ class PlanarTwoLink(Arm):
             joints=self.joint_names,
             rotations=np.tile(np.eye(3), (2, 1, 1)),
             positions=np.array([[0.0, 0.0, 0.0], [0.0, self.link1, 0.0]]),
-            # Clockwise as seen from above.
+            # Positive angles turn clockwise, seen from above.
             axes=np.tile([0.0, 0.0, -1.0], (2, 1)),
             base=Frame(position=np.array([self.base, 0.0, 0.0])),
             tip=Frame(position=np.array([0.0, self.link2, 0.0])),
@@ -180,10 +192,16 @@ class PlanarTwoLink(Arm):
         )
 
     def _angles(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Angles of the first and of the second link from the y axis [rad]."""
         at = np.asarray(q, dtype=np.float64)
         return at[..., 0], at[..., 0] + at[..., 1]
 
     def _branch(self, branch: str | None) -> str:
+        """Name of a solution, the default one for None.
+
+        Raises:
+            InvalidInput: The arm has no solution of this name.
+        """
         if branch is None:
             return self.branches[0]
         if branch not in self.branches:
@@ -193,6 +211,15 @@ class PlanarTwoLink(Arm):
         return branch
 
     def _refuse_out_of_reach(self, points: FloatArray, distance: FloatArray) -> None:
+        """Refuse points that are out of reach or singular.
+
+        Args:
+            points: Tool points [m], (..., 2).
+            distance: Distances of the points from the first joint [m], (...).
+
+        Raises:
+            Unreachable: Names the first such point.
+        """
         near, far = self.reach
         outside = ~((distance > near + SINGULAR_MARGIN) & (distance < far - SINGULAR_MARGIN))
         if not outside.any():

@@ -1,4 +1,4 @@
-"""Serial arms in space: turning joints in a row, of any number and in any place."""
+"""Serial arms in space: the kinematics of a chain of any number of revolute joints."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from armcontour.arms.limits import Limits
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 
-# Rotations, positions and axes of the chain; base and end as (3, 4).
+# Rotations, positions and axes of the joints; base and end frame as (3, 4).
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 class SerialArm(Arm):
-    """An arm in space; tool points and everything about the tool are in the work frame.
+    """A serial arm in space.
 
-    Methods take states of any leading shape. A twist is the tool's velocity [m/s] above its angular
+    All positions, velocities and orientations of the tool are in the work frame. Methods take
+    states of any leading shape. A twist is the tool's velocity [m/s] followed by its angular
     velocity [rad/s], (n, 6), along the axes of the work frame.
 
     Args:
-        name: For people.
-        chain: Its joints and links.
-        limits: The arm's own limits.
-        source: Where the numbers come from.
-        limits_hint: What would give the arm the limits that it lacks, for messages.
+        name: Name of the arm, for messages and reports.
+        chain: Joints and links of the arm.
+        limits: Limits of the arm's joints and tool.
+        source: Where the data of the arm come from.
+        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
 
     Attributes:
-        arrays: The chain as the compiled kinematics take it: its rotations, positions and axes;
-            base and end (the tool in the frame of the last link) as rotation and position, (3, 4).
+        arrays: The chain as arrays for the compiled kinematics: rotations, positions and axes of
+            the joints; the base in the work frame and the tool in the frame of the last link, each
+            as rotation and position, (3, 4).
     """
 
     dimension = 3
@@ -64,29 +66,30 @@ class SerialArm(Arm):
         )
 
     def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
-        """The same arm with another tool, given in the frame of the tip.
+        """A copy of the arm with another tool.
 
         Args:
-            tool: Its origin follows paths, and its z axis is the tool axis.
-            payload: What the tip carries; by default what it carried before.
+            tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the
+                tool axis.
+            payload: Load at the tip; by default the load of this arm.
         """
         carried = self.chain.payload if payload is None else payload
         return self._with(self.chain.replace(tool=tool, payload=carried))
 
     def with_work(self, work: Frame) -> SerialArm:
-        """The same arm with its tool points in another frame, given in that of the base.
+        """A copy of the arm with its tool points in another work frame.
 
         Args:
-            work: Frame of the path, in the frame of the base.
+            work: Work frame of the paths, in the frame of the base.
         """
         return self._with(self.chain.replace(base=work.inverse))
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m]."""
+        """Tool points [m], (n, 3)."""
         return self.pose(q)[0]
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Tool points [m], (n, 3), and tool frames as rotation matrices, (n, 3, 3).
+        """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -96,7 +99,7 @@ class SerialArm(Arm):
         return found[..., 3].copy(), found[..., :3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Base, every joint, tip and tool, (n, dof + 3, 3)."""
+        """Points of the base, all joints, the tip and the tool, (n, dof + 3, 3) [m]."""
         leading, (rows,) = self._rows(q)
         tools, origins, _ = self._places(rows)
         base = np.broadcast_to(self.chain.base.position, (len(rows), 1, 3))
@@ -106,7 +109,7 @@ class SerialArm(Arm):
         return found.reshape(*leading, self.dof + 3, 3)
 
     def twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Twist per joint velocity, (n, 6, dof).
+        """The geometric Jacobian: twist of the tool per joint velocity, (n, 6, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -121,22 +124,22 @@ class SerialArm(Arm):
         return self.twist_jacobian(q)[..., :3, :]
 
     def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian when the joints move at `dq`, (n, 3, dof)."""
+        """Time derivative of the Jacobian at the joint velocities `dq`, (n, 3, dof)."""
         leading, (rows, rates) = self._rows(q, dq)
         pose, origins, directions = self._places(rows)
         points = np.concatenate([origins, pose[:, None, :, 3]], axis=1)
         angular = np.cumsum(directions * rates[..., None], axis=1)
-        # Links carry the next joint's origin, and at the end the tool.
+        # Each link moves the origin of the next joint; the last link moves the tool.
         steps = np.cross(angular, np.diff(points, axis=1))
         moving = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
-        # An axis turns with its own link, as its own joint does not move it.
+        # A joint does not move its own axis, so the axis may be taken as fixed in its own link.
         turning = np.cross(angular, directions)
         arms, opening = points[:, -1:] - origins, moving[:, -1:] - moving[:, :-1]
         found = np.cross(turning, arms) + np.cross(directions, opening)
         return np.swapaxes(found, -1, -2).reshape(*leading, 3, self.dof)
 
     def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """`dJ/dt dq`: acceleration and angular acceleration of the tool at ddq = 0, (n, 6).
+        """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -148,7 +151,7 @@ class SerialArm(Arm):
         return np.asarray(found.reshape(*leading, 6))
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Velocity and angular velocity of the tool, (n, 6).
+        """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -162,7 +165,7 @@ class SerialArm(Arm):
     def tool_twist_rate(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Acceleration and angular acceleration of the tool, (n, 6).
+        """Acceleration [m/s²] and angular acceleration [rad/s²] of the tool, (n, 6).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -176,7 +179,7 @@ class SerialArm(Arm):
         return np.asarray(found.reshape(*leading, 6))
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity (22) [m/s]."""
+        """Tool velocity [m/s], eq. (22)."""
         return self.tool_twist(q, dq)[..., :3]
 
     def tool_acceleration(
@@ -188,7 +191,7 @@ class SerialArm(Arm):
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and acceleration [m/s²], from the same places of the joints."""
+        """Tool velocity [m/s] and acceleration [m/s²] from one evaluation of the kinematics."""
         leading, (rows, rates, seconds) = self._rows(q, dq, ddq)
         pose, origins, directions = self._places(rows)
         kernels = _kernels()
@@ -199,6 +202,7 @@ class SerialArm(Arm):
         return first, second
 
     def _with(self, chain: Chain) -> SerialArm:
+        """A copy of the arm with another chain."""
         return SerialArm(
             name=self.name,
             chain=chain,
@@ -208,12 +212,18 @@ class SerialArm(Arm):
         )
 
     def _places(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Tool poses, (n, 3, 4), and a point and the direction of every joint's axis."""
+        """Tool poses, (n, 3, 4), and origins and axes of all joints, (n, dof, 3) each."""
         tools, origins, directions = _kernels().poses(*self.arrays, rows)
         return tools, origins, directions
 
     def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Leading shape and rows of states, checked: compiled code would read past a short row."""
+        """Leading shape and rows of the given states, (rows, dof) each.
+
+        The shapes are checked because compiled code would read past the end of a short row.
+
+        Raises:
+            InvalidInput: The number of columns is wrong or the shapes do not fit together.
+        """
         arrays = [np.asarray(x, dtype=np.float64) for x in states]
         seen = ", ".join(str(x.shape) for x in arrays)
         if any(x.shape[-1:] != (self.dof,) for x in arrays):
@@ -225,7 +235,7 @@ class SerialArm(Arm):
             shape = np.broadcast_shapes(*(x.shape for x in arrays))
         except ValueError:
             raise InvalidInput(f"States must have shapes that fit together, not {seen}.") from None
-        # Fresh copies: locked arrays would have the kernels compiled once more.
+        # Copies, because numba would compile the kernels a second time for read-only arrays.
         rows = [
             np.array(np.broadcast_to(x, shape), order="C").reshape(-1, self.dof) for x in arrays
         ]
@@ -233,11 +243,16 @@ class SerialArm(Arm):
 
 
 def _kernels() -> Any:
-    # At first use: numba is heavy, and an arm is also loaded to be listed or checked.
+    """The module of compiled kinematics.
+
+    The module is imported at first use: numba loads slowly, and an arm is also loaded only to be
+    listed or checked.
+    """
     from armcontour.arms import _chain
 
     return _chain
 
 
 def _stack(frame: Frame) -> FloatArray:
+    """Rotation and position of a frame side by side, (3, 4)."""
     return _checks.lock_floats(np.column_stack([frame.rotation, frame.position]))

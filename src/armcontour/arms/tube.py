@@ -1,4 +1,4 @@
-"""Links of which nothing is known but a rule: uniform tubes."""
+"""Masses and inertias of links that are assumed to be uniform tubes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from armcontour.errors import InvalidInput
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube:
-    """A uniform round tube, a body to assume where a link's own is not known.
+    """A uniform round tube, which stands for a link whose mass and inertia are not known.
 
     Args:
-        outer_diameter: [m].
-        wall: Its thickness [m].
-        density: [kg/m³].
+        outer_diameter: Outer diameter [m].
+        wall: Thickness of the wall [m].
+        density: Density of the material [kg/m³].
 
     Raises:
-        InvalidInput: Not above zero, or a wall that is thicker than the tube.
+        InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
     """
 
     outer_diameter: float
@@ -40,17 +40,18 @@ class Tube:
             )
 
     def mass(self, length: float) -> float:
-        """Mass of a piece of it [kg]."""
+        """Mass of a tube of this length [kg]."""
         outer, inner = self._radii()
         return self.density * math.pi * (outer**2 - inner**2) * length
 
     def inertia(self, length: float) -> FloatArray:
-        """Inertia of a piece along y, about its middle [kg m²], (3, 3)."""
+        """Inertia of a tube of this length along y, about its middle [kg m²], (3, 3)."""
         outer, inner = self._radii()
         mass, squares = self.mass(length), outer**2 + inner**2
         across = mass * (3 * squares + length**2) / 12
         return np.diag([across, mass * squares / 2, across])
 
     def _radii(self) -> tuple[float, float]:
+        """Outer and inner radius [m]."""
         outer = self.outer_diameter / 2
         return outer, outer - self.wall

@@ -1,4 +1,4 @@
-"""Plants that execute taught data. They share no formula with the compensators."""
+"""Plants (simulated robots) that execute taught data; they share no formula with compensators."""
 
 from armcontour.execution.plant import Plant, execute
 from armcontour.execution.rigid_body_plant import RigidBodyPlant

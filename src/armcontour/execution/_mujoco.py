@@ -1,4 +1,4 @@
-"""A chain of rigid bodies in MuJoCo, in the frame of the chain's base."""
+"""The MuJoCo model of a chain of rigid bodies, in the frame of the chain's base."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from armcontour._checks import FloatArray
 from armcontour.arms.chain import Chain
 from armcontour.errors import InvalidInput
 
-# MuJoCo's friction is a stiff constraint: a joint that sticks still creeps, and the position loop
-# would walk it out of the dead band in a second with the standard stiffness. With the stiffest one
-# (the largest impedance that MuJoCo takes, and the time in which a step may stop a joint) the
-# offset keeps for hours.
+# MuJoCo models friction as a stiff constraint, so a joint that sticks still creeps. With the
+# standard stiffness the position loop would remove the offset of a sticking joint within a second.
+# With the stiffest constraint (the largest impedance that MuJoCo accepts, and the shortest time in
+# steps in which a joint may be stopped) the offset remains for hours.
 STIFFEST = 0.9999
 SHORTEST_STEPS = 2.0
-# Inertia that is none: as a share of the arm's largest, and at all [kg m²].
+# Inertia that counts as zero: as a fraction of the arm's largest one, and absolute [kg m²].
 SINGULAR = 1e-12
 NOTHING = 1e-13
 
 
 def load() -> Any:
-    """The module mujoco.
+    """The module mujoco, imported at first use.
 
     Raises:
-        InvalidInput: It is not installed.
+        InvalidInput: mujoco is not installed.
     """
     try:
-        # By name: mujoco carries no types.
+        # Imported by name, because mujoco has no type annotations.
         return importlib.import_module("mujoco")
     except ImportError:
         raise InvalidInput(
@@ -39,37 +39,37 @@ def load() -> Any:
 
 
 def build(chain: Chain, step: float, *, friction: bool) -> Any:
-    """The model of a chain that has masses.
+    """Build the MuJoCo model of a chain.
 
     Args:
-        chain: With masses; its payload is part of the last link.
-        step: Step of integration [s].
-        friction: With viscous and Coulomb friction; else without both.
+        chain: A chain with masses; its payload becomes part of the last link.
+        step: Integration step [s].
+        friction: Whether the model has the chain's viscous and Coulomb friction.
 
     Raises:
-        InvalidInput: A joint that turns nothing, or mujoco is not installed.
+        InvalidInput: A joint moves no inertia, or mujoco is not installed.
     """
     mujoco = load()
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = np.array(chain.gravity)
-    # Its error over a step is far below what holding the torque for that step does: the step is the
-    # drive's, not the integrator's.
+    # The step is the cycle of the drives: the error of the integrator over a step is far below the
+    # effect of keeping the torque constant over the step.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    # Of the iteration for friction: down to rounding, and no slower than the standard 1e-8. At 0 it
-    # would go on to its last iteration in every step.
+    # Tolerance of the iteration for friction: about rounding, and as fast as the standard 1e-8.
+    # With 0 every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
-    # What goes wrong is reported, not put back to the beginning.
+    # A simulation that diverges is reported; MuJoCo must not reset it to the start.
     spec.option.disableflags = (
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     )
     masses, moments = _add_links(mujoco, spec, chain, friction)
     model = spec.compile()
-    # MuJoCo's compiler refuses rods, laminas off by rounding, and drives that turn nothing but
-    # themselves; its dynamics takes them.
+    # MuJoCo's compiler refuses rods, laminas with rounding errors, and links without mass; its
+    # dynamics accept them, so masses and moments are set after compilation.
     model.body_mass[1:], model.body_inertia[1:] = masses, moments
-    # What turns nothing is looked for with more inertia at every joint: without, MuJoCo would write
-    # what it finds wrong to a file.
+    # Joints that move no inertia are searched with additional inertia at every joint: without it
+    # MuJoCo would write a warning to a file.
     for more in (1.0, 0.0):
         model.dof_armature[:] = np.asarray(chain.armature) + more
         mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -80,7 +80,7 @@ def build(chain: Chain, step: float, *, friction: bool) -> Any:
 
 
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
-    """Torque per joint acceleration at a pose, armature included, (dof, dof) [kg m²]."""
+    """Mass matrix at joint positions, including the armature, (dof, dof) [kg m²]."""
     mujoco = load()
     data = mujoco.MjData(model)
     data.qpos[:] = q
@@ -93,6 +93,11 @@ def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
 
 
 def _refuse_singular(chain: Chain, matrix: FloatArray) -> None:
+    """Refuse a chain with a singular mass matrix.
+
+    Raises:
+        InvalidInput: Names the joint that moves no inertia.
+    """
     values, vectors = np.linalg.eigh(matrix)
     if values[0] <= max(SINGULAR * values[-1], NOTHING):
         j = int(np.argmax(np.abs(vectors[:, 0])))
@@ -105,7 +110,7 @@ def _refuse_singular(chain: Chain, matrix: FloatArray) -> None:
 def _add_links(
     mujoco: Any, spec: Any, chain: Chain, friction: bool
 ) -> tuple[list[float], list[FloatArray]]:
-    """Give a specification the links of a chain; their masses and principal moments."""
+    """Add the links of a chain to a specification; returns masses and principal moments."""
     viscous, coulomb = np.asarray(chain.viscous), np.asarray(chain.coulomb)
     body, masses, moments = spec.worldbody, [], []
     for k in range(len(chain)):
@@ -136,7 +141,7 @@ def _add_links(
 
 
 def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
-    """Mass, centre and inertia about it of a link, with the payload if it carries that."""
+    """Mass, centre of mass and inertia about it of link k; the last link includes the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     mass, center, inertia = float(chain.masses[k]), chain.centers[k], chain.inertias[k]
     load = chain.payload
@@ -146,12 +151,13 @@ def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
     turned = chain.tip.rotation @ load.inertia @ chain.tip.rotation.T
     total = mass + load.mass
     apart = at - center
-    # Steiner, for two bodies about their common centre.
+    # Parallel axis theorem for two bodies about their common centre of mass.
     between = mass * load.mass / total * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     return total, center + load.mass / total * apart, inertia + turned + between
 
 
 def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
+    """The quaternion of a rotation matrix, in MuJoCo's order w, x, y, z."""
     found = np.empty(4)
     mujoco.mju_mat2Quat(found, np.array(rotation).ravel())
     return found

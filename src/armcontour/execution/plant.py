@@ -1,4 +1,4 @@
-"""What every plant can do: take taught data, and say what the joints did."""
+"""The base class of plants, and the function `execute` that runs taught data on a plant."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
-# After the last set-point the joints get this long to come to rest [s], or this many durations.
+# Time that the joints get to come to rest after the last set-point [s], or in durations.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
-# No joint of an arm is that fast [rad/s]: it falls, or its servo is unstable.
+# A joint at this velocity [rad/s] falls, or its servo is unstable.
 RUNAWAY = 1e3
-# What a result takes while it is computed and judged [bytes], measured: of every joint six numbers,
-# some of them copied once; of the tool its place, its errors and arc lengths.
+# Memory of one result during simulation and evaluation [bytes], measured: for the tool (position,
+# errors, arc lengths), and for each joint (six numbers, some of them copied once).
 RESULT, OF_JOINT = 150.0, 100.0
-# Decay of what is left of a motion by so many time constants is rest, to REST_DISTANCE of a radian.
+# Number of time constants after which a motion has decayed to REST_DISTANCE of a radian.
 SETTLED = 20.0
 
 
 class Plant(ABC):
-    """A robot, simulated: an arm with its drives."""
+    """A simulated robot: an arm with its drives."""
 
     @abstractmethod
     def run(self, taught: TaughtData, resolution: float) -> Execution:
-        """Execute taught data, from rest at its first set-point until rest at its last.
+        """Execute taught data from rest at the first set-point until rest at the last one.
 
         Args:
             taught: The set-points.
@@ -38,14 +38,14 @@ class Plant(ABC):
         """
 
     def memory(self, span: float, period: float, resolution: float) -> float:
-        """What an execution takes, about [bytes].
+        """Estimated memory of an execution [bytes].
 
         Args:
             span: Time between the first and the last set-point [s].
             period: Command interval [s].
             resolution: Largest time between two results [s].
         """
-        # A plant of somebody else's: its joints are not known.
+        # The number of joints of a user's plant is not known here.
         return results(span, period, resolution) * (RESULT + OF_JOINT)
 
 
@@ -60,13 +60,13 @@ def execute(
 
     Args:
         taught: The set-points.
-        plant: The plant, never the model that the taught data was compensated with.
-        resolution: Largest time between two results [s]; the motion itself does not depend on it.
-        memory: What the program may take while it executes and judges [bytes].
+        plant: The plant, which must not be the model by which the taught data was compensated.
+        resolution: Largest time between two results [s]; it does not change the motion.
+        memory: Bound on the program's memory during execution and evaluation [bytes].
 
     Raises:
-        InvalidInput: Taught data for another number of joints, gains too large for its command
-            interval, or more results than the memory takes.
+        InvalidInput: The taught data is for another number of joints, the gains are too large for
+            the command interval, or the results do not fit in the memory.
         ExecutionError: The joints do not come to rest.
     """
     if not isinstance(taught, TaughtData):
@@ -82,10 +82,10 @@ def execute(
 
 
 def results(span: float, period: float, resolution: float) -> float:
-    """How many results an execution has, about.
+    """Approximate number of results of an execution.
 
     Args:
-        span: Time that it takes [s].
+        span: Duration of the execution [s].
         period: Command interval [s].
         resolution: Largest time between two results [s].
     """
@@ -95,18 +95,18 @@ def results(span: float, period: float, resolution: float) -> float:
 def refuse_too_long(
     plant: Plant, span: float, period: float, resolution: float, memory: float, more: float
 ) -> None:
-    """Refuse an execution of more results than the memory takes.
+    """Refuse an execution whose results do not fit in the memory.
 
     Args:
         plant: The plant.
         span: Time between the first and the last set-point [s].
         period: Command interval [s].
         resolution: Largest time between two results [s].
-        memory: Bound of the program's memory [bytes].
-        more: What else the program has by then [bytes].
+        memory: Bound on the program's memory [bytes].
+        more: Memory of other data at the same time [bytes].
 
     Raises:
-        InvalidInput: More.
+        InvalidInput: The estimate exceeds the bound.
     """
     _memory.refuse_above(
         memory,
@@ -117,10 +117,10 @@ def refuse_too_long(
 
 
 def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:
-    """Refuse taught data for another arm.
+    """Refuse taught data whose number of joints is not that of the arm.
 
     Raises:
-        InvalidInput: Another number of joints.
+        InvalidInput: The numbers differ.
     """
     if taught.q.shape[1] != arm.dof:
         raise InvalidInput(
@@ -130,16 +130,16 @@ def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:
 
 
 def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float) -> None:
-    """Refuse an arm that its drives do not hold.
+    """Refuse an arm whose drives are too weak to hold it against gravity.
 
     Args:
-        weight: Amounts of torque against gravity, (dof,) [N m].
-        limit: What the drives give, (dof,) [N m].
-        where: A place, for the message.
-        t: When the arm is there [s].
+        weight: Absolute torques against gravity, (dof,) [N m].
+        limit: Torque limits of the drives, (dof,) [N m].
+        where: Name of the position, for the message.
+        t: Time at which the arm is there [s].
 
     Raises:
-        ExecutionError: A weight above its limit.
+        ExecutionError: A torque exceeds its limit.
     """
     heavy = weight > limit
     if heavy.any():
@@ -157,11 +157,11 @@ def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float
 
 
 def intervals(taught: TaughtData, servo: ServoModel) -> int:
-    """Command intervals until the last set-point has reached every joint."""
+    """Number of command intervals until the last set-point has reached all joints."""
     late = int(np.ceil(servo.dead_time.max() / taught.period * (1 - 1e-12)))
     return len(taught.q) - 1 + late
 
 
 def patience(duration: float) -> float:
-    """Time to come to rest after set-points that take `duration` [s]."""
+    """Time allowed for coming to rest after a motion of a duration [s]."""
     return max(PATIENCE, PATIENCE_IN_DURATIONS * duration)

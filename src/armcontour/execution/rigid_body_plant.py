@@ -1,4 +1,4 @@
-"""The same arm as rigid bodies in MuJoCo, with drives that nobody tuned to the job."""
+"""The plant of rigid bodies in MuJoCo, with drives whose gains are not tuned to the job."""
 
 from __future__ import annotations
 
@@ -28,66 +28,68 @@ from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials, sample_command
 
-# Cycle of a drive's velocity loop: 4 kHz is usual, goes into every usual command interval, and
-# delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
+# Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual command interval,
+# and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
 STEP = 2.5e-4
-# Cycles that drives have [s]: each is a step of the simulation, which takes some microseconds; in a
-# longer one than the other end no arm is controlled.
+# Shortest and longest cycle time [s]: each cycle is a step of the simulation, which takes some
+# microseconds; no arm is controlled with longer cycles.
 STEPS = (1e-6, 0.1)
-# No encoder is worse than this [rad].
+# Largest noise of a position measurement [rad]; no encoder is worse.
 LARGEST_NOISE = 0.1
-# What a result of one joint takes, torques too, beside RESULT of all of them; and what a step takes
-# while its block of commands is run [bytes], measured.
+# Memory of one result of one joint with its torques, in addition to RESULT for all joints, and of
+# one step of one joint while a block of commands is simulated [bytes], measured.
 OF_JOINT = 200.0
 AT_A_STEP = 120.0
-# After the last set-point, the joints are at rest when for this time [s], and for the slowest
-# position loop's time constant, each one stays within this range [rad], within steps too: a micron
-# at 1 m. Where they stop is up to friction and gravity; so it is no part of the test.
+# After the last set-point the joints are at rest when each stays within this range [rad], a micron
+# at 1 m, for this time [s] and for the slowest position loop's time constant. The test does not
+# depend on where the joints stop, because friction and gravity decide that.
 REST_TIME = 0.25
 REST_RANGE = 1e-6
-# Noise on the measured position moves a joint by less than this many of its standard deviations.
+# Noise of the measured position moves a joint by less than this many standard deviations.
 REST_NOISE = 4.0
-# Where the arm rests under its weight is found to this [rad], in that many iterations.
+# Tolerance of the equilibrium under the arm's weight [rad], and largest number of iterations.
 EQUILIBRIUM = 1e-13
 ITERATIONS = 200
-# At so many set-points it is seen beforehand whether the drives are stable.
+# Number of set-points at which the stability of the drives is checked before the simulation.
 LOOKS = 50
-# Poses all over the joints' ranges in which acceleration limits are to be had.
+# Number of random poses in which a drive must be able to give the acceleration limits.
 RATED_POSES = 200
-# Command intervals that are computed at a time span this time [s].
+# Duration of the command intervals that are simulated at a time [s].
 BLOCK = 1.0
 
 
 class RigidBodyPlant(Plant):
-    """The arm's bodies under a sampled position and velocity loop on every joint.
+    """The arm's rigid bodies with a sampled position and velocity loop on every joint.
 
-    Every `step` each drive sets its torque to `J K_v (K_p (u - q) - dq)`, to which the controller
-    may add the torque that holds the arm against gravity, and keeps it for that step. J is the
-    joint's nominal inertia: what it sees, drive included, with all joints in the middle of the
-    arm's own ranges (at 0 where there is none) and without payload. That is known when an arm is
-    built, and no job enters it. u is what the command was the servo's dead time before the step.
+    In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
+    the step. The controller may add the torque that holds the arm against gravity. u is the command
+    at the time of the step minus the servo's dead time. J is the nominal inertia of the joint with
+    its drive, without payload, with all joints in the middle of the arm's joint ranges (at 0 for a
+    joint without a range). J is known when the arm is built and does not depend on the job.
 
     Args:
         arm: The arm; its chain must have masses.
-        servo: The gains that the drives were given, of order second.
-        limits: Whose joint torques saturate; the arm's own by default. Without any, the drives are
-            just strong enough for its joint accelerations, all at once in the worst pose.
-        step: Cycle of the drives [s], shortened so that a whole number fits a command interval.
-        gravity_feedforward: Whether the controller adds the torque against gravity; it knows the
-            payload.
-        friction: Whether the chain's friction acts; else neither viscous nor Coulomb friction does.
+        servo: The gains of the drives, a servo of second order.
+        limits: Limits with the joint torques that saturate; the arm's own by default. Without
+            torque limits, the drives are just strong enough for the joint accelerations of all
+            joints at once in the worst pose.
+        step: Cycle time of the drives [s]; it is shortened to a fraction of the command interval.
+        gravity_feedforward: Whether the controller adds the torque against gravity, including the
+            payload's.
+        friction: Whether the chain's viscous and Coulomb friction act.
         noise: Standard deviation of measured joint positions [rad], independent in every step.
-            Measured velocities are the true ones: what a drive makes of noise is not known.
-        seed: Of the noise, the same in every run.
+            Measured velocities have no noise, because the filters of drives are not known.
+        seed: Seed of the noise, the same in every run.
 
     Attributes:
-        reference: Where J is taken [rad], (dof,).
+        reference: Joint positions at which J is computed [rad], (dof,).
         nominal_inertia: J [kg m²], (dof,).
-        torque_limit: [N m], (dof,); infinite without one.
+        torque_limit: Torque limits [N m], (dof,); infinite without limits.
 
     Raises:
-        InvalidInput: An arm without masses, gains or limits that do not fit it, a servo of order
-            first, a step outside STEPS, too much noise, or mujoco is not installed.
+        InvalidInput: The arm has no masses, gains or limits do not fit the arm, the servo is of
+            first order, the step is outside STEPS, the noise is too large, or mujoco is not
+            installed.
     """
 
     def __init__(
@@ -120,21 +122,23 @@ class RigidBodyPlant(Plant):
         self.nominal_inertia = _checks.lock_floats(_nominal(self.chain, self.reference))
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
         self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.chain))
-        # An acceleration limit is what a joint has left for moving; a torque limit holds for all.
+        # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
+        # bounds the sum of the torques for motion and against gravity.
         self._on_top = own.joint_torque is None
 
     def memory(self, span: float, period: float, resolution: float) -> float:
-        """What an execution takes, about [bytes]: its results, and a block of steps."""
+        """Estimated memory of an execution [bytes]: its results, and one block of steps."""
         return bytes_of(self.servo, self.step, span, period, resolution)
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
-        """Execute taught data, from the equilibrium at its first set-point.
+        """Execute taught data from the equilibrium at the first set-point.
 
-        With gravity feed-forward, or without gravity, that is the set-point itself; else where the
-        arm has sagged to (friction left out).
+        With gravity feed-forward, or without gravity, the equilibrium is the set-point itself;
+        otherwise it is the position to which the arm sags without friction.
 
         Raises:
-            InvalidInput: Taught data for another number of joints, or a resolution below the step.
+            InvalidInput: The taught data is for another number of joints, or the resolution is
+                finer than the step.
             ExecutionError: The drives are unstable, too weak to hold the arm, or do not settle.
         """
         refuse_other_joints(taught, self.arm)
@@ -154,7 +158,7 @@ class RigidBodyPlant(Plant):
         return self._execution(taught, logs, span * every)
 
     def _command(self, taught: TaughtData, steps: int) -> Callable[[int, int], FloatArray]:
-        """What the drives are given in every step of so many intervals from one on."""
+        """A function of k and count: commands in every step of `count` intervals from k on."""
         q, period, servo = taught.q, taught.period, self.servo
         if servo.interpolation != "cubic" and not servo.dead_time.any():
             return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
@@ -169,6 +173,17 @@ class RigidBodyPlant(Plant):
     def _come_to_rest(
         self, robot: _Robot, taught: TaughtData, steps: int, every: int
     ) -> list[_Log]:
+        """Simulate after the last set-point until all joints are at rest.
+
+        Args:
+            robot: The run.
+            taught: The set-points.
+            steps: Number of steps per command interval.
+            every: Number of steps between two results.
+
+        Raises:
+            ExecutionError: A joint does not come to rest, or rests at its torque limit.
+        """
         window = rest_window(self.servo)
         commands = np.tile(taught.q[-1], (int(np.ceil(window / taught.period)) * steps, 1))
         begin = robot.now
@@ -197,11 +212,14 @@ class RigidBodyPlant(Plant):
         )
 
     def _refuse_unstable(self, robot: _Robot, taught: TaughtData) -> None:
-        """Refuse a step in which a joint's torque takes more than twice its velocity away.
+        """Refuse a step that is too long for the drives to be stable.
 
-        A mode of the joints keeps still under a torque held for h if K_v J / M times h is below 2,
-        and K_p h is: exact for one K_p for all joints, no viscous friction, and small motions.
-        Not sampled, the drives are stable at every pose.
+        With a torque that is constant over a step h, a mode of the joints is stable if K_v J / M
+        times h is below 2, and K_p times h too. This is exact for equal K_p of all joints, small
+        motions and no viscous friction. Drives that are not sampled are stable in every pose.
+
+        Raises:
+            ExecutionError: A joint is unstable at one of the set-points that are checked.
         """
         rate = np.sqrt(self.nominal_inertia * self.kv)
         for k in np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int)):
@@ -225,6 +243,16 @@ class RigidBodyPlant(Plant):
             )
 
     def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
+        """Refuse a rest at which a drive is always at its torque limit.
+
+        Args:
+            log: The last steps.
+            last: Last set-point [rad], (dof,).
+            now: Time [s].
+
+        Raises:
+            ExecutionError: A drive is too weak to reach its last set-point.
+        """
         weak = (log.wanted != log.torque).all(axis=0)
         if not weak.any():
             return
@@ -242,6 +270,7 @@ class RigidBodyPlant(Plant):
         )
 
     def _execution(self, taught: TaughtData, logs: list[_Log], span: float) -> Execution:
+        """The execution of consecutive logs with a time `span` between results [s]."""
         q, dq, ddq, demand, wanted, torque = (
             np.concatenate([getattr(x, name) for x in logs])
             for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
@@ -268,7 +297,17 @@ class RigidBodyPlant(Plant):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """What happened in steps: states at their beginnings, and what held during them."""
+    """The results of some steps.
+
+    Args:
+        q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps, (n, dof).
+        ddq: Mean accelerations over the steps [rad/s²], (n, dof).
+        demand: Demanded accelerations [rad/s²], (n, dof).
+        wanted: Demanded torques [N m], (n, dof).
+        torque: Torques after saturation [N m], (n, dof).
+        demand_range: Lowest and highest demand [rad/s²], (2, dof).
+        saturated: Time in saturation [s], (dof,).
+    """
 
     q: FloatArray
     dq: FloatArray
@@ -280,7 +319,7 @@ class _Log:
     saturated: FloatArray
 
     def thinned(self, every: int) -> _Log:
-        """Every so many steps of it; copies, so that the rest is let go."""
+        """The log with every n-th step only, as copies, so that the other steps use no memory."""
         return _Log(
             demand_range=self.demand_range,
             saturated=self.saturated,
@@ -292,7 +331,7 @@ class _Log:
 
 
 class _Robot:
-    """One run of a plant: the state of its bodies, and the drives that move them."""
+    """One run of a plant: the state of the bodies, and the drives."""
 
     def __init__(self, plant: RigidBodyPlant, step: float, taught: TaughtData) -> None:
         self.plant = plant
@@ -302,18 +341,22 @@ class _Robot:
         self.mujoco = _mujoco.load()
         self.model = _mujoco.build(plant.chain, step, friction=plant.friction)
         self.data = self.mujoco.MjData(self.model)
-        # Another state, never moving: what gravity takes is asked of it.
+        # A second state at rest, for computing the torques of gravity.
         self.still = self.mujoco.MjData(self.model)
         self.rng = np.random.default_rng(plant.seed)
         self.data.qpos[:] = self._equilibrium(np.array(taught.q[0]))
 
     @property
     def now(self) -> float:
-        """Time [s]; 0 is when the plan begins."""
+        """Time since the start of the plan [s]."""
         return self.start + self.steps * self.step
 
     def advance(self, commands: FloatArray) -> _Log:
-        """Run through commands, one per step."""
+        """Simulate one step per row of the commands, (n, dof) [rad].
+
+        Raises:
+            ExecutionError: A joint runs away.
+        """
         plant, n, dof = self.plant, *commands.shape
         q, dq = np.empty((n + 1, dof)), np.empty((n + 1, dof))
         demand, wanted, torque = (np.empty((n, dof)) for _ in range(3))
@@ -322,7 +365,7 @@ class _Robot:
         top, bottom = plant.torque_limit, -plant.torque_limit
         limited = np.isfinite(top).all()
         gravity, holds, on_top = np.zeros(dof), plant.gravity_feedforward, plant._on_top
-        # This loop is most of a run's time: names are local, nothing is allocated but views.
+        # This loop takes most of the time of a run: all names are local, and only views are made.
         model, data, move = self.model, self.data, self.mujoco.mj_step
         position, velocity, applied = data.qpos, data.qvel, data.qfrc_applied
         subtract, multiply, add, measured = np.subtract, np.multiply, np.add, position
@@ -366,7 +409,7 @@ class _Robot:
         )
 
     def _weigh(self, q: FloatArray, out: FloatArray) -> None:
-        """Torques that hold the arm against gravity at q."""
+        """Write the torques that hold the arm against gravity at q into `out` [N m]."""
         mujoco, model, still = self.mujoco, self.model, self.still
         still.qpos[:] = q
         mujoco.mj_kinematics(model, still)
@@ -374,10 +417,10 @@ class _Robot:
         mujoco.mj_rne(model, still, 0, out)
 
     def _equilibrium(self, first: FloatArray) -> FloatArray:
-        """Where the arm stands still under the first set-point.
+        """Joint positions at which the arm is at rest with the first set-point as command [rad].
 
         Raises:
-            ExecutionError: Nowhere, or its drives are too weak.
+            ExecutionError: There is no equilibrium, or the drives are too weak.
         """
         plant, weight, q = self.plant, np.zeros(len(first)), first
         stiffness = plant.nominal_inertia * plant.kv * plant.servo.kp
@@ -401,6 +444,11 @@ class _Robot:
         return q
 
     def _refuse_runaway(self, k: int) -> None:
+        """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
+
+        Raises:
+            ExecutionError: Always.
+        """
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
         t = self.start + (self.steps + k + 1) * self.step
@@ -415,11 +463,11 @@ class _Robot:
 def bytes_of(
     servo: ServoModel, step: float, span: float, period: float, resolution: float
 ) -> float:
-    """What an execution takes, about [bytes]: its results, and a block of steps.
+    """Estimated memory of an execution [bytes]: its results, and one block of steps.
 
     Args:
-        servo: With values per joint.
-        step: Cycle of the drives [s].
+        servo: A servo with values per joint.
+        step: Cycle time of the drives [s].
         span: Time between the first and the last set-point [s].
         period: Command interval [s].
         resolution: Largest time between two results [s].
@@ -432,30 +480,30 @@ def bytes_of(
 
 
 def rest_window(servo: ServoModel) -> float:
-    """For how long a joint is seen to be at rest [s]."""
+    """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
     return min(max(REST_TIME, 1 / float(servo.kp.min())), PATIENCE)
 
 
 def check_step(step: float) -> float:
-    """A cycle of the drives [s].
+    """Return a cycle time of the drives [s] if it is valid.
 
     Raises:
-        InvalidInput: Not a number, or outside STEPS.
+        InvalidInput: The value is not a number, or outside STEPS.
     """
     return _checks.between("step of the experiment's drives", step, *STEPS, "s")
 
 
 def check_noise(noise: float) -> float:
-    """A standard deviation of measured positions [rad].
+    """Return a standard deviation of measured positions [rad] if it is valid.
 
     Raises:
-        InvalidInput: Not a number, negative, or above LARGEST_NOISE.
+        InvalidInput: The value is not a number, negative, or above LARGEST_NOISE.
     """
     return _checks.between("noise of measured positions", noise, 0.0, LARGEST_NOISE, "rad")
 
 
 def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
-    """The command at the beginnings of steps between set-points."""
+    """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
     if interpolation == "step":
         return np.repeat(q[:-1], steps, axis=0)
     share = np.arange(steps)[:, None] / steps
@@ -464,10 +512,10 @@ def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
 
 
 def _bodies(arm: Arm) -> Chain:
-    """The chain of an arm, if it has masses.
+    """The chain of an arm with masses.
 
     Raises:
-        InvalidInput: It has none.
+        InvalidInput: The arm has no masses, or another number of joints than its chain.
     """
     chain = arm.chain
     if chain is None or not arm.has_bodies:
@@ -483,7 +531,7 @@ def _bodies(arm: Arm) -> Chain:
 
 
 def _middle(limits: Limits, dof: int) -> FloatArray:
-    """Middle of every joint's range; what is nearest to 0 in a range without one."""
+    """Middle of each joint range [rad], (dof,); for an open range the position closest to 0."""
     low, high = limits.joint_range(dof)
     both = np.isfinite(low) & np.isfinite(high)
     middle = (np.where(both, low, 0.0) + np.where(both, high, 0.0)) / 2
@@ -491,24 +539,24 @@ def _middle(limits: Limits, dof: int) -> FloatArray:
 
 
 def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
-    """Inertia that every joint sees at the reference without payload."""
+    """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
     model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
     return np.asarray(np.diagonal(_mujoco.mass_matrix(model, reference)))
 
 
 def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
-    """Largest torque of every drive.
+    """Torque limits of the drives [N m], (dof,).
 
-    Without torque limits a drive is strong enough for the acceleration limits, all at once, in
-    every pose that is looked at, without payload: that is what such a rating promises.
+    Without torque limits the drives are rated for the acceleration limits: without payload, they
+    are strong enough for all of them at once in each of `RATED_POSES` random poses.
 
     Args:
-        limits: The limits.
-        own: The arm's own, for its joints' ranges.
+        limits: The limits that saturate.
+        own: The limits of the arm, which give the joint ranges.
         chain: The arm's bodies.
 
     Raises:
-        InvalidInput: Accelerations that differ between directions, without torques.
+        InvalidInput: There are no torque limits, and acceleration limits differ between directions.
     """
     if limits.joint_torque is not None:
         return limits.joint_torque
@@ -532,10 +580,15 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
 
 
 def _every(steps: int, span: float, resolution: float) -> int:
-    """Most steps between two results: a part of a command interval, so that these are met.
+    """Largest number of steps between two results that divides the steps of a command interval.
+
+    Args:
+        steps: Number of steps in a command interval.
+        span: Duration of a step [s].
+        resolution: Largest time between two results [s].
 
     Raises:
-        InvalidInput: Results closer than steps.
+        InvalidInput: The resolution is finer than a step.
     """
     if span > resolution * (1 + 1e-9):
         raise InvalidInput(

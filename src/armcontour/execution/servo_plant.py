@@ -1,4 +1,4 @@
-"""The paper's robot: independent joints, each a servo (7) with a limited acceleration."""
+"""The plant of the paper: independent joints, each a servo (7) with limited acceleration."""
 
 from __future__ import annotations
 
@@ -24,40 +24,42 @@ from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 
 SATURATIONS = ("acceleration", "torque", "none")
-# A joint is at rest when it is this slow [rad/s] and this near to its last set-point [rad].
+# A joint is at rest below this velocity [rad/s] and this distance to the last set-point [rad].
 REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
-# The tail is run in chunks of this time [s].
+# After the last set-point the simulation continues in parts of this time [s] until rest.
 CHUNK = 0.25
-# A command's polynomial between two set-points, of one joint [bytes].
+# Memory of the polynomial of one joint's command between two set-points [bytes].
 POLYNOMIAL = 64.0
 
 
 class ServoPlant(Plant):
-    """The servo on every joint, by itself.
+    """Independent joints, each with its own servo.
 
     Args:
         arm: The arm.
-        servo: The real servo; it may differ from the one that the taught data was made with.
-        limits: Whose joint accelerations or torques saturate; the arm's own by default.
-        saturation: What a servo of second order can give at most. "acceleration" is (7):
-            joint_acceleration, and joint_deceleration in the negative direction, if there is one.
-            "torque" is what joint_torque leaves for the joint in the state in which a command
-            interval begins, kept for that interval: `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T`. b is
-            gravity, centrifugal and Coriolis torques, and friction; what other joints'
-            accelerations cost is left out. "none" never saturates. By default it is "acceleration"
-            if there are such limits; else "torque", if there are such limits and the arm has
-            bodies; else "none". A servo of first order has no acceleration to limit: it only runs
-            with "none", and demands are its accelerations.
+        servo: The servo of the simulated robot; it may differ from the model by which the taught
+            data was compensated.
+        limits: Limits with the joint accelerations or torques that saturate; the arm's own by
+            default.
+        saturation: Which limit saturates a servo of second order. "acceleration" is (7):
+            joint_acceleration, and joint_deceleration in the negative direction if it is given.
+            "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
+            state at the start of each command interval, where T is joint_torque and b is the torque
+            of gravity, centrifugal and Coriolis effects and friction; accelerations of other joints
+            are neglected. "none" never saturates. The default is "acceleration" if there are such
+            limits; else "torque" if there are such limits and the arm has masses; else "none". A
+            servo of first order has no limited acceleration: it allows only "none", and its demands
+            are its accelerations.
 
     Attributes:
-        saturation: As given, or by default.
-        lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without.
-        torque_limit: [N m], (dof,); None unless torque saturates.
+        saturation: The given or default saturation.
+        lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
+        torque_limit: Torque limits [N m], (dof,); None unless torque saturates.
 
     Raises:
-        InvalidInput: Gains or limits that do not fit the arm, saturation of a servo of first order,
-            or of torque where there is no limit or no mass.
+        InvalidInput: Gains or limits do not fit the arm, the servo is of first order and saturates,
+            or torque saturates but limits or masses are missing.
     """
 
     def __init__(
@@ -85,25 +87,25 @@ class ServoPlant(Plant):
                     limit="joint_torque",
                 )
             self.torque_limit = or_unlimited(own.joint_torque, arm.dof)
-            # It refuses an arm without masses.
+            # This property refuses an arm without masses.
             _ = arm.dynamics
 
     def memory(self, span: float, period: float, resolution: float) -> float:
-        """What an execution takes, about [bytes]: until the last set-point is met, and rest."""
+        """Estimated memory of an execution until the arm is at rest [bytes]."""
         still = min(SETTLED / self.servo.slowest, patience(span)) + CHUNK
         late = float(self.servo.dead_time.max())
         rows = results(span + late + still, period, resolution)
-        # Where commands are late or bend, each has its polynomial.
+        # Commands with dead time or cubic interpolation are stored as polynomials.
         commands = (span / period + 1) * POLYNOMIAL
         return rows * RESULT + (rows * OF_JOINT + commands) * self.arm.dof
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
-        """Execute taught data; exact between the instants where saturation starts or ends.
+        """Execute taught data; the motion is exact between the starts and ends of saturation.
 
         Raises:
-            InvalidInput: Taught data for another number of joints, or gains too large for its
-                command interval.
-            ExecutionError: The joints do not come to rest, or a drive is too weak to hold its arm.
+            InvalidInput: The taught data is for another number of joints, or the gains are too
+                large for the command interval.
+            ExecutionError: The joints do not come to rest, or a drive is too weak to hold the arm.
         """
         refuse_other_joints(taught, self.arm)
         self.servo.refuse_too_fast(taught.period)
@@ -141,6 +143,16 @@ class ServoPlant(Plant):
         )
 
     def _refuse_restless(self, off: FloatArray, waited: float, now: float) -> None:
+        """Refuse a motion that does not end.
+
+        Args:
+            off: Distances of the joints from their last set-points [rad], (dof,).
+            waited: Time since the last set-point [s].
+            now: Time [s].
+
+        Raises:
+            ExecutionError: Always.
+        """
         j = int(np.argmax(np.abs(off)))
         limit = "" if self.saturation == "none" else f" and {self.saturation} limit"
         raise ExecutionError(
@@ -151,6 +163,7 @@ class ServoPlant(Plant):
         )
 
     def _begin(self, taught: TaughtData, steps: int) -> ServoRun:
+        """A run of the servos, with `steps` results per command interval."""
         bounds = None
         if self.torque_limit is not None:
             bounds = TorqueBounds(self.arm, self.torque_limit, taught)
@@ -158,6 +171,11 @@ class ServoPlant(Plant):
 
 
 def _saturation(asked: str | None, order: str, limits: Limits, arm: Arm) -> str:
+    """The given saturation, or the default one for None.
+
+    Raises:
+        InvalidInput: The saturation is unknown, or the servo is of first order and cannot saturate.
+    """
     if asked is None:
         if order == "second" and limits.joint_acceleration is not None:
             return "acceleration"

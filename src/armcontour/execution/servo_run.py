@@ -1,4 +1,4 @@
-"""One run of the servo plant: joint by joint through command intervals."""
+"""One run of the servo plant: the simulation of all joints over command intervals."""
 
 from __future__ import annotations
 
@@ -16,9 +16,14 @@ from armcontour.servo.simulation import Simulation
 
 
 class Part(NamedTuple):
-    """What happened in some command intervals: at results (n, dof), and over all time.
+    """The motion of all joints over some command intervals.
 
-    Time in saturation is (dof,), the demand's lowest and highest value (2, dof).
+    Attributes:
+        q, dq: Positions [rad] and velocities [rad/s] at the results, (n, dof).
+        demand: Demanded accelerations [rad/s²], (n, dof).
+        ddq: Accelerations after saturation [rad/s²], (n, dof).
+        saturated: Time in saturation [s], (dof,).
+        demand_range: Lowest and highest demand, also between the results [rad/s²], (2, dof).
     """
 
     q: FloatArray
@@ -30,7 +35,7 @@ class Part(NamedTuple):
 
 
 def join_parts(parts: list[Part]) -> Part:
-    """What happened in parts that follow each other."""
+    """The motion over consecutive parts."""
     ends = np.concatenate([x.demand_range for x in parts])
     q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
     return Part(
@@ -44,15 +49,15 @@ def join_parts(parts: list[Part]) -> Part:
 
 
 class TorqueBounds:
-    """What is left of every joint's torque limit for its acceleration.
+    """Acceleration bounds of the joints that follow from torque limits.
 
     Args:
-        arm: With masses.
+        arm: An arm with masses.
         limit: Torque limits, (dof,) [N m].
         taught: The set-points.
 
     Raises:
-        ExecutionError: Gravity alone takes more at the first or the last set-point.
+        ExecutionError: Gravity alone exceeds a limit at the first or the last set-point.
     """
 
     def __init__(self, arm: Arm, limit: FloatArray, taught: TaughtData) -> None:
@@ -63,12 +68,17 @@ class TorqueBounds:
             refuse_too_heavy(weight, limit, f"the {which} set-point", float(taught.t[k]))
 
     def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """`(-T - b) / M_jj` and `(T - b) / M_jj` at the beginning of interval k [rad/s²].
+        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
 
-        Where b alone exceeds T both have one sign: the joint brakes, or it falls.
+        If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
+
+        Args:
+            k: Index of the command interval.
+            q: Joint positions at the start of the interval [rad], (dof,).
+            dq: Joint velocities at the start of the interval [rad/s], (dof,).
 
         Raises:
-            ExecutionError: A joint that falls faster than any arm moves.
+            ExecutionError: A joint is faster than `RUNAWAY`.
         """
         fast = ~(np.abs(dq) < RUNAWAY)
         if fast.any():
@@ -87,17 +97,17 @@ class TorqueBounds:
 
 
 class ServoRun:
-    """The servos of all joints, with bounds that may change from interval to interval.
+    """The servos of all joints, with acceleration bounds that may change in every interval.
 
     Args:
         taught: The set-points.
-        steps: Results per interval.
-        servo: With values per joint.
+        steps: Number of results per command interval.
+        servo: A servo with values per joint.
         accelerations: Lower and upper bounds, (dof,) each [rad/s²].
-        torque: Where the bounds of every interval come from instead.
+        torque: Torque limits that give the bounds of each interval instead, if any.
 
     Raises:
-        ExecutionError: Gains that are too large to simulate.
+        ExecutionError: The gains are too large to simulate.
     """
 
     def __init__(
@@ -112,7 +122,13 @@ class ServoRun:
         self.simulation = Simulation(taught.q, taught.period, servo, *accelerations, steps=steps)
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Run from command interval `begin` on.
+        """Simulate some command intervals.
+
+        Args:
+            begin: Index of the first interval.
+            count: Number of intervals.
+            q: Joint positions at the start [rad], (dof,).
+            dq: Joint velocities at the start [rad/s], (dof,).
 
         Raises:
             ExecutionError: A joint runs away, or its motion cannot be computed.
@@ -133,6 +149,7 @@ class ServoRun:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
     ) -> Part:
+        """Simulate some command intervals with constant acceleration bounds."""
         run = self.simulation.run(begin, begin + count, q, dq, bounds)
         position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
         ddq = np.clip(demand, *bounds)

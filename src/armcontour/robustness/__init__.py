@@ -1,4 +1,4 @@
-"""Robustness: executions on robots that are not quite the model."""
+"""Robustness: contour errors of taught data on robots that differ from the model."""
 
 from armcontour.robustness.monte_carlo import Box, Spread, jitter_of, spread, worst_corner
 

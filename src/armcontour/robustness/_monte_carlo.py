@@ -1,6 +1,6 @@
-"""The compiled part of robustness: one execution after the other, with its contour error.
+"""Compiled executions of many robots, each with its contour error.
 
-Joints respond as in execution, by `servo/_response.py`.
+The joints respond as in `execution`, by the functions of `servo/_response.py`.
 """
 
 from __future__ import annotations
@@ -18,24 +18,28 @@ from armcontour.servo._command import SNAP, Cubic, shift
 from armcontour.servo._response import Motion, Servo, respond, transition
 from armcontour.servo._simulation import Parts, divide, prepare, run_joint
 
-# Command intervals run at a time: their results stay in the processor's nearest memory.
+# Number of command intervals simulated at a time: their results fit in the processor's cache.
 CHUNK = 64
-# The tool rests below this speed [m/s], as in `evaluation`, and stands still below that one.
+# The tool is at rest below the first speed [m/s], as in `evaluation`; below the second one it no
+# longer moves.
 REST_SPEED = 1e-3
 STILL_SPEED = 1e-9
-# Between two results next to a corner of the path the error is looked at so many times more, since
-# it comes to a point there; where the path turns by less than this [rad], its point is blunt.
+# Between two results next to a corner of the path the contour error has a sharp peak, so it is
+# evaluated at this many finer steps. A vertex with a smaller turn than CORNER [rad] is no corner.
 FINER = 16
 CORNER = 1e-3
-# How an execution ends.
+# Status at the end of an execution.
 SETTLED, RESTLESS, STUCK = 0, 1, 2
 
 
 class Line(NamedTuple):
     """The path.
 
-    Its table, its length if it is closed, else 0, and the arc lengths between which the tool may be
-    in every command interval [m].
+    Attributes:
+        table: The segments, as `monte_carlo._table` packs them.
+        around: Length of a closed path [m]; 0 for an open one.
+        low, high: Smallest and largest arc length at which the tool can be, per command interval
+            [m].
     """
 
     table: FloatArray
@@ -45,10 +49,14 @@ class Line(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """The times [s].
+    """The times of an execution.
 
-    Time of the first set-point, command interval, results in it, end of the time that errors cover,
-    and whether that end is fixed; else they go on until the tool rests.
+    Attributes:
+        start: Time of the first set-point [s].
+        period: Command interval [s].
+        steps: Number of results per command interval.
+        finish: End of the time over which errors are evaluated [s].
+        fixed: Whether this end is fixed; otherwise errors are evaluated until the tool rests.
     """
 
     start: float
@@ -59,10 +67,13 @@ class Clock(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What all robots are told and have in common.
+    """The commands and the properties that all robots share.
 
-    Commands (dof, n + 1, 4), inertia of 1 kg at the tip over each joint's own (dof, n) [1/kg],
-    whether commands are straight, and acceleration bounds (dof,) [rad/s²].
+    Attributes:
+        commands: Polynomials of the commands, (dof, n + 1, 4).
+        inertia: Inertia of 1 kg at the tool over each joint's own, (dof, n) [1/kg].
+        straight: Whether the commands are linear or constant between set-points.
+        lower, upper: Acceleration bounds [rad/s²], (dof,).
     """
 
     commands: FloatArray
@@ -73,17 +84,25 @@ class Drive(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """Reach of the arm [m], and the time by which it must have come to rest [s]."""
+    """When an execution ends.
+
+    Attributes:
+        reach: Largest distance of the tool from a joint [m].
+        patience: Time by which the tool must have come to rest [s].
+    """
 
     reach: float
     patience: float
 
 
 class Samples(NamedTuple):
-    """What differs between robots.
+    """The parameters in which the robots differ.
 
-    kp, kv and dead time (samples, dof), payload (samples,) [kg], and by how much set-points are
-    late (samples, n or 0) [s].
+    Attributes:
+        kp, kv: Servo gains [1/s], (samples, dof).
+        dead_time: Dead times [s], (samples, dof).
+        payload: Additional mass at the tool [kg], (samples,).
+        jitter: Delays of the set-points [s], (samples, n), or (samples, 0) without jitter.
     """
 
     kp: FloatArray
@@ -94,10 +113,14 @@ class Samples(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Results, (samples,) each.
+    """Results of the executions, (samples,) each.
 
-    RMS and largest error [m], end of the errors [s], saturated share, demand over its limit, and
-    how the execution ended.
+    Attributes:
+        rms, max: RMS and largest contour error [m].
+        until: End of the time over which errors are evaluated [s].
+        saturated: Fraction of this time in saturation.
+        demand_ratio: Largest demand over its limit.
+        status: SETTLED, RESTLESS or STUCK.
     """
 
     rms: FloatArray
@@ -109,7 +132,13 @@ class Found(NamedTuple):
 
 
 class States(NamedTuple):
-    """Position, velocity, time in saturation and largest demand over its limit, (dof,) each."""
+    """The states of all joints, (dof,) each.
+
+    Attributes:
+        q, w: Position [rad] and velocity [rad/s].
+        saturated: Time in saturation [s].
+        ratio: Largest demand over its limit.
+    """
 
     q: FloatArray
     w: FloatArray
@@ -118,10 +147,15 @@ class States(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Squared errors so far.
+    """Accumulated contour errors of one execution.
 
-    Integral, the last one and the largest one; the tool's last point and its last move; and what
-    the sums were at the end of the time that errors cover.
+    Attributes:
+        integral: Integral of the squared error over time [m² s].
+        square, peak: Last and largest squared error [m²].
+        x, y, z: Last tool point [m].
+        dx, dy, dz: Last displacement of the tool [m].
+        end: End of the time over which errors are evaluated [s].
+        end_integral, end_peak: Integral and largest squared error at that time.
     """
 
     integral: float
@@ -140,14 +174,21 @@ class Errors(NamedTuple):
 
 @compiled(fastmath=FUSED)
 def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo:
-    """The servo under a payload: more inertia and the same torques leave less gain and limit."""
+    """The servo with a payload: more inertia at the same torque reduces gain and limits.
+
+    Args:
+        servo: The servo without the payload.
+        load: Additional mass at the tool [kg].
+        inertia: Inertia of 1 kg over the joint's own at the set-points, (n,) [1/kg].
+        k: Index of the command interval.
+    """
     share = 1 / (1 + load * inertia[min(k, len(inertia) - 1)])
     return Servo(servo.kp, servo.kv * share, servo.lower * share, servo.upper * share)
 
 
 @compiled(fastmath=FUSED)
 def _motion(states: States, j: int, servo: Servo) -> Motion:
-    """The motion of a joint so far; smaller demands than before do not count."""
+    """The motion of a joint so far; its range of demands is plus and minus the largest so far."""
     limit = min(-servo.lower, servo.upper)
     most = states.ratio[j] * limit if limit < math.inf else math.inf
     return Motion(states.q[j], states.w[j], states.saturated[j], -most, most)
@@ -155,7 +196,7 @@ def _motion(states: States, j: int, servo: Servo) -> Motion:
 
 @compiled(fastmath=FUSED)
 def _keep(m: Motion, servo: Servo, states: States, j: int) -> bool:
-    """Write a motion into the states; whether it could be computed."""
+    """Write the motion of a joint into the states; returns whether it is finite."""
     limit = min(-servo.lower, servo.upper)
     states.q[j], states.w[j], states.saturated[j] = m.q, m.w, m.saturated
     states.ratio[j] = max(-m.lowest, m.highest) / limit if limit < math.inf else 0.0
@@ -174,9 +215,21 @@ def _run_evenly(
     states: States,
     out: FloatArray,
 ) -> bool:
-    """Run a joint through command intervals whose set-points come at even times.
+    """Simulate a joint over command intervals without jitter.
 
-    Writes results into `out`, as `run_joint` does; whether the motion could be computed.
+    Args:
+        servo: The servo of the joint without payload.
+        drive: Commands and properties that all robots share.
+        parts: Division of the command interval, as `divide` makes it.
+        load: Additional mass at the tool [kg].
+        j: Index of the joint.
+        begin: First command interval.
+        end: The interval after the last one.
+        states: States of all joints, updated.
+        out: Output: results of the joint, as `run_joint` writes them.
+
+    Returns:
+        Whether the motion could be computed.
     """
     command, inertia = drive.commands[j], drive.inertia[j]
     if load == 0.0:
@@ -196,7 +249,7 @@ def _run_evenly(
 
 @compiled(fastmath=FUSED)
 def _play(command: FloatArray, i: int, rate: float, t: float) -> Cubic:
-    """The cubic of interval i, played at a rate, from its time t on."""
+    """The cubic of interval i, executed faster by a factor `rate`, from its time t [s] on."""
     b, c, d = command[i, 1] * rate, command[i, 2] * rate**2, command[i, 3] * rate**3
     return shift(Cubic(command[i, 0], b, c, d), t)
 
@@ -215,15 +268,32 @@ def _run_unevenly(
     states: States,
     out: FloatArray,
 ) -> bool:
-    """As `_run_evenly`, where set-point k comes `dead + late[k]` after its time.
+    """Simulate a joint over command intervals with jitter.
 
-    What the controller does between two set-points it does in the time between them.
+    Set-point k arrives `dead + late[k]` after its time. The controller interpolates between two
+    set-points over the time between their arrivals.
+
+    Args:
+        servo: The servo of the joint without payload.
+        drive: Commands and properties that all robots share.
+        clock: The times.
+        dead: Dead time [s].
+        late: Delays of the set-points [s], (n,).
+        load: Additional mass at the tool [kg].
+        j: Index of the joint.
+        begin: First command interval.
+        end: The interval after the last one.
+        states: States of all joints, updated.
+        out: Output: positions of the joint in column 0.
+
+    Returns:
+        Whether the motion is finite.
     """
     command, inertia = drive.commands[j], drive.inertia[j]
     period, steps = clock.period, clock.steps
     last = len(command) - 1
     now = begin * period
-    # The command's interval that holds at `now`; `at - 1` is the set-point that begins it.
+    # Index of the command's interval at the time `now`; it starts with set-point `at - 1`.
     at = min(max(begin - int((dead + late[0]) / period) - 2, 0), last)
     loaded = servo
     m = _motion(states, j, servo)
@@ -264,14 +334,25 @@ def _sharpen(
     peak: float,
     e: Errors,
 ) -> float:
-    """Largest squared error up to this result, looked at more closely next to a corner.
+    """Largest squared error up to this result, with finer sampling since the last result.
 
-    The tool's path between them is the parabola through the last three results.
+    Between the results the tool follows the parabola through the last three results.
+
+    Args:
+        line: The path.
+        k: Index of the command interval.
+        segment: Segment of the last nearest point.
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        d2: Squared error of this result [m²].
+        peak: Largest squared error of all results up to this one [m²].
+        e: Errors up to the last result.
     """
     dx, dy, dz = x - e.x, y - e.y, z - e.z
     moved = math.sqrt(dx * dx + dy * dy + dz * dz)
     if math.sqrt(e.square) + math.sqrt(d2) + moved <= 2 * math.sqrt(peak):
-        return peak  # A distance grows no faster than the tool moves.
+        return peak  # The distance to the path grows at most as fast as the tool moves.
     for i in range(1, FINER):
         a = i / FINER
         b = a * (a - 1) / 2
@@ -293,7 +374,18 @@ def _sharpen(
 def _add(
     clock: Clock, e: Errors, peak: float, t: float, x: float, y: float, z: float, d2: float
 ) -> Errors:
-    """Add the result at the time t up: the tool's point and its squared distance to the path."""
+    """Add the result at time t to the accumulated errors.
+
+    Args:
+        clock: The times.
+        e: Errors up to the last result.
+        peak: Largest squared error up to this result [m²].
+        t: Time of this result [s].
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        d2: Squared error of this result [m²].
+    """
     h = clock.period / clock.steps
     dx, dy, dz = x - e.x, y - e.y, z - e.z
     end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
@@ -323,24 +415,24 @@ def _measure(
     anchors: FloatArray,
     e: Errors,
 ) -> tuple[int, Errors]:
-    """Add the contour errors of some command intervals up.
+    """Accumulate the contour errors of some command intervals.
 
     Args:
         robot: The arm.
         line: The path.
         clock: The times.
         begin: First interval.
-        end: The one after the last.
-        segment: That of the last nearest place.
-        places: Joint positions at the results, (dof, n, 3).
+        end: The interval after the last one.
+        segment: Segment of the last nearest point.
+        places: Results of the joints, with positions in column 0, (dof, n, 3).
         anchors: As in `tool_point`.
         e: Errors so far.
 
     Returns:
-        Segment of the nearest place at the end, and the errors.
+        Segment of the last nearest point, and the accumulated errors.
     """
     h = clock.period / clock.steps
-    # Tuples of arrays are taken apart outside of loops: that costs as much as the rest.
+    # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
     table, around, low, high = line
     planar, rotations, positions, axes, base, tip = robot
     flat = planar[1] > 0.0
@@ -366,11 +458,18 @@ def _measure(
 
 @compiled(fastmath=FUSED)
 def _bound_speed(kp: FloatArray, kv: FloatArray, goal: FloatArray, states: States) -> float:
-    """Sum of the largest rates that joints can still take on, once the command rests [rad/s]."""
+    """Bound on the sum of all later joint velocities once the command is constant [rad/s].
+
+    Args:
+        kp: Position gains [1/s], (dof,).
+        kv: Velocity gains [1/s], (dof,); 0 for a servo of first order.
+        goal: Last set-point [rad], (dof,).
+        states: States of all joints.
+    """
     total = 0.0
     for j in range(len(goal)):
         e, w = states.q[j] - goal[j], states.w[j]
-        # Their energy falls, whether they are saturated or not.
+        # The energy of a joint decreases, whether the joint is saturated or not.
         total += kp[j] * abs(e) if kv[j] == 0.0 else math.sqrt(w * w + kp[j] * kv[j] * e * e)
     return total
 
@@ -387,7 +486,7 @@ def _advance_joints(
     states: States,
     places: FloatArray,
 ) -> bool:
-    """Run all joints of a sample through the next command intervals; whether that was possible."""
+    """Simulate all joints of a sample over command intervals; returns whether it was possible."""
     s, load = samples, samples.payload[i]
     for j in range(len(drive.commands)):
         servo = Servo(s.kp[i, j], s.kv[i, j], drive.lower[j], drive.upper[j])
@@ -415,7 +514,11 @@ def _execute(
     states: States,
     anchors: FloatArray,
 ) -> tuple[Errors, int]:
-    """Execute one sample; its errors and how it ends."""
+    """Execute sample i; returns its contour errors and its status.
+
+    The other arguments are those of `run`; `states` and `anchors` are memory for the states of the
+    joints and for `tool_point`.
+    """
     commands, period = drive.commands, clock.period
     dof, knots = len(commands), commands.shape[1] - 1
     kp, kv, dead = samples.kp[i], samples.kv[i], samples.dead_time[i]
@@ -432,7 +535,7 @@ def _execute(
     e = Errors(0.0, d2, d2, x, y, z, 0.0, 0.0, 0.0, clock.finish, 0.0, 0.0)
     if not ready:
         return e, STUCK
-    # After this interval no command moves any more.
+    # From this interval on all commands are constant.
     quiet = knots + int(math.ceil(dead.max() / period)) + 1
     fixed = int(math.ceil((clock.finish - clock.start) / period))
     stop = fixed if clock.fixed else np.iinfo(np.int64).max
@@ -457,7 +560,7 @@ def _execute(
 
 @compiled(fastmath=FUSED)
 def _finish(e: Errors, more: float) -> Errors:
-    """The errors of a tool that stands still to the end, where the integral grows by `more`."""
+    """The errors of a tool that no longer moves; `more` is added to the integral."""
     integral = e.integral + more
     return Errors(
         integral, e.square, e.peak, e.x, e.y, e.z, e.dx, e.dy, e.dz, e.end, integral, e.peak
@@ -481,9 +584,9 @@ def run(
         line: The path.
         clock: The times.
         drive: Commands and bounds.
-        rest: When an execution has ended.
-        samples: The servos.
-        found: Takes the results.
+        rest: Conditions for the end of an execution.
+        samples: The parameters of the robots.
+        found: Output: the results.
     """
     dof = len(drive.commands)
     states = States(np.empty(dof), np.empty(dof), np.empty(dof), np.empty(dof))

@@ -1,4 +1,4 @@
-"""The compiled search for the nearest place on a path, from the last one on, in a window of it."""
+"""Compiled search for the nearest point on a path, in a window around the last nearest point."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
 
-# Beyond the window of time, the nearest place is looked for from vertex to vertex as long as these
-# are within this many distances of the tool.
+# Beyond the window the search continues from vertex to vertex as long as the vertices are closer
+# to the tool than this many times the tool's distance from the path.
 REACH = 5.0
 
 
 @compiled(fastmath=FUSED)
 def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
-    """Squared distance to segment i: start, tangent, inward, curvature, length; turn; end."""
+    """Squared distance of a point from segment i of a table g, as `monte_carlo._table` makes it."""
     gx, gy, gz = x - g[i, 0], y - g[i, 1], z - g[i, 2]
     along = gx * g[i, 3] + gy * g[i, 4] + gz * g[i, 5]
     k = g[i, 9]
@@ -28,7 +28,7 @@ def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
         before_end = a * g[i, 13] - b * g[i, 12] <= 0.0
         inside = (a >= 0.0 and before_end) if g[i, 14] < math.pi else (a >= 0.0 or before_end)
         if inside:
-            # Distance from the centre less the radius, without cancellation.
+            # Distance from the centre minus the radius, without cancellation.
             around = 1 + math.sqrt(a * a + b * b)
             radial = (k * (along * along + inward * inward) - 2 * inward) / around
             gx -= along * g[i, 3] + inward * g[i, 6]
@@ -40,7 +40,10 @@ def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
 
 @compiled(fastmath=FUSED)
 def _to_joint(x: float, y: float, z: float, g: FloatArray, i: int, first: int) -> float:
-    """Squared distance to an end of segment i, in its columns from `first` on."""
+    """Squared distance of a point from an end of segment i.
+
+    `first` is the first column of the end's coordinates: 0 for the start, 15 for the end point.
+    """
     gx, gy, gz = x - g[i, first], y - g[i, first + 1], z - g[i, first + 2]
     return float(gx * gx + gy * gy + gz * gz)
 
@@ -57,12 +60,27 @@ def _march(
     stop: float,
     best: float,
 ) -> tuple[float, int]:
-    """Search from a segment on in one direction.
+    """Search the nearest point from a segment on in one direction along the path.
 
-    Until the arc length `stop`, and beyond that until a joint that is further than `REACH`
-    distances. Arc length grows at least as fast as the distance: what is nearer than `best` from a
-    joint at the distance D is at least D - best further along, and all before that is passed over.
-    `around` is the length of a closed path, on which the search goes round; 0 of an open one.
+    The search covers the arc lengths up to `stop`, and beyond it up to a vertex that is further
+    away than `REACH` allows. A point that is closer than the best distance d is at least D - d
+    further along the path than a vertex at the distance D, because arc length grows at least as
+    fast as distance; segments before that are skipped.
+
+    Args:
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        table: The segments, as `monte_carlo._table` makes them.
+        around: Length of a closed path, on which the search passes the start point; 0 for an open
+            path [m].
+        segment: The segment after which, or before which, the search starts.
+        forward: Whether the search follows the direction of the path.
+        stop: Arc length up to which all segments are searched [m].
+        best: Squared distance of the nearest point so far [m²].
+
+    Returns:
+        The squared distance, and the segment of the nearest point.
     """
     n = len(table)
     sign = 1.0 if forward else -1.0
@@ -103,9 +121,17 @@ def find_nearest(
     low: float,
     high: float,
 ) -> tuple[float, int]:
-    """Squared distance to the path's part around a segment, and the segment of the nearest place.
+    """Squared distance of a point from the path, and the segment of the nearest point.
 
-    That part holds the arc lengths from `low` to `high`, and what `_march` adds to it.
+    Args:
+        x: Coordinate x of the tool point [m].
+        y: Coordinate y of the tool point [m].
+        z: Coordinate z of the tool point [m].
+        table: The segments, as `monte_carlo._table` makes them.
+        around: Length of a closed path; 0 for an open path [m].
+        segment: The segment at which the search starts.
+        low: Smallest arc length that is searched [m]; `_march` may add segments.
+        high: Largest arc length that is searched [m].
     """
     best = _to_segment(x, y, z, table, segment)
     found = segment

@@ -1,4 +1,4 @@
-"""Robustness: the contour error of given taught data under what is not known exactly."""
+"""Contour errors of taught data on robots with uncertain parameters: Monte Carlo and corners."""
 
 from __future__ import annotations
 
@@ -34,51 +34,53 @@ from armcontour.robustness._monte_carlo import (
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
 
-# Contour errors are looked at this often at least: every 2 ms [s], and twice in the shortest time
-# constant of a servo. The RMS of the paper's job is then within 1e-4 of that at 0.1 ms.
+# Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
+# constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
-# Most results in a command interval: no servo is so fast.
+# Largest number of results in a command interval; a servo that needs more is not realistic.
 MOST_RESULTS = 1e5
-# More corners than this are not all executed: 10 parameters have so many.
+# Largest number of corners that are executed: all corners of 10 parameters.
 MOST_CORNERS = 1024
-# The tool is not further behind its plan than so many lags of its servo, nor further ahead.
+# The tool is at most this many lags of its servo behind or ahead of the planned position.
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
-# Times at which the plan is looked at per command interval, and in all at least.
+# Number of points at which the planned arc length is computed: per command interval, and least.
 PLACES_PER_INTERVAL = 2
 FEWEST_PLACES = 4000
 # As in `ServoPlant`: time to come to rest after the last set-point [s], or in durations.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
-# What an error of one sample's model takes [bytes], measured.
+# Memory of one parameter of one sample [bytes], measured.
 SAMPLE = 40.0
-# Samples that a thread takes at a time.
+# Number of samples that a thread executes at a time.
 BATCH = 32
-# Largest errors that differ by this share are the same: they are sampled no finer.
+# Largest errors that differ by less than this fraction are equal: sampling is not more accurate.
 SAME = 1e-4
-# A share of the variance is estimated over this many equal parts of the samples.
+# Number of equal parts of the samples by which the variance of a parameter is estimated.
 PARTS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Box:
-    """How far the real robot may be from its model; every error is uniform in plus and minus.
+    """The uncertainty set: largest errors of a robot's parameters.
+
+    Each error is distributed uniformly between minus and plus the given value.
 
     Args:
-        gains: Relative error of servo gains, as 0.1 for 10 %: one number; one per joint, for kp and
-            kv alike; or two rows, (2, dof) or (2, 1), of kp and of kv. Joints and loops err
-            independently of each other.
+        gains: Relative error of the servo gains, 0.1 for 10 %: one number; one per joint, for kp
+            and kv; or two rows for kp and for kv, (2, dof) or (2, 1). The errors of all joints and
+            loops are independent.
         dead_time: Error of the dead time [s], one number or one per joint.
-        dead_time_shared: Whether all joints' dead times err together, by the same share of
-            `dead_time`; else each by itself.
-        payload: Error of the mass at the tool [kg], as a point; not above the payload that the arm
-            carries.
-        jitter: Error of the time at which a set-point arrives [s], less than half a command
-            interval; every set-point but the first for itself, for all joints alike.
+        dead_time_shared: Whether the dead times of all joints have the same error, in proportion to
+            `dead_time`; otherwise their errors are independent.
+        payload: Error of the payload's mass [kg], as a point mass at the tool; at most the mass of
+            the arm's payload.
+        jitter: Error of the arrival time of a set-point [s], less than half a command interval. It
+            is independent for each set-point but the first one, and the same for all joints.
 
     Raises:
-        InvalidInput: An error that is negative, or a gain's that is not below 1.
+        InvalidInput: An error is negative, or the relative error of a gain is not below 1.
     """
 
     gains: FloatArray | float = 0.0
@@ -112,19 +114,20 @@ class Spread:
     """Contour errors of many executions of the same taught data.
 
     Args:
-        max: Largest contour error of each [m], (n,).
-        rms: Its root mean square over time [m], (n,).
-        until: End of the time that errors cover [s], (n,).
-        saturated: Share of that time in which the joint that saturates longest does, (n,).
-        demand_ratio: Largest demand of a joint, either way, over its acceleration limit (the lower
-            of the two, where deceleration has its own), (n,).
+        max: Largest contour error of each execution [m], (n,).
+        rms: Root mean square over time of the contour error [m], (n,).
+        until: End of the time over which contour errors are evaluated [s], (n,).
+        saturated: Fraction of this time in which the joint that saturates longest is saturated,
+            (n,).
+        demand_ratio: Largest absolute demand of a joint over its acceleration limit (the lower one
+            if deceleration has its own limit), (n,).
         kp, kv: Gains [1/s], (n, dof); kv is None for a servo of first order.
-        dead_time: [s], (n, dof).
-        payload: Error of the mass at the tool [kg], (n,).
-        seed: Of the samples; None for corners of the box.
-        names: Of the parameters that vary, jitter apart.
-        deviations: Their errors: relative, in s or in kg, (n, len(names)).
-        nominal_max, nominal_rms: The same contour errors without any error of the model [m].
+        dead_time: Dead times [s], (n, dof).
+        payload: Error of the payload's mass [kg], (n,).
+        seed: Seed of the random numbers; None for corners of the box.
+        names: Names of the varied parameters, without jitter.
+        deviations: Errors of these parameters: relative, in s or in kg, (n, len(names)).
+        nominal_max, nominal_rms: Contour errors of the nominal robot, without errors [m].
     """
 
     max: FloatArray
@@ -161,15 +164,15 @@ class Spread:
 
     @property
     def worst_deviations(self) -> dict[str, float]:
-        """Errors of the model in the worst execution, by the parameters' names."""
+        """Errors of the parameters in the worst execution, by the parameters' names."""
         return dict(zip(self.names, self.deviations[self.worst].tolist(), strict=True))
 
     def servo(self, i: int, like: ServoModel) -> ServoModel:
-        """The servo of execution i, without its payload and jitter.
+        """The servo of execution i, without the effects of payload and jitter.
 
         Args:
-            i: Number of the execution.
-            like: Where interpolation and order come from.
+            i: Index of the execution.
+            like: The servo that gives interpolation and order.
         """
         return ServoModel(
             kp=self.kp[i],
@@ -180,18 +183,19 @@ class Spread:
         )
 
     def quantile(self, share: float) -> float:
-        """Largest contour error that so large a share of the executions keeps [m]."""
+        """The contour error that a fraction `share` of the executions does not exceed [m]."""
         return float(np.quantile(self.max, share, method="higher"))
 
     def within(self, budget: float) -> float:
-        """Share of the executions whose largest contour error is not above `budget` [m]."""
+        """Fraction of the executions whose largest contour error is at most `budget` [m]."""
         return float(np.mean(self.max <= budget))
 
     def influence(self) -> dict[str, float]:
-        """Share of the largest errors' variance that each parameter explains by itself.
+        """Fraction of the variance of the largest errors that each parameter alone explains.
 
-        The first-order index of Sobol, from the means over ten equal parts of the samples; below
-        about 10 / n nothing is said. 0 for all where the largest errors are the same.
+        This is Sobol's first-order index, estimated from the means over ten equal parts of the
+        samples; values below about 10 / n are not significant. All are 0 if the largest errors
+        are equal.
         """
         total = float(np.var(self.max))
         if np.sqrt(total) <= SAME * float(self.max.mean()):
@@ -221,27 +225,27 @@ def spread(
     threads: int | None = None,
     memory: float = _memory.DEFAULT,
 ) -> Spread:
-    """Execute taught data on robots drawn from a box, each as `ServoPlant` would.
+    """Execute taught data on robots with random errors (Monte Carlo), each as `ServoPlant` does.
 
-    Sample i is the same for every number of samples, and does not depend on which parameters vary.
+    Sample i does not depend on the number of samples or on which parameters vary.
 
     Args:
         taught: The set-points.
-        path: The path that the tool was to follow.
+        path: The path that the tool must follow.
         arm: A planar two-link arm or a serial arm; with masses if the payload varies.
         servo: The nominal servo, in the middle of the box.
-        limits: Whose joint accelerations saturate; the arm's own by default.
-        box: How far the robot may be from that.
+        limits: Limits with the joint accelerations that saturate; the arm's own by default.
+        box: Largest errors of the parameters.
         samples: Number of executions.
-        seed: Of the random numbers.
-        until: End of the time that errors cover [s]; by default when the planned motion has ended
-            and the tool is at rest.
-        threads: Number of threads; by default as many as there are processors.
-        memory: What the program may take [bytes].
+        seed: Seed of the random numbers.
+        until: End of the time over which contour errors are evaluated [s]; by default when the
+            planned motion has ended and the tool is at rest.
+        threads: Number of threads; by default the number of processors.
+        memory: Bound on the program's memory [bytes].
 
     Raises:
-        InvalidInput: A box, servo, path or taught data that do not fit the arm, or more samples
-            than the memory takes.
+        InvalidInput: Box, servo, path or taught data do not fit the arm, or the samples do not fit
+            in the memory.
         ExecutionError: A joint does not come to rest.
     """
     number = _checks.whole("samples", samples, 1, 10**7)
@@ -268,13 +272,13 @@ def worst_corner(
     until: float | None = None,
     threads: int | None = None,
 ) -> Spread:
-    """Execute taught data in the corners of a box, without jitter.
+    """Execute taught data on robots in the corners of a box, without jitter.
 
-    All 2^k of them if k <= 10 parameters vary. Of more: those that the largest errors of single
-    parameters, at either end of their ranges, point to; from the worst of these one sign changed
-    after the other while that makes it worse; and random ones, 1024 in all.
+    If k <= 10 parameters vary, all 2^k corners are executed. If more vary, 1024 corners are: first
+    the corner with the worse sign of each single parameter, then those that a search finds from
+    there by changing one sign at a time as long as the error grows, then random ones.
 
-    Args and errors are those of `spread`.
+    Arguments and exceptions are those of `spread`.
     """
     model = _Model(taught, path, arm, servo, limits, box, until)
     use = _threads(threads)
@@ -290,9 +294,15 @@ def worst_corner(
 
 
 def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
-    """By how much each set-point comes late in one sample [s], (count,); the first one is on time.
+    """Delay of each set-point in one sample [s], (count,).
 
-    The set-points' times count from when the first one arrives.
+    The delay of the first set-point is 0, because times count from its arrival.
+
+    Args:
+        seed: Seed of the random numbers.
+        sample: Index of the sample.
+        count: Number of set-points.
+        jitter: Largest delay, also negative [s].
     """
     drawn = np.random.default_rng([seed, sample]).uniform(-jitter, jitter, size=count)
     drawn[0] = 0.0
@@ -300,7 +310,7 @@ def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
 
 
 class _Model:
-    """Everything that all executions share, as the compiled code takes it."""
+    """The data that all executions share, as arrays for the compiled code."""
 
     def __init__(
         self,
@@ -344,13 +354,18 @@ class _Model:
         self.drive = Drive(commands, _inertia(arm, taught, box), straight, lower, upper)
 
     def span(self, signs: FloatArray) -> FloatArray:
-        """Corners by the signs of the parameters that vary, as rows in units of the box."""
+        """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
         unit = np.zeros((len(signs), len(self.spans)))
         unit[:, self.varies] = signs
         return unit
 
     def executed(self, unit: FloatArray, seed: int | None, threads: int) -> Spread:
-        """Execute rows in units of the box, and the nominal robot.
+        """Execute robots given as rows in units of the box, and the nominal robot.
+
+        Args:
+            unit: Errors of all parameters from -1 to 1, (n, 3 dof + 1).
+            seed: Seed of the jitter; None for no jitter.
+            threads: Number of threads.
 
         Raises:
             ExecutionError: A joint does not come to rest.
@@ -362,7 +377,7 @@ class _Model:
         dof, servo = self.dof, self.servo
         kp = servo.kp * (1 + errors[:, :dof])
         kv = np.zeros_like(kp) if servo.kv is None else servo.kv * (1 + errors[:, dof : 2 * dof])
-        # Below zero by rounding only: more has been refused.
+        # Below zero by rounding only; larger errors have been refused.
         late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
         found = self._run(kp, kv, late, payload, seed, threads)
@@ -393,6 +408,16 @@ class _Model:
         seed: int | None,
         threads: int,
     ) -> Found:
+        """Execute all robots in batches, by several threads; the last robot is the nominal one.
+
+        Args:
+            kp: Position gains [1/s], (n, dof).
+            kv: Velocity gains [1/s], (n, dof); 0 for a servo of first order.
+            late: Dead times [s], (n, dof).
+            payload: Errors of the payload's mass [kg], (n,).
+            seed: Seed of the jitter; None for no jitter.
+            threads: Number of threads.
+        """
         n = len(kp)
         rms, largest, until, saturated, ratio = np.full((5, n), np.nan)
         status = np.zeros(n, dtype=np.intp)
@@ -400,7 +425,7 @@ class _Model:
 
         def batch(first: int) -> None:
             last = min(first + BATCH, n)
-            # The nominal robot is the last one; its set-points are on time.
+            # The nominal robot is the last one; it has no jitter.
             jitter = self._jitter(first, last, n - 1, seed)
             of = slice(first, last)
             samples = Samples(kp[of], kv[of], late[of], payload[of], jitter)
@@ -408,13 +433,14 @@ class _Model:
             own = Found(*errors, status[of])
             run(self.robot, self.line, self.clock, self.drive, self.rest, samples, own)
 
-        # The first by itself: it compiles.
+        # The first batch is executed alone, because it compiles the kernels.
         batch(0)
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(batch, range(BATCH, n, BATCH)))
         return found
 
     def _jitter(self, first: int, last: int, nominal: int, seed: int | None) -> FloatArray:
+        """Delays of the set-points of samples first to last [s], (last - first, n or 0)."""
         count = len(self.taught.q)
         if seed is None or self.box.jitter == 0.0:
             return np.zeros((last - first, 0))
@@ -426,6 +452,7 @@ class _Model:
         )
 
     def _names(self) -> list[str]:
+        """Names of all parameters, in the order of the columns of `executed`."""
         numbers = range(1, self.dof + 1)
         names = [f"{gain} of joint {j}" for gain in ("kp", "kv") for j in numbers]
         shared = self.box.dead_time_shared
@@ -433,10 +460,10 @@ class _Model:
         return [*names, "payload"]
 
     def _steps(self) -> int:
-        """Results per command interval.
+        """Number of results per command interval.
 
         Raises:
-            ExecutionError: They are too many.
+            ExecutionError: The number is too large.
         """
         span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
         if not self.taught.period < MOST_RESULTS * span:
@@ -445,12 +472,13 @@ class _Model:
                 f"too short to simulate command intervals of {self.taught.period:g} s: lower its "
                 "gains kp and kv [1/s]."
             )
-        # Steps of the command draw a ripple of its own period, which one result would not see.
+        # A stepped command causes a ripple with the period of the command interval, which one
+        # result per interval would miss.
         least = 2 if self.servo.interpolation == "step" else 1
         return max(least, int(np.ceil(self.taught.period / span * (1 - 1e-12))))
 
     def _fastest(self) -> float:
-        """Largest rate of the servos in the box [1/s]."""
+        """Rate of the fastest servo in the box: the inverse of its time constant [1/s]."""
         kp = self.servo.kp * (1 + self.spans[: self.dof])
         if self.servo.kv is None:
             return float(kp.max())
@@ -458,7 +486,7 @@ class _Model:
         return float(np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv)).max())
 
     def _lag(self) -> float:
-        """Time by which the tool may be from where the plan has it [s]."""
+        """Largest time by which the tool can lag behind the plan [s]."""
         spans, servo, dof = self.spans, self.servo, self.dof
         lag = 1 / (servo.kp * (1 - spans[:dof]))
         if servo.kv is not None:
@@ -468,10 +496,10 @@ class _Model:
 
 
 def _refuse_unsettled(found: Found, kp: FloatArray, kv: FloatArray) -> None:
-    """Raise for the first execution that did not come to rest or could not be computed.
+    """Refuse results if an execution did not come to rest or could not be computed.
 
     Raises:
-        ExecutionError: There is one.
+        ExecutionError: Names the first such execution.
     """
     failed = np.flatnonzero(found.status != SETTLED)
     if not len(failed):
@@ -490,7 +518,12 @@ def _refuse_unsettled(found: Found, kp: FloatArray, kv: FloatArray) -> None:
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
-    """Corners to look at where there are too many, as signs, (MOST_CORNERS, k)."""
+    """The corners to execute if there are too many, as signs, (MOST_CORNERS, k).
+
+    Args:
+        errors: The largest contour error of each of several corners, (n, k) to (n,).
+        k: Number of parameters.
+    """
     single = np.concatenate([np.eye(k), -np.eye(k)])
     found = errors(single)
     toward = np.where(found[:k] >= found[k:], 1.0, -1.0)
@@ -512,16 +545,17 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
 
 
 def _threads(threads: int | None) -> int:
+    """The number of threads, by default the number of processors."""
     if threads is None:
         return os.cpu_count() or 1
     return _checks.whole("threads", threads, 1, 1024)
 
 
 def _spans(box: Box, servo: ServoModel, arm: Arm, taught: TaughtData) -> FloatArray:
-    """Half widths of the box: kp, kv and dead time of every joint, and the payload.
+    """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,).
 
     Raises:
-        InvalidInput: A box that does not fit the robot.
+        InvalidInput: The box does not fit the robot.
     """
     dof = arm.dof
     try:
@@ -550,6 +584,11 @@ def _spans(box: Box, servo: ServoModel, arm: Arm, taught: TaughtData) -> FloatAr
 
 
 def _check_payload(box: Box, servo: ServoModel, arm: Arm) -> None:
+    """Refuse an error of the payload that does not fit the servo or the arm.
+
+    Raises:
+        InvalidInput: The servo is of first order, or the error exceeds the arm's payload.
+    """
     if box.payload == 0.0:
         return
     if servo.order == "first":
@@ -561,18 +600,18 @@ def _check_payload(box: Box, servo: ServoModel, arm: Arm) -> None:
     carried = 0.0 if chain is None or chain.payload is None else chain.payload.mass
     if box.payload > carried:
         raise InvalidInput(
-            f"The payload of the box is {box.payload:g} kg either way, but the arm {arm.name} "
-            f"carries only {carried:g} kg: give it the payload in the middle of what it may carry.",
+            f"The payload of the box may differ by {box.payload:g} kg, but the arm {arm.name} "
+            f"carries only {carried:g} kg: give it the payload in the middle of the range.",
             needed=box.payload,
             allowed=carried,
         )
 
 
 def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:
-    """The arm for the compiled code, and how far its tool can be from any of its joints [m].
+    """The arm for the compiled code, and the largest distance of the tool from a joint [m].
 
     Raises:
-        InvalidInput: An arm of another kind, or a path of another dimension.
+        InvalidInput: The class of the arm is not supported, or the path has another dimension.
     """
     if path.dimension != arm.dimension:
         raise InvalidInput(
@@ -593,11 +632,12 @@ def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:
 
 
 def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
-    """The path's table, its length if it is closed, and where the tool may be on it when.
+    """The path for the compiled code, with the arc lengths that the tool can reach at each time.
 
-    The plan follows the path from its beginning to its end; so the length that its tool has drawn
-    is the place, the more exactly the more alike their lengths are. Elsewhere than near that place
-    no nearest point is looked for: it would be on another branch.
+    The plan follows the path from start to end, so the length of the tool's planned path up to a
+    time is the arc length on the path, up to the difference of their total lengths. The nearest
+    point on the path is searched only near this arc length: elsewhere it would be on another part
+    of the path that passes close by.
     """
     table = _table(path)
     plan = taught.trajectory
@@ -614,10 +654,11 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
 
 
 def _table(path: Path) -> FloatArray:
-    """Per segment what `pack` gives, and what the compiled code needs beside, (n, 19).
+    """The segments of a path for the compiled code, (n, 19).
 
-    Sine, cosine and angle of its turn; its end; the corner between the segment before and it [rad],
-    of the first one on a closed path.
+    The columns are those of `pack`; then sine, cosine and value of the swept angle; the end point;
+    and the turn angle at the vertex before the segment [rad], for the first segment that of a
+    closed path.
     """
     turn = path.curvatures * path.lengths
     ends = pad(path.segments.ends)
@@ -628,9 +669,12 @@ def _table(path: Path) -> FloatArray:
 
 
 def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
-    """Of 1 kg at the tool's tip over the arm's own, at every set-point and joint, (dof, n) [1/kg].
+    """Inertia that 1 kg at the tool adds to each joint, over the joint's own inertia [1/kg].
 
-    A point of mass m at the tip adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
+    A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
+
+    Returns:
+        The ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
 
     Raises:
         InvalidInput: The masses of the arm are not known.

@@ -586,7 +586,7 @@ def test_a_file_of_entities_alone():
         (("CIRCLE", (10, 0), (20, 0)), ("CIRCLE", "no radius")),
         (("CIRCLE", (10, 0), (20, 0), (40, -1)), ("radius of -1", "above zero")),
         (("ARC", (10, 0), (20, 0), (40, 1), (50, "inf"), (51, 9)), ("angles", "not finite")),
-        (("INSERT", (2, "none"), (10, 0), (20, 0)), ("block 'none'", "there is not")),
+        (("INSERT", (2, "none"), (10, 0), (20, 0)), ("block 'none'", "does not exist")),
     ],
 )
 def test_entities_that_are_wrong_are_refused_by_name(entity, words, refuses):
@@ -620,7 +620,7 @@ def spline_by_hand(change):
         (lambda x: setattr(x, "knots", np.zeros(13)), ("do not increase",)),
         (
             lambda x: setattr(x, "knots", [0, 0, 0, 0, 1, 1, 1, 1, 2, 3, 3, 3, 3]),
-            ("falls apart", "more than 3 times"),
+            ("is not continuous", "more than 3 times"),
         ),
         (lambda x: setattr(x, "weights", [0.0, *np.ones(8)]), ("9 weights above zero",)),
         (lambda x: setattr(x.dxf, "degree", 99), ("degree 99", "from 1 to 25")),

@@ -236,7 +236,7 @@ class TestParquet:
             ({"x": [0.0, None], "y": [0, 1]}, "row 2, column 'x': must not be empty"),
             ({"x": [0.0, float("inf")], "y": [0, 1]}, "row 2, column 'x': 'inf' is not a finite"),
             ({"x": [0, 1], "y": ["0", "a"]}, "row 2, column 'y': 'a' is not a finite number"),
-            ({"x": [0, 1], "y": [[0], [1]]}, "column 'y' holds list"),
+            ({"x": [0, 1], "y": [[0], [1]]}, "column 'y' has the type list"),
             ({"x": [], "y": []}, "no waypoints"),
         ],
     )

@@ -75,7 +75,7 @@ def test_refuses_what_does_not_fit_together(
     six: ac.TaughtData, tmp_path: FilePath, refuses: Callable[..., None]
 ) -> None:
     cases: list[tuple[str, dict[str, Any], str]] = [
-        ("a.txt", {}, "The ending of a.txt does not say"),
+        ("a.txt", {}, "The ending of a.txt is not that of a format"),
         ("a", {}, "ros-yaml (.yaml)"),
         ("a.csv", {"format": "xml"}, "no format 'xml'"),
         ("a.csv", {"format": "csv", "template": "abb"}, "the format is csv and not template"),

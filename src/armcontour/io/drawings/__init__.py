@@ -1,1 +1,1 @@
-"""Readers of what users have: drawings, G-code, tables of waypoints; each gives a `Program`."""
+"""Readers of drawings (DXF, SVG), G-code and tables of waypoints; each returns a `Program`."""

@@ -1,4 +1,4 @@
-"""Shapes of DXF entities, in the coordinates of the drawing or block that holds them."""
+"""Shapes of DXF entities, in the coordinates of the drawing or block that contains them."""
 
 from __future__ import annotations
 
@@ -12,66 +12,69 @@ from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chain import Chain
 from armcontour.io.drawings.shapes import Shape, Spline
 
-# An arc of less than this [rad] is a full one, whose angles were rounded.
+# An arc with a smaller swept angle [rad] is a full circle with rounded angles.
 NO_SWEEP = 1e-8
 HIGHEST_DEGREE = 25
 MOST_POINTS = 100_000
-# Bit of a vertex of a polyline that is not drawn: a point of the frame of a spline.
+# Flag of a polyline's vertex that is not drawn: a control point of a spline's frame.
 FRAME_POINT = 16
+# Flag of a closed spline.
 CLOSED_SPLINE = 1
-# A bulge below this makes an arc that leaves its chord by half this part of it, a line.
+# An arc with a smaller bulge is a line: the arc deviates from its chord by half the bulge times
+# the length of the chord.
 NO_BULGE = 1e-12
 
 
 class Unreadable(Exception):
-    """What is wrong with an entity, as the end of a sentence that names it."""
+    """A defect of an entity; the message completes a sentence that starts with its name."""
 
 
 def line(entity: Any) -> Shape | None:
-    """LINE, whose points are those of the world."""
+    """Shape of a LINE, whose points are in world coordinates."""
     ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
     return Chain.straight(ends)
 
 
 def circle(entity: Any) -> Shape | None:
-    """CIRCLE, in the plane of its extrusion."""
+    """Shape of a CIRCLE, in the plane normal to its extrusion."""
     return _arc(entity, 0.0, 2 * np.pi)
 
 
 def arc(entity: Any) -> Shape | None:
-    """ARC, counter-clockwise in the plane of its extrusion."""
-    begin, end = _numbers("angles", [entity.dxf.start_angle, entity.dxf.end_angle])
-    return _arc(entity, np.radians(begin), _sweep(np.radians((end - begin) % 360.0)))
+    """Shape of an ARC, counter-clockwise in the plane normal to its extrusion."""
+    start, end = _numbers("angles", [entity.dxf.start_angle, entity.dxf.end_angle])
+    return _arc(entity, np.radians(start), _sweep(np.radians((end - start) % 360.0)))
 
 
-def _arc(entity: Any, begin: float, sweep: float) -> Shape | None:
+def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
+    """Shape of an entity with centre and radius, from a start angle over a swept angle [rad]."""
     axes = plane_axes(entity.dxf.extrusion)
     centre = axes @ _numbers("centre", tuple(entity.dxf.center))
     radius = float(_numbers("radius", entity.dxf.radius))
     if radius < 0:
         raise Unreadable(f"has a radius of {radius:g}, which must be above zero")
-    c, s = np.cos(begin), np.sin(begin)
+    c, s = np.cos(start), np.sin(start)
     cosine, sine = radius * (axes @ [c, s, 0.0]), radius * (axes @ [-s, c, 0.0])
     return Chain.arc(centre, cosine, sine, sweep)
 
 
 def ellipse(entity: Any) -> Shape | None:
-    """ELLIPSE, whose vectors are those of the world."""
+    """Shape of an ELLIPSE, whose vectors are in world coordinates."""
     major = _numbers("major axis", tuple(entity.dxf.major_axis))
     normal = plane_axes(entity.dxf.extrusion)[:, 2]
     ratio = float(_numbers("ratio", entity.dxf.ratio))
     minor = ratio * np.cross(normal, major)
-    begin, end = _numbers("parameters", [entity.dxf.start_param, entity.dxf.end_param])
-    sweep = _sweep((end - begin) % (2 * np.pi))
-    if sweep == 2 * np.pi and begin % (2 * np.pi) < NO_SWEEP:
-        begin = 0.0
-    c, s = np.cos(begin), np.sin(begin)
+    start, end = _numbers("parameters", [entity.dxf.start_param, entity.dxf.end_param])
+    sweep = _sweep((end - start) % (2 * np.pi))
+    if sweep == 2 * np.pi and start % (2 * np.pi) < NO_SWEEP:
+        start = 0.0
+    c, s = np.cos(start), np.sin(start)
     centre = _numbers("centre", tuple(entity.dxf.center))
     return Chain.arc(centre, c * major + s * minor, c * minor - s * major, sweep)
 
 
 def lwpolyline(entity: Any) -> Shape | None:
-    """LWPOLYLINE, in the plane of its extrusion."""
+    """Shape of an LWPOLYLINE, in the plane normal to its extrusion."""
     rows = _numbers("vertices", [tuple(x) for x in entity.get_points("xyb")]).reshape(-1, 3)
     elevation = float(_numbers("elevation", entity.dxf.elevation))
     points = np.column_stack([rows[:, :2], np.full(len(rows), elevation)])
@@ -81,7 +84,7 @@ def lwpolyline(entity: Any) -> Shape | None:
 
 
 def polyline(entity: Any) -> Shape | None:
-    """POLYLINE, in the plane of its extrusion or in space."""
+    """Shape of a POLYLINE, in the plane normal to its extrusion or in space."""
     vertices = [x for x in entity.vertices if not x.dxf.flags & FRAME_POINT]
     points = _numbers("vertices", [tuple(x.dxf.location) for x in vertices]).reshape(-1, 3)
     if entity.is_3d_polyline:
@@ -95,7 +98,14 @@ def polyline(entity: Any) -> Shape | None:
 def _polyline_shape(
     points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
 ) -> Shape | None:
-    """A polyline in its plane; the bulge of a vertex is that of the segment after it."""
+    """Shape of a polyline; None if it has no segment.
+
+    Args:
+        points: Vertices along the given axes, (n, 3).
+        bulges: Bulge of the segment after each vertex, (n,).
+        closed: Whether a segment leads from the last vertex to the first.
+        axes: Axes of the polyline's plane, as columns.
+    """
     points = points @ axes.T
     if closed and len(points):
         return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
@@ -103,24 +113,27 @@ def _polyline_shape(
 
 
 def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape | None:
+    """Shape of an open polyline with one bulge per segment; None if it has no segment."""
     if len(points) < 2:
         return None
     return _bulge_polyline(points, bulges, axes) if bulges.any() else Chain.straight(points)
 
 
 def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
-    """A polyline; a bulge is the tangent of a quarter of the angle that its arc sweeps.
+    """Lines and arcs of an open polyline with bulges.
+
+    A bulge is the tangent of a quarter of the arc's swept angle.
 
     Args:
-        points: (n + 1, 3).
-        bulges: (n,), positive to the left of the direction.
-        axes: Axes of the plane that the arcs lie in, as columns.
+        points: Vertices, (n + 1, 3).
+        bulges: Bulges of the segments, positive for counter-clockwise arcs, (n,).
+        axes: Axes of the plane in which the arcs lie, as columns.
     """
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
     b = np.where(bent, bulges, 1.0)[:, None]
     left = np.cross(axes[:, 2], chord)
-    # From the centre to the start, without the difference of large numbers.
+    # The vector from the centre to the start, without a difference of large numbers.
     cosines = -chord / 2 - left * (1 - b * b) / (4 * b)
     sines = np.sign(b) * np.cross(axes[:, 2], cosines)
     return Chain(
@@ -133,14 +146,18 @@ def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) ->
 
 
 def spline(entity: Any) -> Shape | None:
-    """SPLINE: its control points, or else the cubic spline through its fit points."""
+    """Shape of a SPLINE, from its control points or else through its fit points.
+
+    Raises:
+        Unreadable: Degree, knots, weights or points do not define a continuous curve.
+    """
     if entity.control_point_count() == 0:
         return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
     n, degree = len(points), int(entity.dxf.degree)
     if not 1 <= degree <= HIGHEST_DEGREE:
         raise Unreadable(f"has degree {degree}, which must be from 1 to {HIGHEST_DEGREE}")
-    _few_enough(n)
+    _refuse_many_points(n)
     knots = _numbers("knots", list(entity.knots))
     if n <= degree or len(knots) != n + degree + 1:
         raise Unreadable(
@@ -151,11 +168,11 @@ def spline(entity: Any) -> Shape | None:
         raise Unreadable("has knots that do not increase")
     inner = knots[(knots > knots[degree]) & (knots < knots[n])]
     if len(inner) and np.unique(inner, return_counts=True)[1].max() > degree:
-        raise Unreadable(f"falls apart at a knot that is there more than {degree} times")
+        raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
     weights = _numbers("weights", list(entity.weights) or np.ones(n))
     if len(weights) != n or not (weights > 0).all() or weights.max() > 1e9 * weights.min():
-        raise Unreadable(f"must have {n} weights above zero, of like size")
-    # From 0 to 1, so that small and large parameters are none.
+        raise Unreadable(f"must have {n} weights above zero, of similar size")
+    # Parameters from 0 to 1, so that very small or large knots do not cost precision.
     return Spline(
         points=points,
         weights=weights,
@@ -165,11 +182,18 @@ def spline(entity: Any) -> Shape | None:
 
 
 def _fit_spline(entity: Any) -> Shape | None:
-    """The cubic spline over chord length through points, as drawing programs make it."""
+    """The cubic spline through the fit points, with chord-length parameters as in CAD programs.
+
+    Returns:
+        The spline; None if fewer than two points differ.
+
+    Raises:
+        Unreadable: Too many points, or an end tangent of zero.
+    """
     from scipy.interpolate import make_interp_spline
 
     points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
-    _few_enough(len(points))
+    _refuse_many_points(len(points))
     closed = bool(entity.dxf.flags & CLOSED_SPLINE)
     if closed and len(points):
         points = np.concatenate([points, points[:1]])
@@ -194,16 +218,21 @@ def _fit_spline(entity: Any) -> Shape | None:
 
 
 def _scale_ends(ends: Any, by: float) -> Any:
-    """End derivatives by a parameter from 0 to 1."""
+    """End derivatives times a factor, for a parameter from 0 to 1."""
     return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 
 
-def _few_enough(n: int) -> None:
+def _refuse_many_points(n: int) -> None:
+    """Refuse a spline of more than `MOST_POINTS` points.
+
+    Raises:
+        Unreadable: It has more.
+    """
     if n > MOST_POINTS:
         raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
 
 
-# What the format asks for and ezdxf would make up.
+# Attributes that the DXF format requires, and for which ezdxf has default values.
 NEEDED = {
     "LINE": ("start", "end"),
     "ARC": ("center", "radius", "start_angle", "end_angle"),
@@ -211,7 +240,7 @@ NEEDED = {
     "ELLIPSE": ("center", "major_axis", "ratio"),
     "INSERT": ("name", "insert"),
 }
-# What draws a contour; everything else is unknown to the reader.
+# Types of entities that draw a contour; the reader does not know the others.
 SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "LINE": line,
     "ARC": arc,
@@ -224,10 +253,10 @@ SHAPES: dict[str, Callable[[Any], Shape | None]] = {
 
 
 def refuse_missing(entity: Any) -> None:
-    """Refuse an entity that is not complete.
+    """Refuse an entity that lacks a required attribute.
 
     Raises:
-        Unreadable: It is not.
+        Unreadable: An attribute of `NEEDED` is missing.
     """
     for name in NEEDED.get(entity.dxftype(), ()):
         if not entity.dxf.hasattr(name):
@@ -235,44 +264,51 @@ def refuse_missing(entity: Any) -> None:
 
 
 def grid(entity: Any) -> tuple[int, int]:
-    """Rows and columns of the copies that an INSERT places; copies in the same place are one."""
+    """Numbers of rows and columns of an INSERT's copies; without spacing the number is 1."""
     dxf = entity.dxf
     rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
     return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
 
 
 def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
-    """How an INSERT places a block with a base point: the map, and offsets of its copies, (n, 3).
+    """The affine map by which an INSERT places a block, and the offsets of its copies.
+
+    Args:
+        entity: The INSERT.
+        base: Base point of the block, (3,).
+
+    Returns:
+        The map of the first copy, and the offsets of all copies from the first, (n, 3).
 
     Raises:
-        Unreadable: Numbers that are none.
+        Unreadable: An attribute is not a finite number.
     """
     dxf = entity.dxf
     axes = plane_axes(dxf.extrusion)
     turn = np.radians(float(_numbers("rotation", dxf.rotation)))
     c, s = np.cos(turn), np.sin(turn)
-    spin = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    linear = spin * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
-    at = axes @ _numbers("place", tuple(dxf.insert))
+    rotation = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    linear = rotation * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
+    at = axes @ _numbers("insertion point", tuple(dxf.insert))
     rows, columns = grid(entity)
-    apart = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
+    step = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
     k = np.arange(rows * columns)
-    places = np.column_stack([k % columns * apart[0], k // columns * apart[1], np.zeros(len(k))])
-    return Affine(linear, at - linear @ base), places @ spin.T
+    offsets = np.column_stack([k % columns * step[0], k // columns * step[1], np.zeros(len(k))])
+    return Affine(linear, at - linear @ base), offsets @ rotation.T
 
 
 def plane_axes(extrusion: Any) -> FloatArray:
-    """Axes of an entity's plane as columns: DXF's arbitrary axis algorithm.
+    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm.
 
     Raises:
-        Unreadable: No direction.
+        Unreadable: The extrusion is not a vector with a direction.
     """
     normal = _numbers("extrusion", tuple(extrusion))
     size = np.linalg.norm(normal)
     if normal.shape != (3,) or not 0 < size < np.inf:
         raise Unreadable("has an extrusion without direction")
     z = normal / size
-    # So near the world's z axis that it would give no x axis, as the format says.
+    # The format takes the world's y axis instead of z if the normal is this close to z.
     near = abs(z[0]) < 1 / 64 and abs(z[1]) < 1 / 64
     x = np.cross([0.0, 1.0, 0.0] if near else [0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)
@@ -280,14 +316,15 @@ def plane_axes(extrusion: Any) -> FloatArray:
 
 
 def _sweep(angle: float) -> float:
+    """The swept angle [rad], a full turn if it is about zero."""
     return 2 * np.pi if angle < NO_SWEEP else float(angle)
 
 
 def _numbers(name: str, values: Any) -> FloatArray:
-    """Numbers as an array, all finite.
+    """The values as an array of finite numbers; `name` is for the message.
 
     Raises:
-        Unreadable: They are none.
+        Unreadable: A value is not a finite number.
     """
     try:
         array = np.array(values, dtype=np.float64)

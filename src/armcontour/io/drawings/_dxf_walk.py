@@ -1,4 +1,4 @@
-"""The entities of a DXF document, blocks and all, in metres and in the world's coordinates."""
+"""All shapes of a DXF document, including those in blocks, in metres and world coordinates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.reading import FARTHEST, SKIP, Labels
 from armcontour.io.drawings.shapes import Shape
 
-# Blocks in blocks: more is a document made to do harm, as are more copies of entities.
+# Largest depth of blocks in blocks, and largest number of copied entities: a document with more
+# is made to do harm.
 DEEPEST = 50
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
@@ -30,7 +31,7 @@ OFF, FROZEN = "off", "frozen"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """A shape with the name and the layer of its entity."""
+    """A shape with the type, the name and the layer of its entity."""
 
     shape: Shape
     kind: str
@@ -40,7 +41,14 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Block:
-    """Where entities come from: the drawing, or a block that is placed in it."""
+    """The drawing, or one copy of a block in it, with what its entities inherit.
+
+    Args:
+        name: Name of the INSERT, empty for the drawing.
+        affine: Map from the block's coordinates to world coordinates [m].
+        layer: Layer of the entities that are on layer 0 of the block.
+        inside: Keys of the block and of the blocks around it.
+    """
 
     name: str
     affine: Affine
@@ -50,18 +58,18 @@ class _Block:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Walk:
-    """One way through a document, which counts what it leaves out.
+    """Traversal of a document's entities, which counts the entities that it leaves out.
 
     Args:
-        document: ezdxf's.
+        document: ezdxf's document.
         source: Name of the file.
-        skip: Whether unknown entities are left out, and not refused.
-        wanted: Layers that count; what is unknown on others is no matter. None means all.
-        empty: Names of what has no length.
-        unknown: Unknown entities, by their types.
-        hidden: Entities on layers that are off or frozen, by their layers.
-        invisible: Number of entities that are marked so.
-        labels: Names of entities and layers as contours have them.
+        skip: Whether unknown entities are left out instead of refused.
+        wanted: Layers whose unknown entities matter; None means all layers.
+        empty: Names of entities without length.
+        unknown: Numbers of unknown entities by their types.
+        hidden: Numbers of entities on layers that are off or frozen, by their layers.
+        invisible: Number of entities that are marked invisible.
+        labels: Names of entities and layers as the contours get them.
     """
 
     document: Any
@@ -78,13 +86,13 @@ class Walk:
     _layers: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     def shapes(self, unit: float) -> Iterator[Found]:
-        """Shapes of all entities of the model space, in its order.
+        """Yield the shapes of all entities of the model space, in the order of the document.
 
         Args:
             unit: Length of the drawing's unit [m].
 
         Raises:
-            InvalidInput: An entity that cannot be read, or is unknown and not to be skipped.
+            InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
         """
         try:
             for layer in self.document.layers:
@@ -95,9 +103,10 @@ class Walk:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = _Block(name="", affine=world, layer="0", inside=())
-        yield from self._of(entities, drawing)
+        yield from self._shapes_in(entities, drawing)
 
-    def _of(self, entities: Iterable[Any], block: _Block) -> Iterator[Found]:
+    def _shapes_in(self, entities: Iterable[Any], block: _Block) -> Iterator[Found]:
+        """Yield the shapes of the entities of a block or of the drawing."""
         for entity in entities:
             kind = entity.dxftype()
             handle = _attribute(entity, "handle", "?")
@@ -105,7 +114,7 @@ class Walk:
             layer, state = self._layer(entity, block)
             try:
                 if kind == "ATTDEF" and block.inside:
-                    # The pattern of a text, which the drawing shows as the insert's own.
+                    # A template of a text; the drawing shows the texts of the INSERT instead.
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
                     self.hidden[layer] += 1
@@ -132,33 +141,37 @@ class Walk:
             except InvalidInput:
                 raise
             except Exception as error:
-                # Whatever ezdxf makes of an entity that is broken.
+                # A broken entity makes ezdxf raise exceptions of any class.
                 raise InvalidInput(
                     f"{self.source}: {kind} {name} on layer {layer!r} is damaged: {said(error)}."
                 ) from None
 
     def _layer(self, entity: Any, block: _Block) -> tuple[str, str]:
-        """Name of an entity's layer, and whether it is off or frozen."""
+        """Name of an entity's layer, and the layer's state: off, frozen or empty."""
         own = str(_attribute(entity, "layer", "0"))
-        # In a block, layer 0 is that of what places it.
+        # In a block, layer 0 means the layer of the INSERT.
         own = block.layer if own == "0" and block.inside else own
         return self._layers.get(_key(own), (own, ""))
 
     def _insert(self, entity: Any, block: _Block, name: str, layer: str) -> Iterator[Found]:
-        """What a block draws, for each of its copies."""
+        """Yield the shapes of all copies of a block.
+
+        Raises:
+            Unreadable: The block is missing, contains itself, or has too many copies.
+        """
         for attribute in getattr(entity, "attribs", ()):
             self._unknown(attribute.dxftype(), name, layer)
         refuse_missing(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
-            raise Unreadable(f"places the block {called!r}, which there is not")
+            raise Unreadable(f"places the block {called!r}, which does not exist")
         if _key(called) in block.inside or len(block.inside) >= DEEPEST:
             raise Unreadable(f"places the block {called!r} in itself")
         if not block.inside:
             self._copies += self._copies_of(entity)
             if self._copies > MOST_COPIES:
-                raise Unreadable(f"brings the copies of entities to more than {MOST_COPIES}")
+                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insertions(entity, base)
         for offset in offsets:
@@ -169,13 +182,13 @@ class Walk:
                 layer=layer,
                 inside=(*block.inside, _key(called)),
             )
-            yield from self._of(content, inner)
+            yield from self._shapes_in(content, inner)
 
     def _copies_of(self, entity: Any) -> int:
-        """How many entities an INSERT draws, known before they are drawn."""
+        """Number of entities that an INSERT draws, computed without drawing them."""
         name = _key(str(_attribute(entity, "name", "")))
         if name not in self._sizes:
-            # A block in itself is found later, where it can be named.
+            # A block that contains itself is refused later, with its name.
             self._sizes[name] = 1
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
@@ -185,16 +198,21 @@ class Walk:
         return rows * columns * self._sizes[name]
 
     def _unknown(self, kind: str, name: str, layer: str) -> None:
+        """Count an unknown entity, or refuse it.
+
+        Raises:
+            InvalidInput: Unknown entities are refused.
+        """
         if not self.skip:
             raise InvalidInput(
                 f"{self.source} has a {kind} ({name}, layer {layer!r}), which is no contour to "
-                f"follow: take it out, or {SKIP}."
+                f"follow: remove it, or {SKIP}."
             )
         self.unknown[kind] += 1
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on what was left out."""
+        """Sentences on the entities that were left out."""
         found = []
         if self.unknown:
             found.append(f"Left out, because it is no contour: {_count(self.unknown)}.")
@@ -209,24 +227,31 @@ class Walk:
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
-    """An attribute that an entity of a type that ezdxf does not know cannot have."""
+    """An attribute of an entity; the default if the entity or its type does not have it."""
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 
 def _count(counter: Counter[str]) -> str:
+    """The numbers and names of a counter, such as `2 TEXT, 1 HATCH`."""
     return ", ".join(f"{n} {name}" for name, n in sorted(counter.items()))
 
 
 def _key(name: str) -> str:
-    """Names of layers and blocks are the same in capitals."""
+    """The name of a layer or block in lower case: DXF ignores the case of such names."""
     return name.lower()
 
 
 def _is_mesh(entity: Any) -> bool:
+    """Whether a POLYLINE is a mesh and not a curve."""
     return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
 
 
 def _refuse_far(shape: Shape) -> None:
+    """Refuse a shape with points beyond `FARTHEST`.
+
+    Raises:
+        Unreadable: A coordinate is too large.
+    """
     far = float(np.abs(shape.reach).max())
     if not far <= FARTHEST:
         raise Unreadable(

@@ -1,4 +1,4 @@
-"""Which ends of pieces go on in which."""
+"""Which ends of the pieces of a drawing are joined to which."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings._pieces import Pieces
 
-# Ends nearer than this part of the tolerance touch.
+# Ends closer than this fraction of the tolerance touch.
 TOUCHING = 0.01
-# So many ends with the smallest turns, or nearest by, are candidates to go on with.
+# Number of candidates for joining to an end: those with the smallest turns, or the nearest ones.
 MOST_CANDIDATES = 8
-# Turns that differ by less [rad] are equal: then the order of the pieces decides.
+# Turns that differ by less than this [rad] are equal: then the order of the pieces decides.
 SAME_TURN = 1e-6
-# Ends on different layers are further apart than any tolerance [m].
+# Added distance between ends on different layers [m], larger than any tolerance.
 LAYERS_APART = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ends:
-    """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its end.
+    """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point.
 
     Args:
-        points: (2 n, dimension) [m].
-        inwards: Unit tangents into the piece, same shape.
-        layers: Number of the layer, (2 n,).
-        lengths: Of the pieces [m], (n,).
-        closed: Pieces whose ends are one point, (n,).
-        free: Ends that can be joined, (2 n,).
+        points: Points of the ends [m], (2 n, dimension).
+        inwards: Unit tangents at the ends that point into the piece, same shape.
+        layers: Number of the layer of each end, (2 n,).
+        lengths: Lengths of the pieces [m], (n,).
+        closed: Whether both ends of a piece are one point, (n,).
+        free: Whether an end may be joined, (2 n,).
     """
 
     points: FloatArray
@@ -42,7 +42,13 @@ class Ends:
 
     @classmethod
     def of(cls, pieces: Pieces, layers: IntArray, left_out: BoolArray) -> Ends:
-        """The ends of pieces, some of which are left out."""
+        """The ends of the pieces.
+
+        Args:
+            pieces: The pieces.
+            layers: Number of the layer of each piece, (n,).
+            left_out: Pieces whose ends are never joined, (n,).
+        """
 
         def both(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
@@ -60,7 +66,14 @@ class Ends:
 
 
 def find_partners(ends: Ends, tolerance: float) -> IntArray:
-    """The end that each end goes on in, -1 where there is none, (2 n,)."""
+    """The end to which each end is joined, (2 n,); -1 if it stays free.
+
+    Ends at the same point are joined first, then ends that touch, then ends with a gap.
+
+    Args:
+        ends: Ends of all pieces.
+        tolerance: Ends closer than this may be joined [m].
+    """
     partner = np.full(len(ends.points), -1, dtype=np.intp)
     for near in (REPEATED_POINT, TOUCHING * tolerance, tolerance):
         free = np.flatnonzero(ends.free & (partner < 0))
@@ -71,14 +84,21 @@ def find_partners(ends: Ends, tolerance: float) -> IntArray:
 
 
 def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
-    """Join candidates, (m, 2), the smallest turns first."""
+    """Join pairs of ends, those with the smallest turns first.
+
+    Args:
+        ends: Ends of all pieces.
+        partner: The end to which each end is joined, -1 for none, (2 n,); updated.
+        candidates: Pairs of ends that may be joined, (m, 2).
+        tolerance: Only ends closer than this are joined [m].
+    """
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
-    # A piece does not close on itself within the tolerance.
+    # A piece shorter than the tolerance is not closed on itself.
     allowed = (a != b) & (ends.layers[a] == ends.layers[b]) & (gap < tolerance)
     allowed &= (a // 2 != b // 2) | (ends.lengths[a // 2] > tolerance)
     a, b = a[allowed], b[allowed]
-    # The turn from one into the other, by its half: exact near zero.
+    # The angle between the tangents, computed from its half, which is exact near zero.
     u, v = ends.inwards[a], ends.inwards[b]
     turn = 2 * np.arctan2(np.linalg.norm(u + v, axis=1), np.linalg.norm(u - v, axis=1))
     order = np.lexsort([b, a, np.round(turn / SAME_TURN)])
@@ -90,39 +110,57 @@ def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float
 
 
 def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Of ends that touch, those that each can go on in with the smallest turns."""
+    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2).
+
+    Args:
+        ends: Ends of all pieces.
+        free: Indices of the ends that are not joined yet.
+        near: Ends closer than this touch [m].
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    # Ends in a cell of a grid are one, so that a heap of ends makes few pairs.
+    # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     cell, n = cell.ravel(), len(first)
     centres = np.column_stack([ends.layers[free][first] * LAYERS_APART, ends.points[free][first]])
     pairs = cKDTree(centres).query_pairs(near, output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
-    place = connected_components(links, directed=False)[1][cell]
-    alone = np.bincount(place)[place] == 1
-    free, place = free[~alone], place[~alone]
-    return _pairs(free, *_smallest_turns(place, ends.inwards[free]))
+    vertex = connected_components(links, directed=False)[1][cell]
+    alone = np.bincount(vertex)[vertex] == 1
+    free, vertex = free[~alone], vertex[~alone]
+    return _pairs(free, *_smallest_turns(vertex, ends.inwards[free]))
 
 
-def _smallest_turns(place: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of ends of one place, those with the smallest turns for each."""
+def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of ends at one vertex, those with the smallest turns for each end.
+
+    Args:
+        vertex: Number of the vertex at which each end lies, (n,).
+        inwards: Unit tangents into the pieces, (n, dimension).
+    """
     from scipy.spatial import cKDTree
 
-    if len(place) == 0:
+    if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    # Directions differ by no more than 2, places by 4.
-    tree = cKDTree(np.column_stack([4.0 * place, inwards]))
-    count = min(MOST_CANDIDATES + 1, len(place))
-    found = tree.query(np.column_stack([4.0 * place, -inwards]), k=count, distance_upper_bound=3.0)
-    return _drop_missing(np.asarray(found[1]), len(place))
+    # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
+    # neighbour within 3 is at the same vertex.
+    tree = cKDTree(np.column_stack([4.0 * vertex, inwards]))
+    count = min(MOST_CANDIDATES + 1, len(vertex))
+    found = tree.query(np.column_stack([4.0 * vertex, -inwards]), k=count, distance_upper_bound=3.0)
+    return _drop_missing(np.asarray(found[1]), len(vertex))
 
 
 def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Of the ends nearer than that, the nearest of each."""
+    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2).
+
+    Args:
+        ends: Ends of all pieces.
+        free: Indices of the ends that are not joined yet.
+        near: Largest distance of two ends [m].
+    """
     from scipy.spatial import cKDTree
 
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
@@ -132,11 +170,17 @@ def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Pairs of neighbours of a tree's query, without those it did not find."""
+    """Pairs of points and neighbours from a tree's query, without the neighbours not found.
+
+    Args:
+        neighbours: Indices of the neighbours, n if there is none, (n, k).
+        n: Number of points.
+    """
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()
     return i[k < n], k[k < n]
 
 
 def _pairs(free: IntArray, a: IntArray, b: IntArray) -> IntArray:
+    """Sorted unique pairs of ends, (m, 2), from two arrays of indices into `free`."""
     return np.unique(np.sort(np.column_stack([free[a], free[b]]), axis=1), axis=0)

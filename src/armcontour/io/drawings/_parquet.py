@@ -1,9 +1,10 @@
-"""Columns of Parquet files, measured before a few bytes unpack to all memory.
+"""Columns of Parquet files, whose unpacked size is checked before pyarrow allocates memory.
 
-The sizes that the end of a file tells are not enough, since whoever writes a file can write any.
-What is unpacked are pages, and each has a header with the size for which pyarrow makes room. Both
-are read here, by the definitions in `parquet.thrift` of the Apache Parquet project: pyarrow shows
-no headers of pages, and what it shows of columns ends the process where it is broken.
+The sizes in the metadata at the end of a file are not enough, because a file can state any size.
+pyarrow unpacks pages and allocates the size that each page's header states. This module reads the
+metadata and the page headers itself, by the definitions in `parquet.thrift` of the Apache Parquet
+project: pyarrow does not show page headers, and reading broken column metadata with pyarrow can
+crash the process.
 """
 
 from __future__ import annotations
@@ -19,16 +20,17 @@ from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._thrift import Reader
 
-# Largest size of the columns that are read, unpacked [bytes]; eight bytes a number.
+# Largest unpacked size of the columns that are read [bytes]; a number has eight bytes.
 MOST_UNPACKED = 128 * MEGABYTE
-# Largest size of a cell of text [characters], which every row can repeat.
+# Longest cell of text [characters]; all rows may repeat it.
 LONGEST_CELL = 10_000
-# Largest size of what a file tells of itself at its end; it has some kilobytes [bytes].
+# Largest size of the metadata at the end of a file [bytes]; usually they have some kilobytes.
 MOST_FOOTER = 4 * MEGABYTE
 MAGIC = b"PAR1"
-# A page tells its sizes in 32 bits.
+# The format stores the sizes of a page in 32 bits.
 LARGEST_PAGE = 2**31 - 1
-# Numbers of fields: of FileMetaData, RowGroup, ColumnChunk, ColumnMetaData and PageHeader.
+# Field numbers of the structs FileMetaData, RowGroup, ColumnChunk, ColumnMetaData and PageHeader,
+# one line each, ColumnMetaData on three.
 ROW_GROUPS = 4
 COLUMNS, NUM_ROWS = 1, 3
 META_DATA = 3
@@ -39,14 +41,15 @@ UNCOMPRESSED_PAGE_SIZE, COMPRESSED_PAGE_SIZE = 2, 3
 
 
 class ParquetTable:
-    """A Parquet file, of which nothing is unpacked yet.
+    """A Parquet file, opened but not unpacked.
 
     Args:
-        data: What the file holds.
-        source: Its name.
+        data: Content of the file.
+        source: Name of the file.
 
     Raises:
-        InvalidInput: pyarrow is not installed, or this is no Parquet file.
+        InvalidInput: pyarrow is not installed, the data are not a Parquet file, or two columns
+            have the same name.
     """
 
     def __init__(self, data: bytes, source: str) -> None:
@@ -61,9 +64,9 @@ class ParquetTable:
         self.source = source
         try:
             self.about = _footer(data)
-            # What is not needed as numbers is read as a dictionary, so that a text that stands in
-            # every row is unpacked once.
-            texts = _names_of_texts(pq.ParquetFile(pa.BufferReader(data)))
+            # Columns of text are read as dictionaries, so that a text that all rows repeat is
+            # unpacked once.
+            texts = _text_columns(pq.ParquetFile(pa.BufferReader(data)))
             self.file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
             self.rows = int(self.file.metadata.num_rows)
             self.titles = list(self.file.schema_arrow.names)
@@ -73,10 +76,10 @@ class ParquetTable:
             raise InvalidInput(f"{source} has two columns of the same name.")
 
     def cells(self, titles: Sequence[str]) -> dict[str, Sequence[str] | FloatArray]:
-        """Columns of text, or of numbers with NaN where there is none.
+        """Columns by their titles: texts, or numbers with NaN for empty cells.
 
         Raises:
-            InvalidInput: They are too large, of another type, or broken.
+            InvalidInput: A column is too large, of another type, or broken.
         """
         try:
             for title in titles:
@@ -84,7 +87,7 @@ class ParquetTable:
             self._refuse_large(titles)
             found = self.file.read(columns=list(titles), use_threads=False)
             if found.num_rows != self.rows:
-                raise ValueError("the number of rows is another than it tells")
+                raise ValueError("the number of rows differs from the one in its metadata")
             return {x: _cells(found.column(x), self._where(x)) for x in titles}
         except InvalidInput:
             raise
@@ -92,23 +95,25 @@ class ParquetTable:
             raise self._unreadable(error) from None
 
     def _where(self, title: str) -> str:
+        """The file and a column, for messages."""
         return f"{self.source}, column {show(title)}"
 
     def _unreadable(self, error: Exception) -> InvalidInput:
-        said = str(error).split("\n")[0].rstrip(".")[:200]
-        return InvalidInput(f"{self.source} cannot be read as Parquet: {said}.")
+        """The refusal of a broken file, with the first line of the library's message."""
+        reason = str(error).split("\n")[0].rstrip(".")[:200]
+        return InvalidInput(f"{self.source} cannot be read as Parquet: {reason}.")
 
     def _refuse_large(self, titles: Sequence[str]) -> None:
-        """Refuse what does not fit, by what the file tells of it, and by the headers of its pages.
+        """Refuse columns that are too large by the file's metadata or by their page headers.
 
         Raises:
-            InvalidInput: It is too large.
+            InvalidInput: The columns unpack to more than `MOST_UNPACKED`.
         """
         chunks = list(self._chunks(titles))
         rows = max(self.rows, sum(x[NUM_ROWS] for x in self.about[ROW_GROUPS]))
         values = sum(max(0, x[META_DATA][NUM_VALUES]) for x in chunks)
-        told = sum(max(0, x[META_DATA][TOTAL_UNCOMPRESSED_SIZE]) for x in chunks)
-        size = max(told, 8 * values, 8 * rows * len(titles))
+        stated = sum(max(0, x[META_DATA][TOTAL_UNCOMPRESSED_SIZE]) for x in chunks)
+        size = max(stated, 8 * values, 8 * rows * len(titles))
         if size <= MOST_UNPACKED:
             size = max(size, sum(_unpacked_size(self.data, x) for x in chunks))
         if size > MOST_UNPACKED:
@@ -118,16 +123,17 @@ class ParquetTable:
             )
 
     def _chunks(self, titles: Sequence[str]) -> Iterator[dict[int, Any]]:
-        """What is told of each column of each group of rows."""
+        """Yield the struct ColumnChunk of each of the columns in each group of rows."""
         paths = [self.file.schema.column(i).path for i in range(len(self.file.schema))]
         for group in self.about[ROW_GROUPS]:
-            # The library goes by the places of columns, and not by what they are called there.
+            # pyarrow identifies columns by their order, not by the names in the row groups.
             for path, chunk in zip(paths, group[COLUMNS], strict=True):
                 if path in titles:
                     yield chunk
 
 
-def _names_of_texts(file: Any) -> list[str]:
+def _text_columns(file: Any) -> list[str]:
+    """Names of the columns of text."""
     import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
 
     fields = file.schema_arrow
@@ -137,12 +143,14 @@ def _names_of_texts(file: Any) -> list[str]:
 
 
 def _kind(type_: Any) -> Any:
+    """The type of a column's values, also if the column is read as a dictionary."""
     import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
 
     return type_.value_type if pa.types.is_dictionary(type_) else type_
 
 
 def _is_text(kind: Any) -> bool:
+    """Whether values of a type are texts, or all missing."""
     import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
 
     is_text = pa.types.is_string(kind) or pa.types.is_large_string(kind)
@@ -150,15 +158,25 @@ def _is_text(kind: Any) -> bool:
 
 
 def _refuse_type(type_: Any, where: str) -> None:
+    """Refuse a column of neither numbers nor text.
+
+    Raises:
+        InvalidInput: The column has another type.
+    """
     import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
 
     kind = _kind(type_)
     is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
     if not (is_number or _is_text(kind)):
-        raise InvalidInput(f"{where} holds {kind}: numbers or text are read.")
+        raise InvalidInput(f"{where} has the type {kind}: only numbers and text are read.")
 
 
 def _cells(column: Any, where: str) -> Sequence[str] | FloatArray:
+    """The texts or the numbers of one column.
+
+    Raises:
+        InvalidInput: The column has more texts than rows, or a text that is too long.
+    """
     import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
 
     if not _is_text(_kind(column.type)):
@@ -177,6 +195,11 @@ def _cells(column: Any, where: str) -> Sequence[str] | FloatArray:
 
 
 def _word(text: str | None, where: str) -> str:
+    """The text of a cell without blanks around it; empty for a missing one.
+
+    Raises:
+        InvalidInput: The text is too long.
+    """
     if text is not None and len(text) > LONGEST_CELL:
         raise InvalidInput(
             f"{where}: a cell has {len(text)} characters, more than the {LONGEST_CELL} that are "
@@ -186,34 +209,38 @@ def _word(text: str | None, where: str) -> str:
 
 
 def _footer(data: bytes) -> dict[int, Any]:
-    """The struct at the end of a file, FileMetaData.
+    """The struct FileMetaData at the end of a file.
 
     Raises:
-        ValueError: There is none, or it is too large.
+        ValueError: The struct is missing, cut off or too large.
     """
     if len(data) < 2 * len(MAGIC) + 4 or not data.startswith(MAGIC) or not data.endswith(MAGIC):
-        raise ValueError("it does not begin and end as Parquet does")
+        raise ValueError(f"it does not begin and end with {MAGIC.decode()}")
     size = int.from_bytes(data[-8:-4], "little")
     if size > MOST_FOOTER:
         raise ValueError(
             f"its metadata have {size / MEGABYTE:.0f} MB, more than the "
             f"{MOST_FOOTER / MEGABYTE:.0f} MB that are read"
         )
-    begin = len(data) - 8 - size
-    if begin < len(MAGIC):
+    start = len(data) - 8 - size
+    if start < len(MAGIC):
         raise ValueError("its metadata are cut off")
-    return Reader(data, begin).struct()
+    return Reader(data, start).struct()
 
 
 def _unpacked_size(data: bytes, chunk: dict[int, Any]) -> int:
-    """Size of all pages of a column in a group of rows, unpacked [bytes].
+    """Unpacked size of all pages of a column in a group of rows [bytes].
+
+    Args:
+        data: Content of the file.
+        chunk: The struct ColumnChunk of the column.
 
     Raises:
-        ValueError: Its pages do not follow one another as the format has it.
+        ValueError: The pages lie outside of the file, or a page's size is impossible.
     """
     about = chunk[META_DATA]
     if about[NUM_VALUES] <= 0:
-        # No page of it is opened, and its places may be none.
+        # pyarrow opens no page of such a column, and its offsets may be invalid.
         return 0
     at, size = about[DATA_PAGE_OFFSET], 0
     if 0 < about.get(DICTIONARY_PAGE_OFFSET, 0) < at:

@@ -1,4 +1,4 @@
-"""The segments of many pieces in one table, so that joining thousands of them costs little."""
+"""One table of the segments of many pieces, so that joining thousands of pieces is fast."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.segments import REPEATED_POINT
 
-# A gap of half a repeated point stays: closing it would spoil the tangents.
+# Smaller gaps [m] stay open: closing them would change the tangents of short segments.
 NO_GAP = 0.5 * REPEATED_POINT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pieces:
-    """All segments of some pieces one after the other.
+    """The segments of all pieces in sequence.
 
     Args:
-        segments: The table.
-        first: First segment of every piece, and the number of segments, (pieces + 1,).
+        segments: The segments.
+        first: Index of the first segment of each piece, then the number of segments,
+            (pieces + 1,).
     """
 
     segments: Segments
@@ -29,28 +30,28 @@ class Pieces:
 
     @classmethod
     def of(cls, paths: Sequence[Path]) -> Pieces:
-        """The segments of paths."""
+        """The table of the segments of paths, one piece per path."""
         first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
         return cls(segments=Segments.join([path.segments for path in paths]), first=first)
 
     @property
     def starts(self) -> FloatArray:
-        """Where the pieces start, (pieces, dimension)."""
+        """Start points of the pieces [m], (pieces, dimension)."""
         return self.segments.starts[self.first[:-1]]
 
     @property
     def ends(self) -> FloatArray:
-        """Where the pieces end, (pieces, dimension)."""
+        """End points of the pieces [m], (pieces, dimension)."""
         return self.segments[self.first[1:] - 1].ends
 
     @property
     def tangents(self) -> FloatArray:
-        """Tangents where the pieces start, (pieces, dimension)."""
+        """Unit tangents at the start points of the pieces, (pieces, dimension)."""
         return self.segments.tangents[self.first[:-1]]
 
     @property
     def end_tangents(self) -> FloatArray:
-        """Tangents where the pieces end, (pieces, dimension)."""
+        """Unit tangents at the end points of the pieces, (pieces, dimension)."""
         return self.segments[self.first[1:] - 1].end_tangents
 
     @property
@@ -60,29 +61,29 @@ class Pieces:
 
     @property
     def middles(self) -> FloatArray:
-        """The pieces' points at half of their lengths, (pieces, dimension)."""
+        """Points of the pieces at half of their lengths [m], (pieces, dimension)."""
         breaks = self.segments.breaks
         half = breaks[self.first[:-1]] + self.lengths / 2
         i = np.clip(np.searchsorted(breaks, half) - 1, self.first[:-1], self.first[1:] - 1)
         return self.segments.at(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
 
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
-        """The path of pieces in turn, with the gaps between them closed.
+        """The path through pieces in the given order, with the gaps between them closed.
 
         Args:
-            entries: Twice the number of each piece, and one more where it is turned round.
-            closed: Whether the last goes on in the first.
-            tolerance: No point is moved by more [m].
+            entries: For each piece 2 i if piece i is followed forwards, 2 i + 1 if backwards.
+            closed: Whether the last piece joins the first one.
+            tolerance: Largest displacement of a point [m].
         """
         entered = np.asarray(entries, dtype=np.intp)
-        piece, turned = entered // 2, entered % 2 == 1
+        piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
-        begin = np.cumsum(count) - count
-        within = np.arange(count.sum()) - np.repeat(begin, count)
-        base = np.where(turned, self.first[piece + 1] - 1, self.first[piece])
-        i = np.repeat(base, count) + np.repeat(np.where(turned, -1, 1), count) * within
-        rows = self.segments.run(i, np.repeat(turned, count))
-        vertices, ends = begin if closed else begin[1:], rows.ends
+        start = np.cumsum(count) - count
+        within = np.arange(count.sum()) - np.repeat(start, count)
+        base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
+        i = np.repeat(base, count) + np.repeat(np.where(backwards, -1, 1), count) * within
+        rows = self.segments.run(i, np.repeat(backwards, count))
+        vertices, ends = start if closed else start[1:], rows.ends
         gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
         wide = gaps > NO_GAP
         if wide.any():
@@ -91,15 +92,16 @@ class Pieces:
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:
-    """Segments whose ends at some vertices meet in the middle of the gap before them.
+    """Close gaps between segments: both neighbours are moved to the middle of the gap.
 
-    An arc that would move by more than the tolerance stays, and lines go to the middle and on.
+    An arc that would move by more than the tolerance stays; lines connect it to the middle of the
+    gap.
 
     Args:
         rows: The segments.
-        ends: Their last points, (n, dimension).
-        vertices: Segments at whose starts there is a gap.
-        tolerance: No point is moved by more [m].
+        ends: End points of the segments [m], (n, dimension).
+        vertices: Indices of the segments with a gap before their start.
+        tolerance: Largest displacement of a point [m].
     """
     to_start, to_end = rows.starts.copy(), ends.copy()
     middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
@@ -113,7 +115,8 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     moved = rows.put(line, _lines(rows[line], to_start[line], to_end[line]))
     if moves.any():
         moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
-    # Lines from the middle of a gap to an arc that stays, and on; what is a point is left out.
+    # Lines connect an arc that stays to the middles of the gaps before and after it; lines without
+    # length are left out.
     before, after = _lines(rows, to_start, rows.starts), _lines(rows, ends, to_end)
     used = [
         stays & (before.lengths > REPEATED_POINT),
@@ -125,7 +128,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
 
 
 def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
-    """Lines between points, with the demands of segments."""
+    """Lines between points, with the speeds and tolerances of the given segments."""
     chords = ends - starts
     lengths = np.linalg.norm(chords, axis=1)
     return rows.replace(
@@ -140,28 +143,35 @@ def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
 def _shift(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> FloatArray:
-    """How far a point of an arc moves at most if its ends move, by similarity [m]."""
+    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,).
+
+    Args:
+        arcs: The arcs.
+        ends: End points of the arcs [m], (n, dimension).
+        to_start: New start points [m], same shape.
+        to_end: New end points [m], same shape.
+    """
     at_start, at_end = to_start - arcs.starts, to_end - ends
     chord = np.linalg.norm(ends - arcs.starts, axis=1)
     reach = np.where(arcs.curvatures * arcs.lengths < np.pi, chord, 2 / arcs.curvatures)
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.linalg.norm(at_end - at_start, axis=1) / chord
         shift = np.linalg.norm(at_start, axis=1) + change * reach
-    # A similarity is found for small changes only.
+    # The estimate holds for small changes only.
     return np.where(change < 0.5, shift, np.inf)
 
 
 def _stretch(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> Segments:
-    """Arcs put between new ends, with the same swept angles."""
+    """Scale and rotate arcs to new end points, with the arguments of `_shift`; angles stay."""
     old, new = ends - arcs.starts, to_end - to_start
     size, wanted = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
     a, b = old / size[:, None], new / wanted[:, None]
     scale = wanted / size
 
     def turned(v: FloatArray) -> FloatArray:
-        # The least rotation from a to b.
+        # The smallest rotation from a to b.
         part = np.sum((a + b) * v, axis=1) / (1 + np.sum(a * b, axis=1))
         v = v - part[:, None] * (a + b) + 2 * np.sum(a * v, axis=1)[:, None] * b
         return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])

@@ -1,4 +1,4 @@
-"""The attribute d of SVG paths, as outlines."""
+"""Outlines from the path data of SVG paths (the attribute d)."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings.chain import WELL_KNOWN, Chain
 from armcontour.io.drawings.shapes import Outline, Shape, Spline
 
-# How many numbers each command takes.
+# Number of arguments of each command.
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 LETTERS = "".join(COUNTS) + "".join(COUNTS).lower()
 _LETTER = re.compile(r"([A-DF-Za-df-z])")
 _NO_COMMAND = re.compile(r"[^\WMmLlHhVvCcSsQqTtAaZzEe\d_]")
-# An arc's two flags may stand without anything between them.
+# Between the two flags of an arc no separator is needed.
 _GAP = r"[\s,]*+"
 _ARC = re.compile(
     rf"{_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}([01]){_GAP}([01]){_GAP}({NUMBER})"
@@ -41,10 +41,10 @@ def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]
 
     Args:
         element: The path.
-        spend: Called with the number of segments before they are made; may refuse them.
+        spend: Called with a number of segments before they are made; may refuse them.
 
     Raises:
-        InvalidInput: Path data that is not of its grammar.
+        InvalidInput: The path data do not follow SVG's grammar.
     """
     pen = _Pen(element)
     for letter, numbers in _commands(element, spend):
@@ -54,10 +54,10 @@ def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]
 
 
 def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Command]:
-    """Commands with the numbers of one repetition each.
+    """Yield the commands of a path, each repetition with its own numbers.
 
     Raises:
-        InvalidInput: What is no command, or too few numbers.
+        InvalidInput: A command is unknown, or has the wrong number of arguments.
     """
     text = element.get("d")
     if text == "none":
@@ -67,7 +67,7 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
         element.refuse(
             f"path data has the unknown command {unknown[0]!r} at character {unknown.start() + 1}"
         )
-    # Every command is a segment; what repeats it comes on top.
+    # Each command is a segment; repetitions are added below.
     spend(sum(text.count(x) for x in LETTERS))
     parts = _LETTER.split(text)
     at = len(parts[0])
@@ -86,12 +86,17 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
         if not count:
             yield letter, []
         for k in range(0, len(values), count or 1):
-            # After a move, more points are lines.
-            shown = letter if k == 0 or letter not in "Mm" else "L" if letter == "M" else "l"
-            yield shown, values[k : k + count]
+            # Further points after a move command are lines.
+            actual = letter if k == 0 or letter not in "Mm" else "L" if letter == "M" else "l"
+            yield actual, values[k : k + count]
 
 
 def _numbers(element: Element, chunk: str, at: int) -> list[float]:
+    """The arguments of a command, whose text `chunk` starts at character `at` (from 0).
+
+    Raises:
+        InvalidInput: The text is not a list of numbers.
+    """
     good = NUMBERS.match(chunk)
     end = good.end() if good else 0
     if end < len(chunk):
@@ -101,6 +106,11 @@ def _numbers(element: Element, chunk: str, at: int) -> list[float]:
 
 
 def _arcs(element: Element, chunk: str, at: int) -> list[float]:
+    """The arguments of a command A, whose text `chunk` starts at character `at` (from 0).
+
+    Raises:
+        InvalidInput: The text is not a list of arguments of A.
+    """
     values: list[float] = []
     end = 0
     while (match := _ARC.match(chunk, end)) and len(values) <= MOST_NUMBERS:
@@ -112,6 +122,11 @@ def _arcs(element: Element, chunk: str, at: int) -> list[float]:
 
 
 def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
+    """Refuse the arguments of a command from character `end` of its text.
+
+    Raises:
+        InvalidInput: Always.
+    """
     element.refuse(
         f"path data has {chunk[end : end + 20].strip()!r} at character {at + end + 1}, which is "
         "not what its command takes"
@@ -120,17 +135,17 @@ def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
 
 @dataclass(slots=True, eq=False)
 class _Pen:
-    """What draws the commands of a path, one after the other.
+    """Executes the commands of a path one after the other; points are complex numbers.
 
     Args:
         element: The path.
-        outlines: Subpaths that are done.
-        shapes: What is drawn of this subpath.
+        outlines: Outlines of the completed subpaths.
+        shapes: Shapes of the current subpath.
         here: The current point.
-        start: Where this subpath starts.
-        drawn: Points of lines, or control points of Bézier curves, that are not a shape yet.
-        curved: Whether they are those of Bézier curves.
-        before: The last command, in capitals, and its last control point.
+        start: Start point of the current subpath.
+        drawn: Points of lines, or control points of Bézier curves, that are not yet a shape.
+        curved: Whether the points of `drawn` are control points of Bézier curves.
+        before: The previous command, in capitals, and its last control point.
     """
 
     element: Element
@@ -143,7 +158,7 @@ class _Pen:
     before: tuple[str, complex] = ("", 0j)
 
     def obey(self, letter: str, numbers: Sequence[float]) -> None:
-        """Draw one command."""
+        """Execute one command with its arguments."""
         kind, base = letter.upper(), self.here if letter.islower() else 0j
         control = self.here
         if kind in "MZ":
@@ -165,31 +180,33 @@ class _Pen:
         self.before = kind, control
 
     def lift(self, *, closed: bool) -> None:
-        """End the subpath, if anything of it is drawn."""
+        """End the current subpath; it becomes an outline if it has shapes."""
         self._finish()
         if self.shapes:
             self.outlines.append(Outline(self.shapes, closed))
         self.shapes = []
 
     def _line(self, end: complex) -> None:
+        """Draw a line from the current point."""
         self._draw(False, [end])
 
     def _bezier(self, kind: str, points: list[complex]) -> complex:
-        """Draw C, S, Q or T, and tell the last control point."""
+        """Draw a command C, S, Q or T; returns its last control point."""
         last, control = self.before
         if kind in "ST":
-            # The control point before, seen from the other side.
+            # The control point of the previous curve, mirrored at the current point.
             smooth = last in ("CS" if kind == "S" else "QT") and bool(last)
             points = [2 * self.here - control if smooth else self.here, *points]
         if kind in "CS":
             self._draw(True, points)
             return points[1]
-        # A quadratic as the cubic that it is.
+        # A quadratic Bézier curve as an equal cubic one.
         (b, c), a = points, self.here
         self._draw(True, [a + 2 / 3 * (b - a), c + 2 / 3 * (b - c), c])
         return b
 
     def _draw(self, curved: bool, points: list[complex]) -> None:
+        """Append points of a line or control points of a curve, after the current point."""
         if self.curved != curved:
             self._finish()
         self.curved = curved
@@ -199,13 +216,18 @@ class _Pen:
         self.here = points[-1]
 
     def _finish(self) -> None:
-        """Make a shape of the points that are not one yet."""
+        """Make a shape of the points in `drawn`."""
         if len(self.drawn) > 1:
             points = _plane(self.drawn)
             self.shapes.append(Spline.beziers(points) if self.curved else Chain.straight(points))
         self.drawn = []
 
     def _arc(self, numbers: Sequence[float], end: complex) -> None:
+        """Draw an arc from the current point, with the arguments of A before its end point.
+
+        Raises:
+            InvalidInput: The radii do not fit the end points.
+        """
         rx, ry, tilt, large, sweep = numbers
         if rx == 0 or ry == 0 or self.here == end:
             self._line(end)
@@ -226,6 +248,7 @@ class _Pen:
 
 
 def _plane(points: Sequence[complex]) -> FloatArray:
+    """Complex numbers as points in the plane, (n, 2)."""
     array = np.array(points, dtype=np.complex128)
     return np.stack([array.real, array.imag], axis=-1)
 
@@ -238,21 +261,21 @@ def _arc_between(
     large: bool,
     sweep: bool,
 ) -> Chain:
-    """The elliptical arc between two points that SVG's command A means.
+    """The elliptical arc between two points as defined by SVG's command A.
 
-    Radii that are too small are made larger until the ellipse reaches both points.
+    Radii that are too small are increased until the ellipse passes through both points.
 
     Args:
-        first: Where it starts.
-        last: Where it ends, which is somewhere else.
-        radii: Of the ellipse, above zero.
-        tilt: By which it is turned [rad].
-        large: Whether to take the arc of more than half a turn.
-        sweep: Whether the angle grows.
+        first: Start point, (2,).
+        last: End point, different from the start point, (2,).
+        radii: Semi-axes of the ellipse, above zero.
+        tilt: Rotation of the ellipse [rad].
+        large: Whether the arc is the one of more than half a turn.
+        sweep: Whether the angle increases along the arc.
     """
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
-    # In coordinates in which the ellipse is a unit circle, from the first point.
+    # The vector between the points, in coordinates in which the ellipse is a unit circle.
     step = np.array([[c, s], [-s, c]]) @ (last - first) / radii
     half = math.hypot(*step) / 2
     if half > 1:

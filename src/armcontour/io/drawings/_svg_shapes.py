@@ -1,4 +1,4 @@
-"""SVG's shapes as outlines in the coordinates of their element."""
+"""Outlines of SVG's shapes in the coordinates of their elements."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ Spend = Callable[[int], None]
 
 
 def shape_of(element: Element, spend: Spend) -> list[Outline]:
-    """The outlines of one of `SHAPES`; none if it has no size.
+    """The outlines of an element with a tag of `SHAPES`; empty if it has no size.
 
     Args:
-        element: The shape.
-        spend: Called with the number of segments before they are made; may refuse them.
+        element: The element.
+        spend: Called with a number of segments before they are made; may refuse them.
 
     Raises:
-        InvalidInput: Attributes that make no such shape.
+        InvalidInput: The attributes do not define the shape.
     """
     return SHAPES[element.tag](element, spend)
 
 
 def _line(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a line; empty if it has no length."""
     spend(1)
     x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
@@ -38,12 +39,18 @@ def _line(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _polyline(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a polyline or polygon; empty if it has fewer than two points."""
     points = _read_points(element, spend)
     closed = element.tag == "polygon"
     return [Outline([Chain.straight(points)], closed)] if len(points) > 1 else []
 
 
 def _read_points(element: Element, spend: Spend) -> FloatArray:
+    """The attribute points of an element, (n, 2).
+
+    Raises:
+        InvalidInput: The attribute is not a list of pairs of numbers.
+    """
     values = numbers_of(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
@@ -52,6 +59,7 @@ def _read_points(element: Element, spend: Spend) -> FloatArray:
 
 
 def _rect(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a rect with sharp or round corners; empty without width or height."""
     spend(8)
     x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
@@ -72,7 +80,7 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
 def _rounded_rectangle(
     left: float, top: float, right: float, bottom: float, rx: float, ry: float
 ) -> Chain:
-    """A rectangle with round corners, as SVG goes around it."""
+    """The outline of a rectangle with round corners, in the direction that SVG defines."""
     sides = [
         ((left + rx, top), (right - rx, top)),
         ((right, top + ry), (right, bottom - ry)),
@@ -96,12 +104,14 @@ def _rounded_rectangle(
 
 
 def _circle(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a circle; empty without a radius."""
     spend(1)
     radius = number_of(element, "r")
     return _around(element, (radius, radius), ("r", "r"))
 
 
 def _ellipse(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of an ellipse; empty without radii."""
     spend(1)
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
@@ -109,13 +119,23 @@ def _ellipse(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Outline]:
+    """The outline of a full ellipse; empty if a radius is zero.
+
+    Args:
+        element: The element, with its centre in cx and cy.
+        radii: Semi-axes along x and y.
+        keys: Names of the attributes of the radii, for messages.
+
+    Raises:
+        InvalidInput: A radius is negative.
+    """
     for key, value in zip(keys, radii, strict=True):
         if value < 0:
             element.refuse(f"{key} must not be negative, but is {value:g}")
     if not all(radii):
         return []
     center = np.array([number_of(element, "cx"), number_of(element, "cy")])
-    # From the right, as SVG draws it.
+    # SVG draws an ellipse from its point with the largest x.
     cosine, sine = np.diag(radii)
     return [Outline([Chain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
 

@@ -1,4 +1,4 @@
-"""The elements of an SVG file, read so that no file can ask for more than it holds."""
+"""The tree of elements of an SVG file, read without entities, external files or huge trees."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from typing import NoReturn
 from armcontour.errors import InvalidInput
 
 SVG = "http://www.w3.org/2000/svg"
-# Namespaces of attributes that are read, by their usual prefix.
+# Namespaces of attributes that are read, with their usual prefixes.
 PREFIXES = {
     "http://www.w3.org/1999/xlink": "xlink:",
     "http://www.inkscape.org/namespaces/inkscape": "inkscape:",
     SVG: "",
 }
-# More elements than this are no drawing that anyone wants followed.
+# Largest number of elements; no drawing of contours has more.
 MOST_ELEMENTS = 500_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """An element with what is in it.
+    """An element of an SVG file.
 
     Args:
-        tag: Its name, without a namespace; "" if it belongs to another language than SVG.
-        attributes: By name; of another namespace with the usual prefix, where it is read.
+        tag: Name of the element without a namespace; "" if it belongs to another namespace.
+        attributes: Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
         source: Name of the file.
-        line: Line of the file that it begins on.
-        children: The elements in it.
-        text: Pieces of the text in it.
+        line: Line of the file in which the element starts.
+        children: Elements in this element.
+        text: Parts of the element's text; kept for style sheets only.
     """
 
     tag: str
@@ -41,30 +41,30 @@ class Element:
 
     @property
     def name(self) -> str:
-        """What it is called in messages, such as `path 'leaf' in line 7`."""
+        """Name of the element in messages, such as `path 'leaf' in line 7`."""
         given = self.attributes.get("id")
         return f"{self.tag[:40]}{f' {given[:60]!r}' if given else ''} in line {self.line}"
 
     def get(self, key: str) -> str:
-        """An attribute without the blanks around it; "" if it is not there."""
+        """An attribute without the blanks around it; "" if it is missing."""
         return self.attributes.get(key, "").strip()
 
     def style(self, key: str) -> str:
-        """A property of its style, which goes before the attribute of that name; "" if none."""
+        """A property from the attribute style, or else the attribute of that name; "" if none."""
         return self.style_property(key) or self.get(key)
 
     def style_property(self, key: str) -> str:
-        """A property of its attribute style; "" if none."""
-        said = self.attributes.get("style", "")
-        if key in said:
-            for one in reversed(said.split(";")):
-                name, _, value = one.partition(":")
+        """A property from the attribute style; "" if it is missing."""
+        style = self.attributes.get("style", "")
+        if key in style:
+            for declaration in reversed(style.split(";")):
+                name, _, value = declaration.partition(":")
                 if name.strip() == key:
                     return value.replace("!important", "").strip()
         return ""
 
     def refuse(self, what: str) -> NoReturn:
-        """Raise what is wrong with it.
+        """Refuse the element; `what` says what is wrong.
 
         Raises:
             InvalidInput: Always.
@@ -73,13 +73,18 @@ class Element:
 
 
 def tree_of(data: bytes, source: str) -> Element:
-    """The outermost element of an SVG file.
+    """The outermost element of an SVG file, with all elements in it.
 
-    Entities of a file's own are refused: with a few of them a short file says as much as it likes.
-    Nothing outside the file is ever fetched.
+    A file that defines entities is refused, because a short file could expand to any size. Other
+    files are never loaded.
+
+    Args:
+        data: Content of the file.
+        source: Name of the file.
 
     Raises:
-        InvalidInput: No XML, entities, too many elements, or an outermost element that is not svg.
+        InvalidInput: The file is not XML, defines entities or has too many elements, or its
+            outermost element is not svg.
     """
     from xml.parsers import expat
 
@@ -92,9 +97,9 @@ def tree_of(data: bytes, source: str) -> Element:
         builder.listen(parser)
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        said = expat.ErrorString(error.code)
+        reason = expat.ErrorString(error.code)
         raise InvalidInput(
-            f"{source}, line {error.lineno}: this is not well-formed XML: {said}."
+            f"{source}, line {error.lineno}: this is not well-formed XML: {reason}."
         ) from None
     except (LookupError, ValueError) as error:
         if isinstance(error, InvalidInput):
@@ -112,7 +117,7 @@ def tree_of(data: bytes, source: str) -> Element:
 
 
 class _Builder:
-    """Builds the tree as the parser goes through the file."""
+    """Builds the tree of elements from the events of the XML parser."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -122,7 +127,7 @@ class _Builder:
         self._line = 0
 
     def listen(self, parser: object) -> None:
-        """Have the parser call this builder."""
+        """Register this builder's methods as handlers of the parser."""
 
         def start(name: str, attributes: dict[str, str]) -> None:
             self._start(name, attributes, parser.CurrentLineNumber)  # type: ignore[attr-defined]
@@ -140,6 +145,11 @@ class _Builder:
         parser.EntityDeclHandler = entity  # type: ignore[attr-defined]
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
+        """Add an element to the innermost open element.
+
+        Raises:
+            InvalidInput: The file has too many elements.
+        """
         self._count += 1
         if self._count > MOST_ELEMENTS:
             raise InvalidInput(f"{self.source} has more than {MOST_ELEMENTS} elements: split it.")

@@ -14,9 +14,10 @@ from armcontour._checks import lock_floats
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings.affine import Affine
 
-# CSS pixels, which are SVG's user units unless a viewBox says otherwise, per unit.
+# Lengths of an inch and of a CSS pixel [m]; a CSS pixel is SVG's user unit if there is no viewBox.
 INCH = 0.0254
 PIXEL = INCH / 96
+# CSS pixels per unit.
 PIXELS = {
     "": 1.0,
     "px": 1.0,
@@ -32,12 +33,12 @@ NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
 EACH_NUMBER = re.compile(NUMBER)
 _LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
 _TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
-# A list of more transforms than this is no drawing's.
+# Largest number of transforms in one list; no drawing has more.
 MOST_TRANSFORMS = 1000
 _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
-# A list of more numbers than this is no drawing that anyone wants followed.
+# Largest number of numbers in one list; no drawing of contours has more.
 MOST_NUMBERS = 4_000_000
-# How many numbers each transform takes.
+# Possible numbers of arguments of each transform.
 COUNTS = {
     "matrix": (6,),
     "translate": (1, 2),
@@ -46,10 +47,11 @@ COUNTS = {
     "skewX": (1,),
     "skewY": (1,),
 }
+# Fraction of the free space before the viewBox, for each alignment.
 SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 
-STAY = Affine(lock_floats(np.eye(2)), lock_floats(np.zeros(2)))
+IDENTITY = Affine(lock_floats(np.eye(2)), lock_floats(np.zeros(2)))
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
@@ -58,7 +60,7 @@ def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine
 
 
 def is_flat(transform: Affine) -> bool:
-    """Whether a transform leaves no area of anything."""
+    """Whether a transform maps every area to zero."""
     size = float(np.abs(transform.linear).max())
     if size == 0:
         return True
@@ -67,10 +69,10 @@ def is_flat(transform: Affine) -> bool:
 
 
 def numbers_of(element: Element, key: str, text: str) -> list[float]:
-    """A list of numbers, separated by blanks or commas.
+    """The numbers in a text, separated by blanks or commas; `key` is for messages.
 
     Raises:
-        InvalidInput: Something else.
+        InvalidInput: The text is not a list of numbers.
     """
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
@@ -82,15 +84,15 @@ def numbers_of(element: Element, key: str, text: str) -> list[float]:
 
 
 def limit_matches(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
-    """No more matches than one above `MOST_NUMBERS`."""
+    """The first matches, at most one more than `MOST_NUMBERS`."""
     return itertools.islice(found, MOST_NUMBERS + 1)
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
-    """The numbers of a list.
+    """Return the numbers of a list if they are finite and not too many; `key` is for messages.
 
     Raises:
-        InvalidInput: One that is too large, or too many.
+        InvalidInput: A number is too large, or there are more than `MOST_NUMBERS`.
     """
     if len(values) > MOST_NUMBERS:
         element.refuse(f"{key} has more than {MOST_NUMBERS} numbers: split it")
@@ -100,10 +102,10 @@ def check_numbers(element: Element, key: str, values: list[float]) -> list[float
 
 
 def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
-    """A length in user units; `default` where it is not given or auto.
+    """An attribute that is a length, in user units; `default` if it is missing or auto.
 
     Raises:
-        InvalidInput: No length, or one in percent or in letters' heights.
+        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
     """
     text = element.get(key)
     if text in ("", "auto"):
@@ -122,20 +124,24 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
 
 
 def number_of(element: Element, key: str) -> float:
-    """A length in user units, 0 where it is not given."""
+    """An attribute that is a length, in user units; 0 if it is missing or auto.
+
+    Raises:
+        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
+    """
     return length_of(element, key) or 0.0
 
 
 def transform_of(element: Element) -> Affine:
-    """What the attribute transform does.
+    """The affine map of an element's attribute transform.
 
     Raises:
-        InvalidInput: No list of transforms.
+        InvalidInput: The attribute is not a list of transforms.
     """
     text = element.get("transform")
     if text in ("", "none"):
-        return STAY
-    whole, at, count = STAY, 0, 0
+        return IDENTITY
+    whole, at, count = IDENTITY, 0, 0
     while at < len(text):
         match = _TRANSFORM.match(text, at)
         if match is None or match[1] not in COUNTS or count >= MOST_TRANSFORMS:
@@ -149,14 +155,15 @@ def transform_of(element: Element) -> Affine:
         if len(values) not in COUNTS[match[1]]:
             wanted = " or ".join(map(str, COUNTS[match[1]]))
             element.refuse(f"{match[1]} takes {wanted} numbers, but has {len(values)}")
-        whole = whole @ _one(match[1], values)
+        whole = whole @ _single_transform(match[1], values)
         at, count = match.end(), count + 1
     if not whole.finite:
         element.refuse("transform has numbers that are too large")
     return whole
 
 
-def _one(kind: str, values: list[float]) -> Affine:
+def _single_transform(kind: str, values: list[float]) -> Affine:
+    """The affine map of one transform, such as rotate, with its arguments."""
     x = values[0]
     if kind == "matrix":
         return affine(*values)
@@ -177,7 +184,7 @@ def _one(kind: str, values: list[float]) -> Affine:
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
-    """Exact for right angles, so that what is upright stays so."""
+    """Cosine and sine of an angle, exact for multiples of a right angle."""
     quarters, rest = divmod(degrees, 90.0)
     c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
     for _ in range(int(quarters % 4)):
@@ -196,10 +203,10 @@ class Box:
 
 
 def view_box(element: Element) -> Box | None:
-    """The viewBox of an element, None if it has none.
+    """The viewBox of an element; None if it has none.
 
     Raises:
-        InvalidInput: Not four numbers, or no area.
+        InvalidInput: The attribute is not four numbers, or the box has no area.
     """
     text = element.get("viewBox")
     if not text or text == "none":
@@ -213,10 +220,15 @@ def view_box(element: Element) -> Box | None:
 
 
 def viewbox_transform(element: Element, inner: Box, outer: Box) -> Affine:
-    """What brings the viewBox of an element into its viewport, as preserveAspectRatio says.
+    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio.
+
+    Args:
+        element: The element.
+        inner: The viewBox.
+        outer: The viewport.
 
     Raises:
-        InvalidInput: A preserveAspectRatio that is none.
+        InvalidInput: The value of preserveAspectRatio is not known.
     """
     text = element.get("preserveAspectRatio") or "xMidYMid"
     match = _ALIGN.fullmatch(text)

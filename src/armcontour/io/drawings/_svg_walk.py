@@ -1,4 +1,4 @@
-"""What an SVG file draws: its shapes in order, each where groups and references put it."""
+"""All shapes of an SVG file in drawing order, placed by groups, transforms and references."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.reading import SKIP, Labels
 
-# These draw nothing themselves.
+# Elements that draw nothing.
 SILENT = (
     "",
     "defs",
@@ -35,26 +35,27 @@ SILENT = (
     "title",
     "view",
 )
-# These draw what is in them, or what they refer to.
-HOLDING = ("g", "a", "svg", "symbol", "use", "switch")
-# Properties that cut or add to what is drawn.
+# Elements that draw their children or the element that they refer to.
+CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")
+# Properties that cut the shapes or add something to them.
 CHANGING = ("clip-path", "mask", "marker", "marker-start", "marker-mid", "marker-end")
-# What a style sheet must not say, because style sheets are not followed; these values are harmless.
+# Style sheets are not evaluated, so declarations of these properties are refused, except for the
+# harmless values.
 _SHEET = re.compile(
     r"(?<![\w-])(display|visibility|transform|clip-path|mask|marker[\w-]*)\s*:\s*(\w+)"
 )
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 HIDDEN = "Left out because hidden"
 NO_SIZE = "Left out because of no size"
-# More elements than this drawn by reference are a file that is made to have no end.
+# Largest number of elements drawn by reference; a file with more is made to do harm.
 MOST_REPEATED = 100_000
-# References within references than which no drawing has more.
+# Largest depth of references in references.
 DEEPEST_USE = 50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """A shape, from its coordinates to those of the page, and where it stands in the drawing."""
+    """An element that is a shape, with the map to the page, its layer and its name."""
 
     element: Element
     to: Affine
@@ -64,7 +65,18 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    """What an element inherits from those around it; `used_by` is what refers to it directly."""
+    """The properties that an element inherits from the elements around it.
+
+    Args:
+        to: Map from the element's coordinates to the page.
+        view: Viewport in the element's coordinates; None if it is not known.
+        layer: Layer of the element.
+        inkscape: Whether the layer is one of Inkscape.
+        hidden: Whether the element is hidden.
+        uses: Elements that enclosing use elements refer to.
+        used_by: The use element that refers directly to this element.
+        name: Id of the enclosing use element.
+    """
 
     to: Affine
     view: Box | None
@@ -78,14 +90,14 @@ class _Place:
 
 @dataclass(slots=True, eq=False)
 class Walk:
-    """A walk through a drawing.
+    """Traversal of a drawing's elements, which records the elements that it leaves out.
 
     Args:
         root: The outermost element.
-        skip: Whether what is not known is left out; else it is refused.
-        wanted: Layers that count: an element that is not read is no matter on others. None is all.
-        left_out: What was left out, by the reason, in order.
-        labels: Names of elements and layers as contours have them.
+        skip: Whether unknown elements are left out instead of refused.
+        wanted: Layers whose unknown elements matter; None means all layers.
+        left_out: Names of the elements that were left out, by the reason.
+        labels: Names of elements and layers as the contours get them.
     """
 
     root: Element
@@ -97,14 +109,14 @@ class Walk:
     _repeated: int = 0
 
     def shapes(self, to: Affine, view: Box | None) -> Iterator[Shape]:
-        """The shapes in the order in which they are drawn.
+        """Yield the shapes in the order in which they are drawn.
 
         Args:
-            to: From the drawing's user units to the page.
-            view: The viewport in user units.
+            to: Map from the drawing's user units to the page.
+            view: The viewport in user units; None if it is not known.
 
         Raises:
-            InvalidInput: What is not known or not of SVG's form, or references without an end.
+            InvalidInput: An element is unknown or invalid, or references have no end.
         """
         self._ids = _by_id(self.root)
         counts = dict.fromkeys(SHAPES, 0)
@@ -130,14 +142,14 @@ class Walk:
                 todo.extend(reversed(self._inside(element, inner)))
 
     def leave_out(self, reason: str, element: Element) -> None:
-        """Remember that an element was left out."""
+        """Record that an element was left out, and why."""
         self.left_out.setdefault(reason, []).append(element.name)
 
     def _enter(self, element: Element, around: _Place) -> _Place | None:
-        """What holds within an element; None if nothing of it is drawn.
+        """The properties that the children of an element inherit; None if it draws nothing.
 
         Raises:
-            InvalidInput: An element or a property that is not known, unless these are left out.
+            InvalidInput: The element or a property of it is unknown and not to be left out.
         """
         tag = element.tag
         if tag in SILENT or (tag == "symbol" and around.used_by is None):
@@ -145,10 +157,10 @@ class Walk:
         if tag == "style":
             for key, value in _SHEET.findall("".join(element.text)):
                 if value not in HARMLESS or (key, value) == ("display", "none"):
-                    self._unknown(element, f"style sheets are not followed, and it says {key}")
+                    self._unknown(element, f"style sheets are not followed, and it sets {key}")
                     break
             return None
-        if tag not in (*SHAPES, *HOLDING):
+        if tag not in (*SHAPES, *CONTAINERS):
             if self.wanted is not None and self.labels(around.layer) not in self.wanted:
                 return None
             self._unknown(element, f"{tag[:40]} is not read")
@@ -172,6 +184,11 @@ class Walk:
         return place
 
     def _check_style(self, element: Element) -> None:
+        """Refuse or record style properties that are not evaluated.
+
+        Raises:
+            InvalidInput: There is one, and unknown properties are refused.
+        """
         for key in CHANGING:
             value = element.style(key)
             if value not in ("", "none", "inherit", "initial", "unset"):
@@ -180,12 +197,17 @@ class Walk:
             self._unknown(element, "transforms by style, or about an origin, are not followed")
 
     def _unknown(self, element: Element, what: str) -> None:
+        """Record an unknown element, or refuse it; `what` is the reason.
+
+        Raises:
+            InvalidInput: Unknown elements are refused.
+        """
         if not self.skip:
             element.refuse(f"{what}: change it in the drawing, or {SKIP}")
         self.leave_out(what, element)
 
     def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
-        """What is drawn of what is in an element, or of what it refers to."""
+        """The elements that a container draws, with the properties that they inherit."""
         if element.tag == "use":
             return [self._resolve_use(element, place)]
         inside = element.children
@@ -195,10 +217,10 @@ class Walk:
         return [(x, place) for x in inside]
 
     def _resolve_use(self, element: Element, place: _Place) -> tuple[Element, _Place]:
-        """What a use refers to.
+        """The element that a use element refers to, with the properties that it inherits.
 
         Raises:
-            InvalidInput: Nothing in this file, or what refers back to it.
+            InvalidInput: The element is not in this file, or it refers back to the use element.
         """
         given = element.get("href") or element.get("xlink:href")
         target = self._ids.get(given[1:]) if given.startswith("#") else None
@@ -217,10 +239,15 @@ class Walk:
         return target, inner
 
     def _viewport(self, element: Element, place: _Place, user: Element | None) -> _Place | None:
-        """What holds within a nested svg or a symbol; None if it has no size.
+        """The properties that the children of a nested svg or symbol inherit; None without size.
+
+        Args:
+            element: The svg or symbol.
+            place: The properties that the element itself inherits.
+            user: The use element that refers to it, if any.
 
         Raises:
-            InvalidInput: A viewBox without a known size to fit it into.
+            InvalidInput: The element has a viewBox but no known size.
         """
         outer = place.view
         width = _extent(element, user, "width", outer.width if outer else None)
@@ -244,7 +271,20 @@ class Walk:
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
-    """Width or height of a viewport: of the use, else of the element, else all of the outer one."""
+    """Width or height of a viewport; None if it is not known.
+
+    The value is taken from the use element, else from the element, else it is that of the outer
+    viewport.
+
+    Args:
+        element: The svg or symbol.
+        user: The use element that refers to it, if any.
+        key: "width" or "height".
+        whole: Width or height of the outer viewport.
+
+    Raises:
+        InvalidInput: The value is not a length.
+    """
     for x in (user, element):
         if x is not None and x.get(key) not in ("", "auto"):
             return whole if x.get(key) == "100%" else length_of(x, key)
@@ -252,7 +292,10 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
 
 
 def _layer(element: Element, around: _Place) -> _Place:
-    """The layer within a group: Inkscape's, or else the nearest group with a name."""
+    """The inherited properties with the layer of a group.
+
+    A layer is a layer of Inkscape, or else the innermost group with a name.
+    """
     if element.tag != "g":
         return around
     own = element.get("inkscape:label") or element.get("id")
@@ -262,7 +305,7 @@ def _layer(element: Element, around: _Place) -> _Place:
 
 
 def _by_id(root: Element) -> dict[str, Element]:
-    """Elements by their ids; of two with the same one, the first."""
+    """All elements by their ids; the first one if several have the same id."""
     found: dict[str, Element] = {}
     todo = [root]
     while todo:

@@ -1,4 +1,4 @@
-"""Affine maps, which place the shapes of drawings."""
+"""Affine maps, by which drawings place their shapes."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from armcontour._checks import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Affine:
-    """`linear @ point + offset`."""
+    """The map `linear @ point + offset`."""
 
     linear: FloatArray
     offset: FloatArray
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Points, (..., dimension), where the map takes them."""
+        """Images of points, (..., dimension)."""
         return np.asarray(points @ self.linear.T + self.offset)
 
     def __matmul__(self, inner: Affine) -> Affine:
-        """The inner map first, then this one."""
-        # What is too large for a number is found by `finite`.
+        """The composition of two maps: first the inner map, then this map."""
+        # An overflow is found later, by `finite`.
         with np.errstate(over="ignore", invalid="ignore"):
             return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
 
     def turn(self, vectors: FloatArray) -> FloatArray:
-        """Differences of points, (..., dimension), as the map changes them."""
+        """Images of differences of points, (..., dimension), without the offset."""
         return np.asarray(vectors @ self.linear.T)
 
     @property
     def finite(self) -> bool:
-        """Whether none of its numbers has overflown."""
+        """Whether all coefficients are finite."""
         return bool(np.isfinite(self.linear).all() and np.isfinite(self.offset).all())
 
 
-# From space to the plane.
+# Projection from space onto the plane z = 0.
 WITHOUT_Z = Affine(np.eye(3)[:2], np.zeros(2))

@@ -1,4 +1,4 @@
-"""Lines and arcs of ellipses, exact until they become segments."""
+"""Chains of lines and elliptical arcs, which stay exact until they become segments."""
 
 from __future__ import annotations
 
@@ -14,35 +14,36 @@ from armcontour.geometry.fit import fit_arcs
 from armcontour.geometry.segments import REPEATED_POINT, close_up
 from armcontour.io.drawings.affine import Affine
 
-# An ellipse whose axes differ by no more than this part of the chord tolerance is a circle.
+# An ellipse counts as a circle if its semi-axes differ by at most this fraction of the chord
+# tolerance,
 SAME_AXES = 0.01
-# No circle is an ellipse whose axes differ by more than the square root of this part.
+# and by at most the square root of this fraction of the longer semi-axis.
 FLAT = 0.01
-# An arc that is drawn by its radius ends where it should within this [m].
+# An arc drawn by its radius may miss its end by this [m]; else it is drawn through its ends.
 SAME_END = 0.1 * REPEATED_POINT
-# Where the axes differ by no more than this part of them, the difference is rounding.
+# Semi-axes that differ by at most this fraction differ by rounding only.
 ROUND = 1e-12
-# From its chord, an arc of more than this [rad] is not known well.
+# The chord of an arc of more than this [rad] does not define the arc accurately.
 WELL_KNOWN = 1.5 * np.pi
-# Vertices nearer than this are one [m]: so close that a path takes what is left for no gap.
+# Vertices closer than this [m] are one vertex; a path sees no gap between them.
 ONE_VERTEX = 0.5 * REPEATED_POINT
-# An arc of more than this [rad] reaches about as far as all of its ellipse.
+# The bounding box of an arc of more than this [rad] is taken from its whole ellipse.
 WIDE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain:
-    """Lines and arcs of ellipses, each of which starts where the one before ends.
+    """Lines and elliptical arcs, each of which starts at the end of the one before.
 
-    Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`;
-    lines have no angle.
+    Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`. A
+    line has the angle 0.
 
     Args:
-        starts: (n, dimension).
-        ends: As they are drawn, without the rounding of the arcs, (n, dimension).
-        cosines: From the centre to the start, (n, dimension).
-        sines: The conjugate semi-diameters, (n, dimension).
-        angles: Swept angles [rad], (n,).
+        starts: Start points, (n, dimension).
+        ends: End points as the drawing gives them, not computed from the arcs, (n, dimension).
+        cosines: Vectors from the centres to the start points, (n, dimension).
+        sines: Conjugate semi-diameters of the ellipses, (n, dimension).
+        angles: Swept angles of the arcs [rad], (n,).
     """
 
     starts: FloatArray
@@ -53,7 +54,7 @@ class Chain:
 
     @classmethod
     def straight(cls, points: FloatArray) -> Chain:
-        """Lines through points, (n + 1, dimension)."""
+        """The chain of lines through points, (n + 1, dimension)."""
         zeros = np.zeros_like(points[1:])
         return cls(
             starts=points[:-1],
@@ -72,7 +73,15 @@ class Chain:
         angle: float,
         ends: FloatArray | None = None,
     ) -> Chain:
-        """One arc around a centre, (dimension,); `ends`, (2, dimension), if they are known."""
+        """The chain of one arc around a centre.
+
+        Args:
+            centre: Centre of the ellipse, (dimension,).
+            cosine: Vector from the centre to the start, (dimension,).
+            sine: Conjugate semi-diameter, (dimension,).
+            angle: Swept angle [rad].
+            ends: Start and end point, (2, dimension); by default computed from the arc.
+        """
         if ends is None:
             start = centre + cosine
             end = centre + np.cos(angle) * cosine + np.sin(angle) * sine
@@ -87,15 +96,15 @@ class Chain:
 
     @classmethod
     def join(cls, chains: Sequence[Chain]) -> Chain:
-        """Chains one after the other."""
+        """One chain of several chains in sequence."""
         return cls(**{x: np.concatenate([getattr(y, x) for y in chains]) for x in cls.__slots__})
 
     def __getitem__(self, rows: BoolArray | IntArray) -> Chain:
-        """Some of the lines and arcs."""
+        """The chain of the selected lines and arcs."""
         return Chain(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
     def place(self, to: Affine) -> Chain:
-        """The chain as an affine map changes it."""
+        """The image of the chain under an affine map."""
         return Chain(
             starts=to(self.starts),
             ends=to(self.ends),
@@ -105,7 +114,7 @@ class Chain:
         )
 
     def halve(self) -> Chain:
-        """The chain with each line or arc in two."""
+        """The same curve with each line and arc split into two halves."""
         middles, half = self._at(0.5), self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
         first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
@@ -120,35 +129,41 @@ class Chain:
 
     @property
     def last(self) -> FloatArray:
-        """Ends of the last line or arc, (2, dimension)."""
+        """Start and end point of the last line or arc, (2, dimension)."""
         return np.stack([self.starts[-1], self.ends[-1]])
 
     def start_at(self, point: FloatArray) -> Chain:
-        """The chain from another start."""
+        """A copy of the chain with another start point, (dimension,)."""
         return dataclasses.replace(self, starts=np.concatenate([point[None], self.starts[1:]]))
 
     def end_at(self, point: FloatArray) -> Chain:
-        """The chain to another end."""
+        """A copy of the chain with another end point, (dimension,)."""
         return dataclasses.replace(self, ends=np.concatenate([self.ends[:-1], point[None]]))
 
     @property
     def reach(self) -> FloatArray:
-        """Points from which no other one is far, (m, dimension)."""
+        """Points whose largest coordinates tell how far the chain extends, (m, dimension)."""
         points = [self.starts[:1], self.ends]
         if self.angles.any():
             wide = self.angles > WIDE
             centres = (self.starts - self.cosines)[wide]
             sizes = np.hypot(self.cosines[wide], self.sines[wide])
-            # Of a narrow arc the ellipse reaches much farther than the arc.
+            # The ellipse of a narrow arc extends much farther than the arc.
             narrow = self[(self.angles > 0) & ~wide]
             points += [centres - sizes, centres + sizes, narrow._at(0.5)]
         return np.concatenate(points)
 
     def to_segments(self, tolerance: float) -> Segments | None:
-        """Lines and arcs of circles as they are, others within a tolerance [m]; None if no length.
+        """Segments of the chain: lines and circular arcs as drawn, other arcs by tangent arcs.
+
+        Args:
+            tolerance: Largest distance between an elliptical arc and its tangent arcs [m].
+
+        Returns:
+            The segments; None if the chain has no length.
 
         Raises:
-            InvalidInput: An arc that is too large for the tolerance.
+            InvalidInput: An arc is too large for the tolerance.
         """
         chain = self._without_points()
         if not len(chain.angles):
@@ -164,7 +179,7 @@ class Chain:
         return Segments.join(parts)
 
     def _without_points(self) -> Chain:
-        """What goes somewhere; ends that are one vertex become one."""
+        """The chain without lines and arcs that have no length; close vertices become one."""
         arc = self.angles > 0
         if arc.any():
             radius = np.maximum(*(np.linalg.norm(x, axis=1) for x in (self.cosines, self.sines)))
@@ -176,24 +191,30 @@ class Chain:
         return dataclasses.replace(self, starts=starts, angles=angles)[kept]
 
     def _elliptical(self, tolerance: float) -> BoolArray:
-        """Whether it is an arc of an ellipse that is no circle within the tolerance [m]."""
+        """Which arcs are elliptical: not circles within the tolerance [m], (n,)."""
         arc = self.angles > 0
         if not arc.any():
             return arc
         u, v = self.cosines, self.sines
         long, wide, across = (np.sum(x * y, axis=1) for x, y in ((u, u), (v, v), (u, v)))
-        # Longest minus shortest semi-axis, squared, without the difference of large numbers.
+        # The squared difference of the semi-axes, without a difference of large numbers.
         area = np.sqrt(np.maximum(long * wide - across**2, 0.0))
         with np.errstate(invalid="ignore"):
             skew = np.nan_to_num(2 * across**2 / (np.sqrt(long * wide) + area))
         off = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
-        # From its chord, a long arc is known well if it is round to the last digit only.
+        # A long arc counts as a circle only if it is round to the last digit, because its chord
+        # does not define it accurately.
         long_arc = (self.angles > WELL_KNOWN) & (self.angles < 2 * np.pi)
         allowed = np.minimum((SAME_AXES * tolerance) ** 2, FLAT * np.maximum(long, wide))
         return np.asarray(arc & (off > np.where(long_arc, ROUND**2 * long, allowed)))
 
     def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
-        """Points, or derivatives, at shares of the angles; the ends are met exactly."""
+        """Points of the lines and arcs, which pass exactly through their end points.
+
+        Args:
+            share: Fraction of the swept angle, 0 to 1, one for all or one per row.
+            order: 0 for points, 1 for derivatives by the fraction.
+        """
         x = np.broadcast_to(share, self.angles.shape)[:, None]
         a = self.angles[:, None]
         c, s = np.cos(a * x), np.sin(a * x)
@@ -204,10 +225,15 @@ class Chain:
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + x * missed)
 
     def _fitted(self, tolerance: float) -> Segments:
-        """Arcs of ellipses as tangent arcs; arc i has the parameters from i to i + 1."""
+        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m].
+
+        Raises:
+            InvalidInput: An arc is too large for the tolerance.
+        """
         n = len(self.angles)
 
         def curve(t: FloatArray, order: int) -> FloatArray:
+            # Arc i has the parameters from i to i + 1.
             i = np.clip(np.floor(t).astype(np.intp), 0, n - 1)
             return self[i]._at(t - i, order)
 
@@ -217,7 +243,11 @@ class Chain:
         return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
 
     def _as_drawn(self) -> Segments:
-        """Lines, and arcs of circles by their radii, or through their ends where these differ."""
+        """Segments of a chain of lines and circular arcs.
+
+        An arc is drawn by its radius; if it would miss its end point, it is drawn through both end
+        points with its swept angle.
+        """
         arc = self.angles > 0
         if not arc.any():
             return Segments.lines(np.concatenate([self.starts, self.ends[-1:]]))
@@ -238,7 +268,7 @@ class Chain:
         return drawn.put(off, self[off]._through_ends()) if off.any() else drawn
 
     def _through_ends(self) -> Segments:
-        """Arcs of circles through their ends, with their angles."""
+        """Circular arcs through their end points with their swept angles."""
         chords, half = self.ends - self.starts, self.angles / 2
         sizes = np.linalg.norm(chords, axis=1)
         along = chords / sizes[:, None]

@@ -1,4 +1,4 @@
-"""DXF drawings: what is drawn in their model space, as a program of contours."""
+"""DXF drawings, read from their model space into a program of contours."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ UNITS = {
 
 
 def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
-    """The program that a DXF drawing is.
+    """Read the contours of a DXF drawing.
 
-    Lines stay lines and arcs arcs; ellipses and splines become arcs within the chord tolerance. A
-    drawing at z = 0 makes a program in the plane, another one a program in space. Contours are
-    named by the handles of their first entities, inside blocks with that of the insert before it.
+    Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
+    points have z = 0, the program is in the plane, otherwise in space. A contour is named after
+    the handle of its first entity; in a block, the handle of the INSERT comes before.
 
     Args:
-        data: What the file holds, ASCII or binary.
-        source: Its name.
-        reading: How it is to be read.
+        data: Content of the file, ASCII or binary.
+        source: Name of the file.
+        reading: Settings of the reader.
 
     Raises:
-        InvalidInput: No such file, no unit, an entity that is not known and not to be skipped, or
-            nothing to follow.
+        InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
+            and unknown entities are refused, or there is no contour.
     """
     with quietly(), np.errstate(all="ignore"):
         document, notes = open_document(data, source)
@@ -67,17 +67,22 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
     if not pieces:
         left_out = f" ({' '.join(walk.notes).rstrip('.')})" if walk.notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
-    contours, said = chain_pieces(pieces, reading.join_tolerance)
+    contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     if not contours:
         raise InvalidInput(
             f"{source} has no contour that is longer than the join tolerance of "
             f"{reading.join_tolerance:g} m."
         )
-    return Program(moves=tuple(contours), source=source, notes=(*notes, *walk.notes, *said))
+    notes = [*notes, *walk.notes, *chaining_notes]
+    return Program(moves=tuple(contours), source=source, notes=tuple(notes))
 
 
 def _unit(document: Any, source: str, reading: Reading) -> float:
-    """Length of the drawing's unit [m]."""
+    """Length of the drawing's unit [m].
+
+    Raises:
+        InvalidInput: Neither the reading nor the drawing has a known unit.
+    """
     if reading.unit is not None:
         return reading.unit
     code = document.header.get("$INSUNITS", 0)
@@ -88,7 +93,11 @@ def _unit(document: Any, source: str, reading: Reading) -> float:
 
 
 def _pieces(found: list[Found], walk: Walk, source: str, reading: Reading) -> list[Piece]:
-    """Paths of shapes, all in the plane or all in space."""
+    """Paths of the shapes, in the plane if all z are 0, otherwise in space.
+
+    Raises:
+        InvalidInput: A shape makes no path.
+    """
     flat = all(np.abs(x.shape.reach[:, 2]).max() <= REPEATED_POINT for x in found)
     pieces = []
     for x in found:
@@ -96,10 +105,10 @@ def _pieces(found: list[Found], walk: Walk, source: str, reading: Reading) -> li
         try:
             path = Outline([shape]).to_path(reading.chord_tolerance)
         except InvalidInput as error:
-            said = str(error)
+            reason = str(error)
             raise InvalidInput(
                 f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
-                f"{said[:1].lower()}{said[1:]}"
+                f"{reason[:1].lower()}{reason[1:]}"
             ) from None
         if path is None:
             walk.empty.append(x.name)

@@ -1,4 +1,4 @@
-"""Entry point `read_path`: a file becomes a program, by its extension."""
+"""The function `read_path`, which reads a file into a program by its extension."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
 from armcontour.io.units import parse
 from armcontour.program import Program
 
-# Which module and function reads what.
+# Module, function and options of the reader for each extension.
 READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
     ".dxf": ("dxf", "read_dxf", {}),
     ".svg": ("svg", "read_svg", {}),
@@ -27,8 +27,8 @@ READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
     ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
     ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
 }
-# Those that tell how far they are.
-TELLING = ("gcode",)
+# Modules whose readers report their progress.
+WITH_PROGRESS = ("gcode",)
 
 
 def read_path(
@@ -45,58 +45,44 @@ def read_path(
     unknown: str = "refuse",
     progress: Callable[[float], None] | None = None,
 ) -> Program:
-    """The program in a drawing (DXF, SVG), in G-code, or in a table of waypoints (CSV, Parquet).
+    """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
 
-    Lines and arcs stay what they are, other curves become tangent arcs. A program of one contour
-    gives its path as `program.path`.
+    Lines and arcs are kept, other curves become tangent arcs. The path of a program with one
+    contour is `program.path`.
 
     Args:
-        file: The file; its extension says what it is.
-        units: Unit of its lengths, such as "mm", or how many metres it is; by default what the
-            file says. A column of a table that has a unit of its own keeps that.
+        file: The file; the extension decides how it is read.
+        units: Unit of the file's lengths, such as "mm", or its length in metres; by default the
+            unit that the file states. A column of a table with a unit of its own keeps that unit.
         scale: Factor of all lengths.
-        frame: Where the drawing lies; a frame that lifts or tilts it makes it one in space.
-        layers: Only contours on these; of a mapping, those of its keys that there are.
-        names: Only contours with these names: ids of elements, handles of entities, "line 12" of
-            G-code.
-        flat: Leave z out.
-        chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
-        join_tolerance: Ends nearer than this are one point [m].
-        unknown: "refuse" what the reader does not know, or "skip" it with a note.
-        progress: Called with the share that is read.
+        frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
+        layers: Only contours on these layers are read. Unknown keys of a mapping give a note.
+        names: Only contours with these names are read: ids of elements (SVG), handles of entities
+            (DXF), "line 12" (G-code).
+        flat: Whether z is left out.
+        chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
+        join_tolerance: Ends closer than this are one point [m].
+        unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know.
+        progress: Called with the fraction of the file that is read, 0 to 1.
 
     Raises:
-        InvalidInput: A file that cannot be read; names the line, the element or the row.
+        InvalidInput: The file cannot be read; the message names the line, the element or the row.
     """
-    if not isinstance(file, str | FilePath):
-        raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
-    place = FilePath(file)
-    suffix = place.suffix.lower()
-    if suffix not in READERS:
-        raise InvalidInput(
-            f"{place.name} is no file that can be read as a path: its extension must be one of "
-            f"{', '.join(READERS)}."
-        )
+    location, suffix = _known_file(file)
     reading = Reading(
         unit=_unit(units),
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
         unknown=unknown,
-        layers=_names_of(layers),
+        layers=_layer_set(layers),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
-    if module in TELLING:
+    if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
-    program: Program = read(bytes_of(place), source=place.name, reading=reading, **options)
-    if isinstance(layers, Mapping):
-        # Settings for layers, of which not every drawing has all.
-        there = {x.layer for x in program.contours}
-        notes = [f"there is nothing on the layer {x!r}." for x in layers if x not in there]
-        program = replace(program, notes=(*program.notes, *notes))
-        layers = [x for x in layers if x in there] or list(layers)
-    program = program.selected(layers=layers, names=names)
+    program: Program = read(bytes_of(location), source=location.name, reading=reading, **options)
+    program = _select(program, layers, names)
     if flat:
         program = program.without_z()
     if frame is None and factor == 1.0:
@@ -106,28 +92,73 @@ def read_path(
     return program
 
 
-def _names_of(layers: Collection[str] | None) -> frozenset[str] | None:
+def _known_file(file: str | FilePath) -> tuple[FilePath, str]:
+    """The path and the extension of a file that has a reader.
+
+    Raises:
+        InvalidInput: The argument is not the path of a file, or no reader has the extension.
+    """
+    if not isinstance(file, str | FilePath):
+        raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
+    location = FilePath(file)
+    suffix = location.suffix.lower()
+    if suffix not in READERS:
+        raise InvalidInput(
+            f"{location.name} is no file that can be read as a path: its extension must be one of "
+            f"{', '.join(READERS)}."
+        )
+    return location, suffix
+
+
+def _select(
+    program: Program, layers: Collection[str] | None, names: Collection[str] | None
+) -> Program:
+    """The program's contours on some layers and with some names.
+
+    Raises:
+        InvalidInput: A layer or a name does not exist.
+    """
+    if isinstance(layers, Mapping):
+        # The mapping holds settings for layers; a drawing need not have all of these layers.
+        existing = {x.layer for x in program.contours}
+        notes = [f"there is nothing on the layer {x!r}." for x in layers if x not in existing]
+        program = replace(program, notes=(*program.notes, *notes))
+        layers = [x for x in layers if x in existing] or list(layers)
+    return program.selected(layers=layers, names=names)
+
+
+def _layer_set(layers: Collection[str] | None) -> frozenset[str] | None:
+    """The names of layers as a set, of a single name too; None for all layers."""
     if layers is None or isinstance(layers, str):
         return None if layers is None else frozenset((layers,))
     return frozenset(layers) if isinstance(layers, Collection) else None
 
 
 def _refuse_odd_size(program: Program, factor: float) -> None:
-    """Refuse a scale that makes of a drawing what no reader would give."""
+    """Refuse a scale after which coordinates are too large or contours too short.
+
+    Raises:
+        InvalidInput: The scaled program is beyond the limits that the readers keep.
+    """
     far = max(float(np.abs(x.path.vertices).max()) for x in program.contours)
     short = min(x.path.length for x in program.contours)
     if not far <= FARTHEST:
-        said, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"
+        problem, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"
     elif short <= REPEATED_POINT:
-        said, limit = f"has a contour of {short:.3g} m", f"no more than {REPEATED_POINT:g} m"
+        problem, limit = f"has a contour of {short:.3g} m", f"no more than {REPEATED_POINT:g} m"
     else:
         return
     raise InvalidInput(
-        f"With the scale {factor:g} {program.source} {said}, {limit}: check the scale."
+        f"With the scale {factor:g} {program.source} {problem}, {limit}: check the scale."
     )
 
 
 def _unit(units: str | float | None) -> float | None:
+    """Length of a unit [m], None if none is given.
+
+    Raises:
+        InvalidInput: The text is no unit of length, or the number is not above zero.
+    """
     if units is None:
         return None
     if isinstance(units, str):

@@ -1,4 +1,4 @@
-"""What the readers of drawings share: how a file is to be read, and its bytes."""
+"""Settings, names and limits that all readers of drawings share."""
 
 from __future__ import annotations
 
@@ -11,29 +11,32 @@ from armcontour._checks import LONGEST_NAME
 from armcontour._files import SMALL, read_bytes
 from armcontour._text import make_printable, show
 
-# Largest file that is read [bytes]: what is made of it must fit in memory many times over.
+# Largest file that is read [bytes]: the data structures made from it take many times its size.
 LARGEST = SMALL
-# Characters of a name that is cut; what tells it from others of that beginning comes on top.
+# Length of a name that is cut [characters]; a number is appended if two cut names are equal.
 KEPT = LONGEST_NAME - 12
-# Beyond this [m] floating point no longer resolves what makes two points different; it is a wrong
-# unit rather than a drawing.
+# Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
+# two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
 UNKNOWN = ("refuse", "skip")
-# What sentences say of the latter.
+# How messages advise the user to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """How a drawing is to be read.
+    """Settings for reading a drawing.
 
     Args:
-        unit: Length of its unit [m]; None takes what the file says.
-        chord_tolerance: Curves that are neither lines nor arcs become arcs within this [m].
-        join_tolerance: Ends nearer than this are one point [m].
-        unknown: What to do with what the reader does not know: "refuse" it, or "skip" it and say so
-            in the program's notes.
-        layers: Nothing needs to be known of what is on others; None means all.
+        unit: Length of the drawing's unit [m]; None takes the unit of the file.
+        chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
+        join_tolerance: Ends closer than this are one point [m].
+        unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
+            entities with a sentence in the program's notes.
+        layers: Unknown entities on other layers are ignored; None means all layers.
+
+    Raises:
+        InvalidInput: A length is not above zero, or `unknown` is another word.
     """
 
     unit: float | None = None
@@ -52,17 +55,17 @@ class Reading:
 
 @dataclass(slots=True)
 class Labels:
-    """Names of entities and layers as contours can have them.
+    """Converts names of entities and layers to names that contours can have.
 
-    A name that is too long is cut, and a character that is not printable becomes its escape, since
-    programs write such names that no user can change. Different names stay different.
+    A name that is too long is cut, and characters that are not printable become escapes: some CAD
+    programs write such names, and the user cannot change them. Different names stay different.
     """
 
     _changed: dict[str, str] = field(default_factory=dict)
     _alike: Counter[str] = field(default_factory=Counter)
 
     def __call__(self, name: str) -> str:
-        """The name of a contour or a layer for one of the drawing."""
+        """The name of a contour or layer for a name in the drawing."""
         if len(name) <= LONGEST_NAME and name.isprintable():
             return name
         if name not in self._changed:
@@ -70,6 +73,7 @@ class Labels:
         return self._changed[name]
 
     def _fitted(self, name: str) -> str:
+        """A printable, unique name of at most `LONGEST_NAME` characters."""
         plain = make_printable(name[: LONGEST_NAME + 1])
         short = len(name) <= LONGEST_NAME and len(plain) <= LONGEST_NAME
         first = plain if short else f"{plain[:KEPT]}..."
@@ -79,7 +83,7 @@ class Labels:
 
     @property
     def notes(self) -> list[str]:
-        """A sentence on the names that were changed."""
+        """A sentence on the names that were changed; empty if none were."""
         if not self._changed:
             return []
         name, label = next(iter(self._changed.items()))
@@ -90,9 +94,9 @@ class Labels:
 
 
 def bytes_of(file: str | FilePath) -> bytes:
-    """What a file holds.
+    """Content of a file.
 
     Raises:
-        InvalidInput: It cannot be read, or is too large.
+        InvalidInput: The file cannot be read, or is too large.
     """
     return read_bytes(file, "file", most=LARGEST)

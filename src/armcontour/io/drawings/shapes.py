@@ -1,4 +1,4 @@
-"""Shapes of drawings, and outlines of them, which become paths."""
+"""Splines, and outlines of splines and chains, which become paths."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chain import Chain
 
-# Ends of a closed outline that meet within this part of its last stroke are one point.
+# The gap of a closed outline is closed by moving the end only if it is at most this fraction of
+# the length of the last line, arc or curve; otherwise a line closes it.
 SMALL_GAP = 0.1
 
 
@@ -25,9 +26,9 @@ class Spline:
 
     Args:
         points: Control points, (n, dimension).
-        weights: Their weights, (n,).
-        knots: (n + degree + 1,), in order.
-        degree: Of its polynomials.
+        weights: Weights of the control points, (n,).
+        knots: Knots in ascending order, (n + degree + 1,).
+        degree: Degree of the polynomials.
     """
 
     points: FloatArray
@@ -37,52 +38,55 @@ class Spline:
 
     @classmethod
     def beziers(cls, points: FloatArray) -> Spline:
-        """Cubic Bézier curves in a row, by their control points, (3 n + 1, dimension)."""
+        """The spline of cubic Bézier curves in sequence, with control points (3 n + 1, dimension).
+
+        The end point of each curve is the start point of the next one.
+        """
         n = len(points) // 3
         knots = np.repeat(np.arange(n + 1.0), 3)
         knots = np.concatenate([[0.0], knots, [n]])
         return cls(points=points, weights=np.ones(len(points)), knots=knots, degree=3)
 
     def place(self, to: Affine) -> Spline:
-        """The spline as an affine map changes it."""
+        """The image of the spline under an affine map."""
         return dataclasses.replace(self, points=to(self.points))
 
     @property
     def starts(self) -> FloatArray:
-        """Its first point, (1, dimension)."""
+        """The first point, (1, dimension)."""
         return self.points[:1]
 
     @property
     def last(self) -> FloatArray:
-        """Ends of its last polynomial if that is a Bézier curve, (2, dimension)."""
+        """Start and end point of the last polynomial if it is a Bézier curve, (2, dimension)."""
         return self.points[[-1 - self.degree, -1]]
 
     def start_at(self, point: FloatArray) -> Spline:
-        """The spline from another start."""
+        """A copy of the spline with another start point, (dimension,)."""
         return dataclasses.replace(self, points=np.concatenate([point[None], self.points[1:]]))
 
     def end_at(self, point: FloatArray) -> Spline:
-        """The spline to another end, with the tangent that it had there."""
+        """A copy of the spline with another end point, (dimension,), and the same end tangent."""
         moved = [self.points[-2] + point - self.points[-1], point]
         return dataclasses.replace(self, points=np.concatenate([self.points[:-2], moved]))
 
     @property
     def reach(self) -> FloatArray:
-        """Points around all of it, (n, dimension)."""
+        """Points whose bounding box contains the spline, (n, dimension)."""
         return self.points
 
     def to_segments(self, tolerance: float) -> Segments | None:
-        """Tangent arcs within a tolerance [m]; None if it has no length.
+        """Tangent arcs within a tolerance [m] of the spline; None if the spline has no length.
 
         Raises:
-            InvalidInput: A spline that is too large for the tolerance.
+            InvalidInput: The spline is too large for the tolerance.
         """
         from scipy.interpolate import BSpline
 
         if np.ptp(self.points, axis=0).max() <= REPEATED_POINT:
             return None
         if self.degree == 1:
-            # Straight between its points, whatever their weights.
+            # Straight between the points, whatever the weights.
             return Path.polyline(self.points).segments
         inner = np.unique(self.knots[self.degree : len(self.points) + 1])
         if np.ptp(self.weights) == 0:
@@ -107,18 +111,23 @@ Shape = Chain | Spline
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Shapes that follow each other; `closed` if the last is to end where the first starts."""
+    """Shapes in sequence.
+
+    Args:
+        shapes: The shapes, each of which starts at the end of the one before.
+        closed: Whether the last shape must end where the first one starts.
+    """
 
     shapes: Sequence[Shape]
     closed: bool = False
 
     def place(self, to: Affine) -> Outline:
-        """The outline as an affine map changes it."""
+        """The image of the outline under an affine map."""
         return Outline([x.place(to) for x in self.shapes], self.closed)
 
     @property
     def reach(self) -> FloatArray:
-        """Points from which no other one is far, (m, dimension)."""
+        """Points whose largest coordinates tell how far the outline extends, (m, dimension)."""
         return np.concatenate([x.reach for x in self.shapes])
 
     def to_path(self, tolerance: float, join: float = 0.0) -> Path | None:
@@ -128,10 +137,10 @@ class Outline:
 
         Args:
             tolerance: Largest distance between a curve and its arcs [m].
-            join: A closed outline whose ends are nearer than this has them in one point [m].
+            join: Largest gap of a closed outline that is closed by moving its end [m].
 
         Raises:
-            InvalidInput: A curve that is too large for the tolerance.
+            InvalidInput: A curve is too large for the tolerance.
         """
         tables: list[Segments] = []
         for x in self._closed(join):
@@ -141,7 +150,7 @@ class Outline:
         return Path(segments=Segments.join(tables)) if tables else None
 
     def _closed(self, join: float) -> Sequence[Shape]:
-        """Shapes whose last end, of a closed outline, is the first: moved, or by a line."""
+        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line."""
         if not self.closed:
             return self.shapes
         *others, last = self.shapes

@@ -1,4 +1,4 @@
-"""SVG drawings: outlines as contours, in metres and with y up."""
+"""SVG drawings, read into a program of contours in metres with y up."""
 
 from __future__ import annotations
 
@@ -25,59 +25,76 @@ from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.io.drawings.shapes import Outline
 from armcontour.program import Program
 
-# More segments than this, curves counted once, are no drawing that anyone wants followed.
+# Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
-# Elements that one note names.
+# Largest number of elements that one note names.
 NAMED = 6
 
 
 def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
-    """The outlines in an SVG drawing.
+    """Read the outlines of an SVG drawing.
 
-    Its shapes, wherever groups, transforms and references put them, become contours in the order
-    in which they are drawn; each subpath is one. Separate elements whose ends touch are chained.
-    Strokes, fills and what a page cuts off do not matter; what is hidden is left out.
+    Shapes become contours in drawing order, placed by their groups, transforms and references;
+    each subpath is a contour. Separate elements whose ends touch are chained. Strokes, fills and
+    the edges of the page have no effect; hidden elements are left out.
 
-    Coordinates are in metres from the lower left corner of the page, x to the right and y up. A
-    user unit is what width, height and viewBox make of it, and else a CSS pixel, 1/96 inch;
-    `reading.unit` is its length, whatever the file says.
+    Coordinates are in metres from the lower left corner of the page, x to the right and y up.
+    `reading.unit` is the length of the user unit. If it is None, width, height and viewBox define
+    the user unit, and without them it is a CSS pixel, 1/96 inch.
 
-    Lines stay lines, and arcs of circles that are circles still after all transforms stay arcs;
-    other curves become tangent arcs within `reading.chord_tolerance`.
+    Lines are kept, and so are arcs that are still circular after all transforms; other curves
+    become tangent arcs within `reading.chord_tolerance`.
 
     Args:
-        data: What the file holds.
+        data: Content of the file.
         source: Name of the file.
-        reading: How it is to be read.
+        reading: Settings of the reader.
 
     Raises:
-        InvalidInput: No SVG, or what is not read; names the element and its line.
+        InvalidInput: The file is not SVG, or has content that is not read; the message names the
+            element and its line.
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
     walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
-    pieces: list[Piece] = []
-    spent = _Budget()
-    for shape in walk.shapes(page, view):
-        spent.element = shape.element
-        outlines = shape_of(shape.element, spent)
-        found = [x for x in (_piece(shape, x, reading) for x in outlines) if x is not None]
-        if not found:
-            walk.leave_out(NO_SIZE, shape.element)
-        pieces += found if len(found) == 1 else _apart(found, len(pieces))
-    contours, said = chain_pieces(pieces, reading.join_tolerance)
+    pieces = _pieces(walk, page, view, reading)
+    contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         notes.append(f"{reason}: {', '.join(names[:NAMED])}{more}.")
     if not contours:
-        why = f" ({' '.join([*notes, *said])})" if notes or said else ""
+        why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")
     notes += walk.labels.notes
-    return Program(moves=tuple(contours), source=source, notes=(*notes, *said))
+    return Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
+
+
+def _pieces(walk: Walk, page: Affine, view: Box | None, reading: Reading) -> list[Piece]:
+    """The outlines of all shapes as pieces, in metres.
+
+    Args:
+        walk: The traversal, which records shapes without size.
+        page: Map from user units to the page [m].
+        view: Viewport in user units.
+        reading: Settings of the reader.
+
+    Raises:
+        InvalidInput: A shape is invalid, too far away or too large.
+    """
+    pieces: list[Piece] = []
+    budget = _Budget()
+    for shape in walk.shapes(page, view):
+        budget.element = shape.element
+        outlines = shape_of(shape.element, budget)
+        found = [x for x in (_piece(shape, x, reading) for x in outlines) if x is not None]
+        if not found:
+            walk.leave_out(NO_SIZE, shape.element)
+        pieces += found if len(found) == 1 else _keep_apart(found, len(pieces))
+    return pieces
 
 
 class _Budget:
-    """Counts segments before they are made, so that no file can ask for too many."""
+    """Counts segments before they are made, and refuses the element that exceeds the limit."""
 
     def __init__(self) -> None:
         self.element: Element | None = None
@@ -92,10 +109,14 @@ class _Budget:
 
 
 def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str]]:
-    """From user units to metres on the page with y up; the viewport in user units; notes.
+    """The coordinates of the page.
+
+    Returns:
+        The map from user units to metres on the page with y up, the viewport in user units (None
+        if it is not known), and notes for the user.
 
     Raises:
-        InvalidInput: A width, height or viewBox that is none, or a transform of the whole page.
+        InvalidInput: Width, height or viewBox is invalid, or the outermost svg has a transform.
     """
     if root.get("transform"):
         root.refuse("a transform of the outermost svg is not read: put a group with it inside")
@@ -109,7 +130,7 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
             root.refuse(f"{key} must be above zero, but is {root.get(key)}")
     unit = PIXEL if reading.unit is None else reading.unit
     if box is not None:
-        # What one of both leaves open, the shape of the viewBox says.
+        # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
         if reading.unit is not None or (width is None and height is None):
             width, height = box.width, box.height
         wide = width if width is not None else (height or 0.0) * box.width / box.height
@@ -127,15 +148,15 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
 
 
 def _up(height: float, unit: float) -> Affine:
-    """From the page's y down to metres with y up from its lower edge."""
+    """The map from page coordinates with y down to metres with y up from the lower edge."""
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
 
 def _piece(shape: Shape, outline: Outline, reading: Reading) -> Piece | None:
-    """One outline in metres; None if it has no length.
+    """The piece of one outline, in metres; None if the outline has no length.
 
     Raises:
-        InvalidInput: It is too far away or too large.
+        InvalidInput: The outline is too far away or too large.
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -150,6 +171,11 @@ def _piece(shape: Shape, outline: Outline, reading: Reading) -> Piece | None:
 
 
 def _check_size(shape: Shape, placed: Outline) -> None:
+    """Refuse an outline with points beyond `FARTHEST`.
+
+    Raises:
+        InvalidInput: A coordinate is too large.
+    """
     reach = float(np.abs(placed.reach).max())
     if not reach <= FARTHEST:
         shape.element.refuse(
@@ -157,6 +183,6 @@ def _check_size(shape: Shape, placed: Outline) -> None:
         )
 
 
-def _apart(pieces: Sequence[Piece], offset: int) -> list[Piece]:
-    """Subpaths of one element, which are contours of their own even where they touch."""
+def _keep_apart(pieces: Sequence[Piece], offset: int) -> list[Piece]:
+    """Subpaths of one element with different numbers, so that they are never chained."""
     return [dataclasses.replace(x, apart=offset + k + 1) for k, x in enumerate(pieces)]

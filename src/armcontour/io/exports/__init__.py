@@ -1,4 +1,4 @@
-"""Writers of what robots take: each turns joint set-points and events into one format."""
+"""Writers of joint set-points and events in the formats of robot controllers and of tables."""
 
 from armcontour.io.exports.exporting import (
     chosen_format,

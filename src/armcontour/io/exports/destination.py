@@ -1,4 +1,4 @@
-"""Files and folders that are put in place whole or not at all."""
+"""Atomic writing of an exported file or folder at its destination."""
 
 from __future__ import annotations
 
@@ -8,29 +8,37 @@ from pathlib import Path as FilePath
 from armcontour import _staging
 from armcontour.errors import InvalidInput
 
-# What the folder of a bag holds; nothing else may be lost when one is replaced.
+# Extensions of the files in the folder of a bag; a folder with other files is not replaced.
 BAG = (".mcap", ".db3", ".yaml")
 
 
 def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False) -> None:
-    """Write beside the destination, then put it there; an error leaves what was there before.
+    """Write a file or folder to a temporary path, then move it to the destination.
+
+    If writing fails, an earlier file at the destination stays.
 
     Args:
         file: The destination.
-        write: Writes to the path that it is given, which has the same name.
-        folder: Whether it writes a folder.
+        write: Called with the temporary path, which has the same name; writes the file there.
+        folder: Whether `write` writes a folder.
 
     Raises:
-        InvalidInput: It cannot be written there.
+        InvalidInput: The destination cannot be written.
     """
     try:
-        _refuse_in_the_way(file, folder)
+        _refuse_destination(file, folder)
         _staging.put_in_place(file, write)
     except OSError as error:
         raise InvalidInput(f"Cannot write {file}: {error.strerror or error}.") from None
 
 
-def _refuse_in_the_way(file: FilePath, folder: bool) -> None:
+def _refuse_destination(file: FilePath, folder: bool) -> None:
+    """Refuse a destination where something else would be lost.
+
+    Raises:
+        InvalidInput: A folder is at the path of a file, a file at the path of a folder, or the
+            folder has files that are not of a bag.
+    """
     if not file.name or "\0" in str(file):
         raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
     if not folder and file.is_dir():

@@ -1,4 +1,4 @@
-"""Export: taught data, or an uncompensated trajectory, in a format that a robot takes."""
+"""The function `export`, which writes taught data or a trajectory in one of the formats."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armcontour.io.exports.template import write_template
 from armcontour.io.exports.urscript import write_urscript
 from armcontour.motion import TaughtData, Trajectory
 
-# The ending of each format's files; a template's are what its controller wants.
+# File extension of each format; a template may have any.
 FORMATS = {
     "csv": ".csv",
     "parquet": ".parquet",
@@ -36,7 +36,7 @@ _PLAIN: dict[str, Callable[[Table, FilePath], None]] = {
 
 
 def formats() -> dict[str, str]:
-    """The formats and the endings of their files; empty where any will do."""
+    """The formats with their file extensions; the extension is empty if any is possible."""
     return dict(FORMATS)
 
 
@@ -53,33 +53,34 @@ def export(
     outputs: Mapping[str, int | str] | None = None,
     derivatives: int = 2,
 ) -> None:
-    """Write taught data, or a trajectory as it is, to a file, whole or not at all.
+    """Write taught data or a trajectory to a file.
 
-    Time counts from the first set-point, that of events too. An earlier file is replaced.
+    Times, also those of events, count from the first set-point. An earlier file is replaced; if
+    writing fails, it stays.
 
     Args:
-        data: Taught data; or a trajectory, for a controller that needs no compensation.
-        file: The destination; for "mcap" a folder, as `ros2 bag record` makes.
-        arm: Gives joint names, and tool points where the format has them.
-        joint_names: Other names than the arm's; "joint 1", "joint 2", ... without an arm.
-        format: A name of `formats()`; by default what the file's ending says.
-        period: Time between samples of a trajectory [s]; taught data has its own.
-        template: For "template": "kuka", "abb", or a jinja2 file of one's own.
-        name: What it is called inside; by default as the file is.
-        outputs: For "urscript" and "template": outputs by names of events.
-        derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller joins points
-            by quintics, cubics or lines accordingly.
+        data: Taught data, or a trajectory for a controller that needs no compensation.
+        file: The destination; for "mcap" a folder like those of `ros2 bag record`.
+        arm: The arm; gives joint names, and tool points if the format contains them.
+        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
+        format: A name of `formats()`; by default the format of the file's extension.
+        period: Sampling period of a trajectory [s]; taught data have their own.
+        template: For "template": "kuka", "abb", or the path of a jinja2 file.
+        name: Name of the program inside the file; by default the name of the file.
+        outputs: For "urscript" and "template": the output of each event by the event's name.
+        derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
+            interpolates by quintics, cubics or lines.
 
     Raises:
-        InvalidInput: An unknown format, an option of another one, an output of an event that there
-            is not, a missing library, a template that is wrong, data that the format cannot hold,
-            or a file that cannot be written.
+        InvalidInput: The format is unknown or does not have an option, an output is of an unknown
+            event, a library is missing, the template has an error, the format cannot hold the
+            data, or the file cannot be written.
     """
-    place = FilePath(file)
-    kind = chosen_format(place, format, template)
+    destination = FilePath(file)
+    kind = chosen_format(destination, format, template)
     table = make_table(
         data,
-        name=place.stem if name is None else name,
+        name=destination.stem if name is None else name,
         arm=arm,
         joint_names=joint_names,
         period=period,
@@ -89,7 +90,7 @@ def export(
         outputs or {}, (x.name for x in table.events), option="outputs", owner=repr(table.name)
     )
     put(
-        place,
+        destination,
         lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
         folder=kind == "mcap",
     )
@@ -98,22 +99,24 @@ def export(
 def refuse_unknown_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Refuse outputs of events that there are not.
+    """Refuse outputs for events that do not exist.
 
     Args:
         outputs: Outputs by names of events.
-        events: The names that there are.
-        option: What the outputs were given as.
-        owner: Whose events these are.
+        events: Names of the existing events.
+        option: Name of the option in which the outputs were given, for the message.
+        owner: Name of the program with the events, for the message.
 
     Raises:
-        InvalidInput: There is such an output.
+        InvalidInput: An output is for an unknown event.
     """
     known = sorted(set(events))
     for name in outputs:
         if name not in known:
             has = f"its events are {', '.join(known)}" if known else "it switches nothing"
-            raise InvalidInput(f"{option} names the event {name!r}, which {owner} has not: {has}.")
+            raise InvalidInput(
+                f"{option} names the event {name!r}, which {owner} does not have: {has}."
+            )
 
 
 def write_table(
@@ -124,11 +127,11 @@ def write_table(
     template: str | FilePath | None = None,
     outputs: Mapping[str, int | str] | None = None,
 ) -> None:
-    """Write a table to a path, for those who put the file in place themselves.
+    """Write a table directly to a path, without a temporary file.
 
     Args:
         table: The table.
-        file: Where to; for "mcap" a folder that does not exist yet.
+        file: The path; for "mcap" a folder that does not exist yet.
         format: A name of `formats()`.
         template: As in `export`.
         outputs: As in `export`.
@@ -148,10 +151,16 @@ def write_table(
 
 
 def chosen_format(file: FilePath, format: str | None, template: Any = None) -> str:
-    """The format that is asked for by name, by a template, or by the ending of a file.
+    """The format of an export: the given one, "template", or that of the file's extension.
+
+    Args:
+        file: The destination.
+        format: A name of `formats()`, or None.
+        template: The template, if one is given.
 
     Raises:
-        InvalidInput: None is, or a template and another format are, or no template is given.
+        InvalidInput: The format is unknown or cannot be derived, a template is given for another
+            format, or the template is missing.
     """
     listed = ", ".join(f"{x} ({end})" if end else x for x, end in FORMATS.items())
     kind = format
@@ -161,8 +170,8 @@ def chosen_format(file: FilePath, format: str | None, template: Any = None) -> s
         kind = next((x for x, end in FORMATS.items() if end and end == file.suffix.lower()), None)
         if kind is None:
             raise InvalidInput(
-                f"The ending of {file.name} does not say which format it is to have: give one, "
-                f"of {listed}."
+                f"The ending of {file.name} is not that of a format: give one of the formats "
+                f"{listed}."
             )
     if kind not in FORMATS:
         raise InvalidInput(f"There is no format {kind!r}: the formats are {listed}.")

@@ -1,4 +1,4 @@
-"""ROS 2: a JointTrajectory as YAML, or in a bag with the events beside it."""
+"""ROS 2 formats: a JointTrajectory as YAML, or in a bag (MCAP) together with the events."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ LONGEST = 2**31 - 1
 def ros_yaml_of(table: Table) -> str:
     """The table as the YAML of a trajectory_msgs/msg/JointTrajectory.
 
-    It is what `ros2 topic pub` takes and `ros2 topic echo` prints. The message has no place for
-    events: each is a comment at the top, `# event: {...}`, in JSON.
+    The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
+    no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
     """
     of = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
     present = {name: x for name, x in of.items() if x is not None}
@@ -47,18 +47,19 @@ def ros_yaml_of(table: Table) -> str:
 
 
 def write_ros_yaml(table: Table, file: FilePath) -> None:
-    """Write `ros_yaml_of` to a file."""
+    """Write the text of `ros_yaml_of` to a file."""
     file.write_text(ros_yaml_of(table), encoding="utf-8", newline="\n")
 
 
 def write_mcap(table: Table, file: FilePath) -> None:
-    """Write a folder as `ros2 bag record` makes, with storage MCAP: one message, and the events.
+    """Write a bag with storage MCAP: a folder with the trajectory message and the events.
 
-    The message is at time 0 of the bag; every event is a std_msgs/msg/String of JSON on the topic
-    /armcontour/events, at its time. A bag that is played thus tells them as the motion goes.
+    The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
+    the topic /armcontour/events at its own time, so playing the bag publishes the events in step
+    with the motion.
 
     Raises:
-        InvalidInput: rosbags is not there.
+        InvalidInput: rosbags is not installed.
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -68,31 +69,31 @@ def write_mcap(table: Table, file: FilePath) -> None:
             "MCAP needs the library rosbags: pip install 'armcontour[ros]'."
         ) from None
     store = get_typestore(Stores.ROS2_HUMBLE)
-    with TemporaryDirectory(prefix=".armcontour-", dir=file.parent) as beside:
-        # The library names the file inside after the folder, with an ending of its own.
-        bag = FilePath(beside) / (file.stem if file.suffix == ".mcap" else file.name)
+    with TemporaryDirectory(prefix=".armcontour-", dir=file.parent) as temporary:
+        # rosbags names the file inside after the folder and adds an extension.
+        bag = FilePath(temporary) / (file.stem if file.suffix == ".mcap" else file.name)
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             _fill(writer, table, store)
         bag.rename(file)
 
 
 def _fill(writer: Any, table: Table, store: Any) -> None:
-    """Put the messages into an open bag."""
+    """Write the messages into an open bag."""
     kind = "trajectory_msgs/msg/JointTrajectory"
-    of = writer.add_connection(TOPIC, kind, typestore=store)
-    writer.write(of, 0, store.serialize_cdr(_message(table, store.types), kind))
+    topic = writer.add_connection(TOPIC, kind, typestore=store)
+    writer.write(topic, 0, store.serialize_cdr(_message(table, store.types), kind))
     if not table.events:
         return
     kind = "std_msgs/msg/String"
-    of = writer.add_connection(EVENTS_TOPIC, kind, typestore=store)
+    topic = writer.add_connection(EVENTS_TOPIC, kind, typestore=store)
     for event in table.events:
-        said = store.types[kind](data=json.dumps(event_data(event)))
+        message = store.types[kind](data=json.dumps(event_data(event)))
         at = max(0, round(event.t * SECOND))
-        writer.write(of, at, store.serialize_cdr(said, kind))
+        writer.write(topic, at, store.serialize_cdr(message, kind))
 
 
 def _message(table: Table, types: Any) -> Any:
-    """The table as a JointTrajectory of rosbags."""
+    """The table as a JointTrajectory message of rosbags."""
     make = {
         name.rpartition("/")[2]: types[name]
         for name in (
@@ -130,6 +131,11 @@ def _message(table: Table, types: Any) -> Any:
 
 
 def _nanoseconds(table: Table) -> Any:
+    """Times of the points in whole nanoseconds, (n,).
+
+    Raises:
+        InvalidInput: The duration is too long for ROS, or two points have the same nanosecond.
+    """
     if table.duration > LONGEST:
         raise InvalidInput(
             f"{table.name} takes {table.duration:g} s, but a duration in ROS is at most "

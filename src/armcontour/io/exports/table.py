@@ -1,4 +1,4 @@
-"""What a robot is to be given, as one table: times, joints, events."""
+"""The table of times, joint positions and events that all export formats are written from."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 
-# An event belongs to a point if it is due before it by less than this part of an interval: times
-# are sums and multiples, with rounding in the last digits.
+# An event that is earlier than a point by less than this fraction of an interval belongs to the
+# point: the times are sums and multiples with rounding errors.
 ON_THE_POINT = 1e-9
-# More samples of a trajectory than this do not fit in memory beside what is made of them.
+# Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Table:
-    """Points of the joints over time, with what is switched on the way.
+    """Joint positions over time, with events.
 
     Args:
-        name: What it is called; one line of text.
-        joint_names: One per joint.
-        period: Time between points; the last one may come earlier [s].
-        t: Times from the first point on, which is at 0 [s], (n,).
+        name: Name of the program, one line of text.
+        joint_names: Names of the joints.
+        period: Time between points [s]; the last interval may be shorter.
+        t: Times of the points [s], (n,); the first one is 0.
         q: Joint positions [rad], (n, dof).
-        dq, ddq: Their velocities [rad/s] and accelerations [rad/s²]; None: not to be written.
-        events: By their times, which count from the first point too.
+        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
+        events: Events in the order of their times, which count from the first point too.
         tool: Tool points [m], (n, 2) or (n, 3).
-        start_time: Time of the first point on the clock of the plan, which begins at 0 [s].
+        start_time: Time of the first point in the plan [s], where the plan starts at 0.
 
     Raises:
-        InvalidInput: Arrays of another shape, times that do not increase, names that are not one
-            line of text, or an event before the first point.
+        InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
+            of text, or an event is before the first point.
     """
 
     name: str
@@ -66,13 +66,18 @@ class Table:
         object.__setattr__(self, "events", events)
         if events and events[0].t < -ON_THE_POINT * self.period:
             raise InvalidInput(
-                f"The event {events[0].name} is to come {-events[0].t:g} s before the first "
-                "set-point: shorten its lead, or let the program begin with a dwell.",
+                f"The event {events[0].name} comes {-events[0].t:g} s before the first "
+                "set-point: shorten its time advance, or let the program start with a dwell.",
                 t=events[0].t,
                 allowed=0.0,
             )
 
     def _check_shapes(self) -> None:
+        """Refuse arrays of wrong shapes and times that do not start at zero and increase.
+
+        Raises:
+            InvalidInput: There is such an array.
+        """
         if self.t.ndim != 1:
             raise InvalidInput(f"t of {self.name!r} must be a list of times.")
         n, dof = len(self.t), len(self.joint_names)
@@ -95,16 +100,21 @@ class Table:
             raise InvalidInput(f"The times of {self.name!r} must start at zero and increase.")
 
     def _check_names(self) -> None:
+        """Refuse names that are not one line of text, and equal joint names.
+
+        Raises:
+            InvalidInput: There is such a name.
+        """
         given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
         for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
             if not text.strip() or not text.isprintable():
                 raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
             if what != "name":
-                # The name is that of a file by default, which may be longer.
+                # The name of the table is by default that of a file, which may be longer.
                 _checks.check_name(what, text)
-        twice = {x for x in self.joint_names if self.joint_names.count(x) > 1}
-        if twice:
-            raise InvalidInput(f"Joint names must differ, but {min(twice)!r} is there twice.")
+        repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
+        if repeated:
+            raise InvalidInput(f"Joint names must differ, but {min(repeated)!r} is there twice.")
 
     @property
     def dof(self) -> int:
@@ -118,10 +128,10 @@ class Table:
 
     @property
     def nanoseconds(self) -> IntArray:
-        """Times in whole nanoseconds, (n,).
+        """Times of the points in whole nanoseconds, (n,).
 
         Raises:
-            InvalidInput: Points nearer to each other than that.
+            InvalidInput: Two points have the same nanosecond.
         """
         rounded = np.rint(self.t * 1e9).astype(np.intp)
         if not (np.diff(rounded) > 0).all():
@@ -145,24 +155,24 @@ def make_table(
     period: float | None = None,
     derivatives: int = 2,
 ) -> Table:
-    """Taught data or a trajectory as a table whose time counts from the first point.
+    """The table of taught data or of a sampled trajectory; time counts from the first point.
 
-    A trajectory is sampled, and its velocities and accelerations are its own; where they jump,
-    those after the jump. Those of set-points are of the clamped cubic spline through them: at rest
-    at both ends, and the same curve whether a controller joins points by cubics from positions and
-    velocities, or by quintics from accelerations too.
+    Velocities and accelerations of a trajectory are its own; where they jump, the values after the
+    jump. Those of set-points are the derivatives of the clamped cubic spline through the
+    set-points. The spline is at rest at both ends, and a controller follows the same curve whether
+    it interpolates by cubics (positions, velocities) or by quintics (accelerations too).
 
     Args:
-        data: What is to be written.
-        name: What it is called.
-        arm: Gives joint names and tool points.
-        joint_names: Other names than the arm's; "joint 1", "joint 2", ... without an arm.
-        period: Time between samples of a trajectory [s]; taught data has its own.
+        data: The taught data or the trajectory.
+        name: Name of the program.
+        arm: The arm; gives joint names and tool points.
+        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
+        period: Sampling period of a trajectory [s]; taught data have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
 
     Raises:
-        InvalidInput: No period for a trajectory, another one than taught data has, a wrong number
-            of joints or names; as `Table`.
+        InvalidInput: The period of a trajectory is missing, or differs from that of taught data;
+            the number of joints or names is wrong; or as for `Table`.
     """
     _checks.whole("derivatives", derivatives, 0, 2)
     if not isinstance(data, TaughtData | Trajectory):
@@ -173,27 +183,14 @@ def make_table(
         samples, step = _set_points(data, period), data.period
         start, events = data.start_time, data.trajectory.events
     else:
-        if period is None:
-            raise InvalidInput("A trajectory is exported every so often: give a period [s].")
-        step = _checks.positive("period", period, "s")
-        if data.duration > MOST_SAMPLES * step:
-            raise InvalidInput(
-                f"{name!r} takes {data.duration:.6g} s, which every {step:g} s are more than the "
-                f"{MOST_SAMPLES} samples that are written: give a longer period.",
-                needed=data.duration / step,
-                allowed=float(MOST_SAMPLES),
-            )
+        step = _sampling_period(data, name, period)
         samples, start, events = data.sample(step), 0.0, data.events
     dof = samples.q.shape[1]
     if arm is not None and arm.dof != dof:
         raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
-    numbered = tuple(f"joint {i}" for i in range(1, dof + 1))
-    if isinstance(joint_names, str) or not isinstance(joint_names, Iterable | None):
-        raise InvalidInput(f"joint_names must be a list of {dof} names, not {joint_names!r}.")
-    names = joint_names if joint_names is not None else arm.joint_names if arm else numbered
     return Table(
         name=name,
-        joint_names=tuple(names),
+        joint_names=_joint_names(joint_names, arm, dof),
         period=step,
         t=samples.t,
         q=samples.q,
@@ -205,8 +202,44 @@ def make_table(
     )
 
 
+def _sampling_period(trajectory: Trajectory, name: str, period: float | None) -> float:
+    """The period at which a trajectory is sampled [s].
+
+    Raises:
+        InvalidInput: The period is missing, not above zero, or too short for the duration.
+    """
+    if period is None:
+        raise InvalidInput("A trajectory is exported at regular intervals: give a period [s].")
+    step = _checks.positive("period", period, "s")
+    if trajectory.duration > MOST_SAMPLES * step:
+        raise InvalidInput(
+            f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
+            f"{MOST_SAMPLES} samples that are written: give a longer period.",
+            needed=trajectory.duration / step,
+            allowed=float(MOST_SAMPLES),
+        )
+    return step
+
+
+def _joint_names(given: Sequence[str] | None, arm: Arm | None, dof: int) -> tuple[str, ...]:
+    """The given joint names, else those of the arm, else numbered names.
+
+    Raises:
+        InvalidInput: The given names are not a list.
+    """
+    if isinstance(given, str) or not isinstance(given, Iterable | None):
+        raise InvalidInput(f"joint_names must be a list of {dof} names, not {given!r}.")
+    if given is not None:
+        return tuple(given)
+    return arm.joint_names if arm else tuple(f"joint {i}" for i in range(1, dof + 1))
+
+
 def _set_points(taught: TaughtData, period: float | None) -> Samples:
-    """Set-points with the derivatives of the spline through them."""
+    """The set-points of taught data with the derivatives of the spline through them.
+
+    Raises:
+        InvalidInput: The given period is not that of the taught data.
+    """
     wanted = taught.period if period is None else _checks.positive("period", period, "s")
     if not math.isclose(wanted, taught.period, rel_tol=1e-9):
         raise InvalidInput(
@@ -223,20 +256,27 @@ def _set_points(taught: TaughtData, period: float | None) -> Samples:
 
     spline = CubicSpline(t, q, bc_type="clamped")
     dq = spline(t, 1)
-    # At rest to the last bit: controllers refuse a motion that does not end so.
+    # Exactly zero: controllers refuse a motion that does not end at rest.
     dq[[0, -1]] = 0.0
     return Samples(t=t, q=q, dq=dq, ddq=spline(t, 2))
 
 
 def _shift_event(event: TimedEvent, by: float) -> TimedEvent:
+    """The event later by a time [s]."""
     return dataclasses.replace(event, t=event.t + by, due=event.due + by) if by else event
 
 
 def _clean(event: TimedEvent) -> TimedEvent:
-    """The event with Python's own types, which is what every format can write."""
+    """The event with Python's own types, which all formats can write.
+
+    Raises:
+        InvalidInput: The value or the time of the event is not finite.
+    """
     value = event.value.item() if isinstance(event.value, np.generic) else event.value
     if isinstance(value, float) and not math.isfinite(value):
-        raise InvalidInput(f"The event {event.name} is to switch to {value}, which is no number.")
+        raise InvalidInput(
+            f"The value of the event {event.name} must be a finite number, but is {value}."
+        )
     return TimedEvent(
         name=str(event.name),
         value=value,

@@ -1,4 +1,4 @@
-"""CSV, Parquet and npz: the table as it is."""
+"""The table as CSV, Parquet and npz."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
 
 def csv_of(table: Table) -> str:
-    """The table as CSV: t, then q, dq and ddq of every joint, and `events` if there are any.
+    """The table as CSV: columns t, then q, dq and ddq of all joints, and `events` if there are any.
 
-    An event stands in the row of the last point at or before it, with its own time:
+    An event is in the row of the last point at or before it and has its own time:
     `tool=on@0.104000000000; gas=2.5@0.104500000000`.
     """
     header, columns = _columns(table)
@@ -36,17 +36,18 @@ def csv_of(table: Table) -> str:
 
 
 def write_csv(table: Table, file: FilePath) -> None:
-    """Write `csv_of` to a file."""
+    """Write the text of `csv_of` to a file."""
     file.write_text(csv_of(table), encoding="utf-8", newline="\n")
 
 
 def write_parquet(table: Table, file: FilePath) -> None:
-    """Write the columns of the CSV in full precision, and all else as JSON in the file's metadata.
+    """Write the columns of the CSV and the tool points to a Parquet file in full precision.
 
-    The metadata has the key `armcontour`: name, joint_names, period, start_time, events.
+    The file's metadata have the key `armcontour` with a JSON object of name, joint_names, period,
+    start_time and events.
 
     Raises:
-        InvalidInput: pyarrow is not there.
+        InvalidInput: pyarrow is not installed.
     """
     try:
         import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
@@ -79,13 +80,14 @@ def write_parquet(table: Table, file: FilePath) -> None:
 
 
 def write_npz(table: Table, file: FilePath) -> None:
-    """Write arrays: name, joint_names, period, start_time, t, q, dq, ddq, tool, and of events.
+    """Write the table to an npz file.
 
-    Of events: `event_name`, `event_value` (JSON), `event_t`, `event_due`, `event_s`, (events,).
-    Nothing is pickled; what there is none of is left out.
+    The arrays are name, joint_names, period, start_time, t, q, dq, ddq and tool; and for the
+    events `event_name`, `event_value` (JSON), `event_t`, `event_due` and `event_s`, (events,).
+    Arrays that the table does not have are left out. Nothing is pickled.
     """
     events = table.events
-    found: dict[str, Any] = {
+    arrays: dict[str, Any] = {
         "name": np.array(table.name),
         "joint_names": np.array(table.joint_names),
         "period": np.array(table.period),
@@ -94,30 +96,31 @@ def write_npz(table: Table, file: FilePath) -> None:
         "event_value": np.array([json.dumps(x.value) for x in events], dtype=np.str_),
     }
     for key in ("t", "due", "s"):
-        found[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
+        arrays[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
     for key in ("t", "q", "dq", "ddq", "tool"):
         if getattr(table, key) is not None:
-            found[key] = getattr(table, key)
+            arrays[key] = getattr(table, key)
     # An open file keeps numpy from adding .npz to the name.
     with file.open("wb") as stream:
-        np.savez(stream, **found)
+        np.savez(stream, **arrays)
 
 
 def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
-    called = [x.removeprefix("joint ") for x in table.joint_names]
-    if len(set(called)) < len(called):
-        called = list(table.joint_names)
+    """Titles of all columns of numbers, and arrays of one or several columns in that order."""
+    short_names = [x.removeprefix("joint ") for x in table.joint_names]
+    if len(set(short_names)) < len(short_names):
+        short_names = list(table.joint_names)
     header, columns = ["t [s]"], [table.t]
     for quantity, unit in UNITS.items():
         values = getattr(table, quantity)
         if values is not None:
-            header += [f"{quantity} {name} [{unit}]" for name in called]
+            header += [f"{quantity} {name} [{unit}]" for name in short_names]
             columns.append(values)
     return header, columns
 
 
 def _event_cells(table: Table) -> list[str]:
-    """The events of every point as text, empty for most."""
+    """The events of each point as text; empty for a point without events."""
     cells = [""] * len(table.t)
     for event, i in zip(table.events, table.point_of_events, strict=True):
         cells[i] += f"{'; ' if cells[i] else ''}{event_text(event)}"
@@ -125,5 +128,6 @@ def _event_cells(table: Table) -> list[str]:
 
 
 def _quote(cell: str) -> str:
+    """The cell as CSV, in quotes if it contains a comma or quotes."""
     needed = any(x in cell for x in ',"')
     return '"' + cell.replace('"', '""') + '"' if needed else cell

@@ -1,4 +1,4 @@
-"""Programs for any controller, from templates: ours or the user's, run where they do no harm."""
+"""Robot programs from jinja2 templates of the package or of the user, run in a sandbox."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """An event as templates see it: as `TimedEvent`, and `text`, such as "tool=on"."""
+    """An event in templates: the data of `TimedEvent`, and `text`, such as "tool=on"."""
 
     name: str
     value: bool | float | str
@@ -37,15 +37,15 @@ class Switch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """A row of the table as templates see it.
+    """A row of the table in templates.
 
     Args:
-        number: From 1.
+        number: Number of the point, from 1.
         t: Time from the first point [s].
         q, q_deg: Joint positions [rad], [deg].
-        dq, ddq: Their velocities and accelerations; None where the table has none.
+        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
         tool: Tool point [m]; None without an arm.
-        events: What is switched from here on, before the next point.
+        events: Events from this point to the next one.
     """
 
     number: int
@@ -59,7 +59,7 @@ class Point:
 
 
 class _Refused(Exception):
-    """What a template says of a table that it is not for."""
+    """The refusal of a table by a template, with the template's reason."""
 
 
 def templates() -> tuple[str, ...]:
@@ -70,16 +70,17 @@ def templates() -> tuple[str, ...]:
 def template_of(
     table: Table, template: str | FilePath, outputs: Mapping[str, int | str] | None = None
 ) -> str:
-    """A template filled with the table.
+    """The program that a template makes of a table.
 
     Args:
         table: The table.
-        template: "kuka" or "abb", or a jinja2 file of one's own.
-        outputs: What is at `outputs` in the template: outputs by names of events.
+        template: "kuka", "abb", or the path of a jinja2 file.
+        outputs: The output of each event by the event's name; the variable `outputs` of the
+            template.
 
     Raises:
-        InvalidInput: No such template, one that is wrong, or one that refuses the table; names the
-            template and the line.
+        InvalidInput: The template does not exist, has an error, or refuses the table; the message
+            names the template and the line.
     """
     source, text, folder = _read(template)
     environment = _environment(folder)
@@ -88,8 +89,8 @@ def template_of(
         return str(environment.from_string(text).render(variables))
     except _Refused as error:
         raise InvalidInput(f"{source}: {_sentence(error)}.") from None
-    except Exception as error:  # what a user's template does wrong can be anything
-        raise InvalidInput(f"{_place(error, source)}: {_sentence(error)}.") from None
+    except Exception as error:  # a user's template can raise any exception
+        raise InvalidInput(f"{_error_line(error, source)}: {_sentence(error)}.") from None
 
 
 def write_template(
@@ -98,53 +99,57 @@ def write_template(
     template: str | FilePath,
     outputs: Mapping[str, int | str] | None = None,
 ) -> None:
-    """Write `template_of` to a file."""
+    """Write the text of `template_of` to a file."""
     file.write_text(template_of(table, template, outputs), encoding="utf-8", newline="\n")
 
 
 def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
-    """Name, text and folder of a template."""
+    """Name, text and folder of a template.
+
+    Raises:
+        InvalidInput: The template does not exist or cannot be read.
+    """
     if isinstance(template, str) and template in SHIPPED:
-        place = FilePath(__file__).parent / "templates" / SHIPPED[template]
+        file = FilePath(__file__).parent / "templates" / SHIPPED[template]
     else:
-        place = FilePath(template)
-        if isinstance(template, str) and place.suffix == "" and not os.path.exists(place):
+        file = FilePath(template)
+        if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
             raise InvalidInput(
                 f"There is no template {template!r}: give one of {', '.join(SHIPPED)}, or a file "
                 f"such as house{ENDING}."
             )
-    return place.name, read_text(place, "template"), place.parent
+    return file.name, read_text(file, "template"), file.parent
 
 
-def _beside(folder: FilePath, name: str) -> str:
-    """The text of a template that another one names.
+def _read_included(folder: FilePath, name: str) -> str:
+    """The text of a template that another template includes.
 
     Raises:
-        InvalidInput: It lies elsewhere than in the folder, or cannot be read.
-        TemplateNotFound: There is none.
+        InvalidInput: The template is a link out of the folder, or cannot be read.
+        TemplateNotFound: The template does not exist.
     """
     from jinja2 import TemplateNotFound
     from jinja2.loaders import split_template_path
 
-    # Refuses names that begin elsewhere or go up.
-    place = folder.joinpath(*split_template_path(name))
-    if not os.path.lexists(place):
+    # `split_template_path` refuses absolute names and names with "..".
+    file = folder.joinpath(*split_template_path(name))
+    if not os.path.lexists(file):
         raise TemplateNotFound(name)
-    place = FilePath(os.path.realpath(place))
-    if not place.is_relative_to(os.path.realpath(folder)):
+    file = FilePath(os.path.realpath(file))
+    if not file.is_relative_to(os.path.realpath(folder)):
         raise InvalidInput(
             f"the template {show(name)} is a link that leads out of the folder of templates"
         )
-    return read_text(place, "template")
+    return read_text(file, "template")
 
 
 def _environment(folder: FilePath) -> Any:
-    """Where templates run: they see the table and what lies beside them, and change nothing."""
+    """The sandbox of templates, which can read the table and other templates of their folder."""
     from jinja2 import FunctionLoader, StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
     environment = ImmutableSandboxedEnvironment(
-        loader=FunctionLoader(partial(_beside, folder)),
+        loader=FunctionLoader(partial(_read_included, folder)),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -161,6 +166,7 @@ def _environment(folder: FilePath) -> Any:
 
 
 def _variables(table: Table, outputs: Mapping[str, int | str]) -> dict[str, Any]:
+    """The variables of a template by name."""
     points = _points(table)
     return {
         "name": table.name,
@@ -176,6 +182,7 @@ def _variables(table: Table, outputs: Mapping[str, int | str]) -> dict[str, Any]
 
 
 def _points(table: Table) -> tuple[Point, ...]:
+    """The rows of a table, each with its events."""
     switches: dict[int, list[Switch]] = {}
     for x, i in zip(table.events, table.point_of_events, strict=True):
         switches.setdefault(i, []).append(
@@ -210,48 +217,56 @@ def _points(table: Table) -> tuple[Point, ...]:
 
 
 def _tuples(values: Any, count: int) -> list[tuple[float, ...] | None]:
+    """The rows of an array as tuples; `count` times None if there is no array."""
     return [None] * count if values is None else [tuple(x) for x in values.tolist()]
 
 
 def _each(function: Any, x: Any) -> Any:
+    """The function of a number, or the list of the function of each number."""
     return function(x) if isinstance(x, int | float) else [function(y) for y in x]
 
 
 def _fixed(x: float | Sequence[float], decimals: int = DECIMALS) -> str:
-    """Numbers with so many decimals; several with commas between."""
-    found = _each(lambda y: f"{y:.{decimals}f}", x)
-    return found if isinstance(found, str) else ", ".join(found)
+    """A number, or several with commas between them, with a fixed number of decimals."""
+    text = _each(lambda y: f"{y:.{decimals}f}", x)
+    return text if isinstance(text, str) else ", ".join(text)
 
 
 def _identifier(text: str) -> str:
-    """Text as a name in a program: letters, digits and underscores of ASCII, no digit first."""
+    """A text as an identifier: ASCII letters, digits and underscores, no digit first."""
     plain = "".join(x if x.isascii() and x.isalnum() else "_" for x in text)
     return f"_{plain}" if plain[:1].isdigit() else plain
 
 
 def _refuse(reason: str) -> NoReturn:
+    """Refuse the table; templates call this function as `refuse`.
+
+    Raises:
+        _Refused: Always.
+    """
     raise _Refused(reason)
 
 
 def _sentence(error: Exception) -> str:
-    """What an error says, on one line and without its full stop."""
+    """The message of an error on one line and without its full stop."""
     from jinja2 import TemplateNotFound
 
     if isinstance(error, TemplateNotFound):
         return f"there is no template {error.name!r} beside it"
-    said = " ".join(str(error).split()).rstrip(".")
-    return said or type(error).__name__
+    message = " ".join(str(error).split()).rstrip(".")
+    return message or type(error).__name__
 
 
-def _place(error: Exception, source: str) -> str:
-    """The template and its line; jinja2 gives tracebacks the lines of templates."""
+def _error_line(error: Exception, source: str) -> str:
+    """The template and its line in which an error occurred."""
     from jinja2 import TemplateSyntaxError
 
     if isinstance(error, TemplateSyntaxError):
         return f"{error.name or source}, line {error.lineno}"
-    found, step = None, error.__traceback__
+    # jinja2 writes the lines of templates into tracebacks.
+    line, step = None, error.__traceback__
     while step is not None:
         if step.tb_frame.f_code.co_filename == "<template>":
-            found = step.tb_lineno
+            line = step.tb_lineno
         step = step.tb_next
-    return source if found is None else f"{source}, line {found}"
+    return source if line is None else f"{source}, line {line}"

@@ -1,4 +1,4 @@
-"""Numbers, names and events as text, exactly and fast."""
+"""Fast conversion of numbers and events to text."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.motion import TimedEvent
 
-# Joint positions are equal to half of the last digit.
+# Decimals of a number; the rounding error is at most half of the last digit.
 DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
-# So many numbers are printed at once: much more costs memory and is no faster.
+# Number of values that are formatted at once: more take more memory and are not faster.
 CHUNK = 1 << 16
 
 
 def csv_text(header: Sequence[str], columns: Sequence[FloatArray]) -> str:
-    """Numbers as CSV with 12 decimals, the same bytes as of `numpy.savetxt`, but faster.
+    """Numbers as CSV with 12 decimals: the same text as `numpy.savetxt`, but faster.
 
     Args:
-        header: Names of all columns, with units.
-        columns: Arrays (n,) or (n, columns), side by side.
+        header: Titles of all columns, with units.
+        columns: Arrays (n,) or (n, columns), which are put side by side.
     """
     first = io.StringIO()
     csv.writer(first, lineterminator="\n").writerow(header)
@@ -34,10 +34,14 @@ def csv_text(header: Sequence[str], columns: Sequence[FloatArray]) -> str:
 
 
 def filled(row: str, values: FloatArray) -> Iterator[str]:
-    """`row % values[i]` of every i, in pieces.
+    """Yield the text `row % values[i]` of all rows, several thousand rows at a time.
 
-    Python prints each number, correctly rounded; that it fills a thousand rows at once saves the
-    time between them.
+    Python formats each number with correct rounding; formatting many rows in one operation saves
+    time.
+
+    Args:
+        row: Format of one row.
+        values: Numbers, (n, columns).
     """
     at_once = max(1, CHUNK // max(1, values.shape[1]))
     for i in range(0, len(values), at_once):
@@ -46,12 +50,12 @@ def filled(row: str, values: FloatArray) -> Iterator[str]:
 
 
 def event_text(event: TimedEvent) -> str:
-    """An event for people and parsers: `tool=on@0.104000000000`."""
+    """An event with its time [s] as text, such as `tool=on@0.104000000000`."""
     return f"{event_words(event)}@{FIXED % event.t}"
 
 
 def event_words(event: TimedEvent) -> str:
-    """An event without its time; text is in quotes, so that it is not taken for a number."""
+    """An event without its time, such as `tool=on`; a value that is text is in quotes."""
     plain = all(x.isalnum() or x in "_-. " for x in event.name)
     name = event.name if plain else json.dumps(event.name)
     if isinstance(event.value, bool):
@@ -60,7 +64,7 @@ def event_words(event: TimedEvent) -> str:
 
 
 def event_data(event: TimedEvent) -> dict[str, Any]:
-    """An event as data for JSON, in SI units."""
+    """An event as a dictionary for JSON, in SI units."""
     return {
         "name": event.name,
         "value": event.value,

@@ -1,4 +1,4 @@
-"""URScript: a program that moves a robot of Universal Robots along its set-points."""
+"""URScript programs, which move a robot of Universal Robots along its set-points."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from armcontour.io.exports.text import FIXED, event_words, filled
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
-# Its controllers take set-points 500 times a second; older ones every fourth time.
+# Cycle time of the controllers [s]; older controllers use every fourth cycle.
 CYCLE = 0.002
-# Standard digital outputs of its control boxes.
+# Number of standard digital outputs of the control boxes.
 OUTPUTS = 8
-# The last set-point is held for so long, until the servo has caught up [s].
+# Duration for which the last set-point is repeated, until the servo has reached it [s].
 HOLD = 0.5
 
 HEAD = """\
@@ -35,23 +35,23 @@ def armcontour():
 
 
 def urscript_of(table: Table, outputs: Mapping[str, int | str] | None = None) -> str:
-    """The table as a program: slowly to the first set-point, then one `servoj` per set-point.
+    """The table as a URScript program: a slow move to the start, then one `servoj` per set-point.
 
-    An event comes between the two set-points that it is nearest to, at most half an interval off;
-    its very time stands after it as a comment. The last sample of a trajectory comes a whole
-    interval after the one before it, even if its own time is earlier. On and off set the digital
-    output that is given for the event's name; any other event is only told, by `textmsg`.
+    An event is executed at the nearest set-point, at most half an interval early or late; a comment
+    gives its exact time. The last sample of a trajectory comes a whole interval after the one
+    before it, even if its own time is earlier. An event with a digital output switches the output
+    on or off; any other event writes a message by `textmsg`.
 
     Args:
         table: The table of an arm with six joints.
-        outputs: Standard digital outputs, 0 to 7, by names of events.
+        outputs: Number of the standard digital output, 0 to 7, by names of events.
 
     Raises:
-        InvalidInput: Another number of joints, an interval that is not of whole cycles of 2 ms, an
-            output that there is not, or an event that cannot be written.
+        InvalidInput: The number of joints is not six, the interval is not a multiple of 2 ms, an
+            output does not exist, or an event cannot be written.
     """
     _check(table)
-    wanted = _outputs(table, outputs or {})
+    digital = _digital_outputs(table, outputs or {})
     period = f"{table.period:.12g}"
     point = f"  servoj([{', '.join([FIXED] * JOINTS)}], 0, 0, {period}, lookahead, gain)\n"
     numbers = [", ".join(FIXED % x for x in q) for q in (table.q[0], table.q[-1])]
@@ -63,53 +63,71 @@ def urscript_of(table: Table, outputs: Mapping[str, int | str] | None = None) ->
         joints=", ".join(table.joint_names),
         first=numbers[0],
     )
-    text = head + "".join(_merged(table, wanted, point, numbers[1]))
+    text = head + "".join(_commands(table, digital, point, numbers[1]))
     return f"{text}  stopj(2.0)\nend\n\narmcontour()\n"
 
 
 def write_urscript(
     table: Table, file: FilePath, outputs: Mapping[str, int | str] | None = None
 ) -> None:
-    """Write `urscript_of` to a file."""
+    """Write the text of `urscript_of` to a file."""
     file.write_text(urscript_of(table, outputs), encoding="utf-8", newline="\n")
 
 
-def _merged(table: Table, outputs: Mapping[str, int], point: str, last: str) -> Iterator[str]:
-    """The set-points and events in the order of their times, and what comes after the end."""
+def _commands(table: Table, outputs: Mapping[str, int], point: str, last: str) -> Iterator[str]:
+    """Yield the commands of set-points and events in the order of their times.
+
+    Args:
+        table: The table.
+        outputs: Digital outputs by names of events.
+        point: Format of the command of a set-point.
+        last: Joint positions of the last set-point as text; repeated for events after the end.
+    """
     done, count = 0, len(table.q)
     for event in table.events:
-        # A servoj that starts at a set-point's time lasts for one interval, so that the line after
-        # it runs at the time of the next.
+        # A servoj lasts for one interval, so the line after it is executed at the time of the next
+        # set-point.
         before = round(event.t / table.period)
         yield from filled(point, table.q[done : min(before, count)])
         if before > max(done, count):
-            yield _held(last, (before - max(done, count)) * table.period)
+            yield _repeat_last(last, (before - max(done, count)) * table.period)
         yield _set_output(event, outputs)
         done = max(done, before)
     yield from filled(point, table.q[done:])
-    yield _held(last, HOLD)
+    yield _repeat_last(last, HOLD)
 
 
-def _held(last: str, duration: float) -> str:
+def _repeat_last(last: str, duration: float) -> str:
+    """The command that repeats the last set-point for a duration [s]."""
     return f"  servoj([{last}], 0, 0, {duration:.12g}, lookahead, gain)\n"
 
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
+    """The command of an event: it switches its output, or writes a message if it has none.
+
+    Raises:
+        InvalidInput: The message cannot be written in URScript.
+    """
     words, at = event_words(event), f"  # {event_words(event)} at {FIXED % event.t} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
         return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"
-    said = f"{event.name}={event.value}" if isinstance(event.value, str) else words
-    # URScript knows no escapes in text.
-    if not said.isprintable() or any(x in said for x in '"\\'):
+    message = f"{event.name}={event.value}" if isinstance(event.value, str) else words
+    # URScript has no escapes in texts.
+    if not message.isprintable() or any(x in message for x in '"\\'):
         raise InvalidInput(
-            f"URScript cannot say the event {words}: give it a name and a value of one line "
+            f"URScript cannot write the event {words}: give it a name and a value of one line "
             "without quotes and backslashes."
         )
-    return f'  textmsg("{said}"){at}'
+    return f'  textmsg("{message}"){at}'
 
 
 def _check(table: Table) -> None:
+    """Refuse a table that URScript cannot hold.
+
+    Raises:
+        InvalidInput: The number of joints is not six, or the interval is not a multiple of 2 ms.
+    """
     if table.dof != JOINTS:
         raise InvalidInput(
             f"URScript is for arms with {JOINTS} joints, but {table.name!r} has {table.dof}: "
@@ -128,8 +146,12 @@ def _check(table: Table) -> None:
         )
 
 
-def _outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
-    """The outputs of events, checked."""
+def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
+    """The digital outputs of events by the events' names.
+
+    Raises:
+        InvalidInput: An output does not exist, or an event with an output has a number as value.
+    """
     found: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
@@ -140,7 +162,7 @@ def _outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
             )
         found[name] = int(number)
     for event in table.events:
-        # "reverse" or "mist" is on; a number would be lost.
+        # A text such as "reverse" or "mist" means on; a number would be lost.
         if event.name in found and not isinstance(event.value, bool | str):
             raise InvalidInput(
                 f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "

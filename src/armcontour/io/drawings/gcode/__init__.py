@@ -1,4 +1,4 @@
-"""G-code (RS274/NGC as the LinuxCNC manual has it), read into a `Program`."""
+"""The reader of G-code (RS274/NGC as in the LinuxCNC manual), which returns a `Program`."""
 
 from armcontour.io.drawings.gcode.reader import read_gcode
 

@@ -1,7 +1,7 @@
-"""What there is to know of a code before it is carried out: its group, and who understands it.
+"""Tables of G and M codes: their numbers, their modal groups, and which ones the reader executes.
 
-G codes are counted in tenths, so that G61.1 is 611. Source of the groups: LinuxCNC manual, "G-code
-Overview", section "Modal Groups".
+A G code is stored as ten times its number, so G61.1 is 611. Source of the groups: LinuxCNC manual,
+"G-code Overview", section "Modal Groups".
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ M_GROUP = {
     **dict.fromkeys((48, 49), "overrides"),
 }
 
-# Codes that are carried out, or that ask for what is so anyway: nothing compensated (G40, G49), the
-# first coordinate system (G54), which is the drawing's, feed per minute (G94), spindle speed in
-# turns per minute (G97), X as a radius (G8), and where canned cycles, which are refused, return to
-# (G98, G99).
+# Codes that the reader executes, and codes that set the only state that the reader has: no
+# compensation (G40, G49), the first coordinate system (G54), which is that of the drawing, feed
+# per minute (G94), spindle speed in turns per minute (G97), X as a radius (G8), and the return
+# level of canned cycles (G98, G99), which are refused.
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
@@ -57,8 +57,9 @@ UNDERSTOOD_G = frozenset(
 )
 UNDERSTOOD_M = frozenset((0, 1, 2, 3, 4, 5, 7, 8, 9, 30))
 
-# Motions, calls and scales: without them the rest of the program would be drawn somewhere else.
-# Among them codes of other dialects: polar coordinates, scaling, turning, and units (G70, G71).
+# Motions, calls of subprograms, and scales: without them the rest of the program would be at other
+# positions. This includes codes of other dialects: polar coordinates, scaling, rotation, and units
+# (G70, G71).
 NEVER_SKIPPED_G = frozenset(
     (
         *(120, 130, 160, 500, 510, 511, 680, 700, 710, 720),
@@ -68,11 +69,12 @@ NEVER_SKIPPED_G = frozenset(
 )
 NEVER_SKIPPED_M = frozenset((97, 98, 99))
 
-# To these belong all words of their line but F and S: where they are skipped, so is its motion.
+# Codes that use all words of their line except F and S; if such a code is skipped, the motion of
+# its line is skipped too.
 OWN_THE_LINE = frozenset((100, 280, 281, 300, 301, 431, 432, 520, 530, 920))
-# Other codes of the manual, which have no use for X, Y and Z.
+# The other codes of the manual, which do not use the words X, Y and Z.
 NO_USE_FOR_AXES = frozenset(G_GROUP) - NEVER_SKIPPED_G - OWN_THE_LINE
-# Codes that take no word of I, J, K, P, Q and R either.
+# Codes that do not use the words I, J, K, P, Q and R either.
 TAKE_NO_WORDS_G = frozenset(
     code
     for code in NO_USE_FOR_AXES
@@ -82,5 +84,5 @@ TAKE_NO_WORDS_M = frozenset((6, 48, 49, 60))
 
 
 def g_name(code: int) -> str:
-    """How a G code is written."""
+    """The G code as it is written in a program, such as G61.1 for 611."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")

@@ -1,4 +1,4 @@
-"""Moves as they are read, and the `Program` that they make."""
+"""The moves of a G-code file while it is read, and their conversion to a `Program`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
 NEAR = REPEATED_POINT**2
-# What adding up relative moves leaves of a z that is zero [m].
+# A z below this [m] is zero with the rounding errors of summed relative moves.
 FLAT = 1e-12
-# One line can ask for any number of turns; more segments than this fit no planner's memory.
+# Largest number of segments of helices and full turns together: a single line can program any
+# number of turns.
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
@@ -26,7 +27,18 @@ Point = tuple[float, float, float]
 
 @dataclass(slots=True)
 class Chain:
-    """Feed moves without a stop: their points, flat, and what belongs to every one of them."""
+    """Feed moves without a rapid or a dwell between them, which become one contour.
+
+    Args:
+        points: Coordinates x, y, z of the start point and of each move's end point [m].
+        line: First line of the file.
+        speeds: Speed of each move [m/s].
+        tolerances: Corner tolerance of each move [m].
+        lines: Line of each move in the file.
+        arcs: For each arc: index of the move, tangent and normal at its start, curvature [1/m],
+            length [m].
+        events: For each event: number of moves before it, name and value.
+    """
 
     points: array[float]
     line: int
@@ -38,7 +50,17 @@ class Chain:
 
 
 class Draft:
-    """A program in the making."""
+    """A program under construction: the tool position and all moves so far.
+
+    Attributes:
+        moves: Completed moves and events.
+        last: Position of the tool [m].
+        chain: The feed moves since the last rapid or dwell, if any.
+        rapid: Coordinates of the current rapid [m], if any.
+        begun: Whether there has been a feed move.
+        across: Whether an arc lies in a plane other than XY.
+        segments: Number of segments of helices and further turns.
+    """
 
     def __init__(self) -> None:
         self.moves: list[Chain | array[float] | Event | Dwell] = []
@@ -50,7 +72,16 @@ class Draft:
         self.segments = 0
 
     def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
-        """A straight feed move; none where the tool is there already."""
+        """Add a straight feed move; ignored if the tool is already at its end point.
+
+        Args:
+            x: Coordinate x of the end point [m].
+            y: Coordinate y of the end point [m].
+            z: Coordinate z of the end point [m].
+            speed: Speed [m/s], NaN if not given.
+            tolerance: Corner tolerance [m], NaN if not given.
+            line: Number of the line in the file.
+        """
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -69,7 +100,15 @@ class Draft:
         tolerance: float,
         line: int,
     ) -> None:
-        """An arc in the plane of the first two of `axes`."""
+        """Add a feed move along an arc from the tool's position.
+
+        Args:
+            piece: The arc.
+            axes: Indices of the axes of the arc's plane, and of the axis normal to it.
+            speed: Speed [m/s], NaN if not given.
+            tolerance: Corner tolerance [m], NaN if not given.
+            line: Number of the line in the file.
+        """
         chain = self.chain if self.chain is not None else self._begin(line)
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
@@ -87,20 +126,20 @@ class Draft:
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
-        """Counts segments of helices and of further turns.
+        """Count segments of helices and of further turns before they are made.
 
         Raises:
-            Fault: More than fit.
+            Fault: There are more than `MOST_SEGMENTS`.
         """
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
             raise Fault(
-                f"helices and further turns of more than {MOST_SEGMENTS} segments together: ask "
-                "for fewer turns P, or for a wider chord tolerance"
+                f"helices and further turns of more than {MOST_SEGMENTS} segments together: "
+                "program fewer turns P, or give a wider chord tolerance"
             )
 
     def go(self, x: float, y: float, z: float) -> None:
-        """A rapid move. Where it comes from is not known before the first contour."""
+        """Add a rapid move to a point; before the first contour only the position is stored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -112,7 +151,7 @@ class Draft:
         self.last = (x, y, z)
 
     def event(self, name: str, value: Value) -> None:
-        """Something is switched: on the open contour, or where the tool stands."""
+        """Add an event: on the current contour, or at the position where the tool rests."""
         if self.chain is not None:
             self.chain.events.append((len(self.chain.speeds), name, value))
         else:
@@ -120,21 +159,25 @@ class Draft:
             self.moves.append(Event(name=name, value=value))
 
     def rest(self) -> None:
-        """The tool comes to rest: what is open ends."""
+        """End the current contour and the current rapid."""
         self._close()
         self._flush()
 
     def dwell(self, duration: float) -> None:
-        """The tool rests for a time [s]; 0 only brings it to rest."""
+        """Add a dwell of a duration [s]; 0 only ends the current contour and rapid."""
         self.rest()
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """What was drafted.
+        """The program of all moves, in the plane if all moves are in z = 0.
+
+        Args:
+            source: Name of the file.
+            notes: Sentences for the user.
 
         Raises:
-            InvalidInput: No contour, or one that makes no path.
+            InvalidInput: There is no contour, or a contour makes no path.
         """
         self.rest()
         if not self.begun:
@@ -150,22 +193,26 @@ class Draft:
         )
 
     def _begin(self, line: int) -> Chain:
+        """Start a contour at the tool's position."""
         self._flush()
         self.begun = True
         self.chain = Chain(points=array("d", self.last), line=line)
         return self.chain
 
     def _close(self) -> None:
+        """End the current contour."""
         if self.chain is not None:
             self.moves.append(self.chain)
             self.chain = None
 
     def _flush(self) -> None:
+        """End the current rapid."""
         if self.rapid is not None:
             self.moves.append(self.rapid)
             self.rapid = None
 
     def _leaves_the_plane(self) -> bool:
+        """Whether a point has a z other than zero."""
         for x in self.moves:
             if isinstance(x, Chain | array):
                 points = np.frombuffer(x.points if isinstance(x, Chain) else x)
@@ -179,6 +226,7 @@ def _point(values: list[float]) -> Point:
 
 
 def _move(x: Chain | array[float] | Event | Dwell, dimension: int, source: str) -> Move:
+    """The move of a program: a contour, a rapid, an event or a dwell."""
     if isinstance(x, Chain):
         return _contour(x, dimension, source)
     if isinstance(x, array):
@@ -187,6 +235,11 @@ def _move(x: Chain | array[float] | Event | Dwell, dimension: int, source: str) 
 
 
 def _contour(chain: Chain, dimension: int, source: str) -> Contour:
+    """The contour of a chain of feed moves.
+
+    Raises:
+        InvalidInput: The moves make no path; names the line.
+    """
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
@@ -199,7 +252,7 @@ def _contour(chain: Chain, dimension: int, source: str) -> Contour:
 
 
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:
-    """Straight segments between the points, and the chain's arcs."""
+    """The path through the points, with the chain's arcs; without a chain all straight."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:
         return Path(segments=Segments.lines(vertices))

@@ -1,7 +1,7 @@
-"""The modes of a machine that runs G-code, and what it does with a line.
+"""The modal state of a machine that runs G-code, and the execution of single lines.
 
-A line's words are carried out in the order of the LinuxCNC manual ("G-code Order of Execution"):
-feed, spindle, coolant, dwell, plane, units, path control, distance mode, motion, stop.
+The words of a line are executed in the order of the LinuxCNC manual ("G-code Order of
+Execution"): feed, spindle, coolant, dwell, plane, units, path control, distance mode, motion, stop.
 """
 
 from __future__ import annotations
@@ -31,18 +31,36 @@ from armcontour.io.drawings.gcode.words import Block, Fault
 from armcontour.io.drawings.reading import Reading
 
 MILLIMETRE, INCH = 1e-3, 0.0254
-# Largest coordinate [m] and feed rate [m/s]: beyond it a double does not resolve a nanometre.
+# Largest coordinate [m] and feed rate [m/s]: a double does not resolve a nanometre beyond it.
 FARTHEST = 1e6
 AXES = "XYZ"
-# Heights this near are one [m], and so are units [relative].
+# Heights that differ by less than this [m] are equal, and so are units that differ by less than
+# this fraction.
 CLOSE = 1e-9
 
 
 class Machine:
-    """The modes that are in force, and the draft of what was done so far.
+    """The modal state, and the draft of the program of the lines so far.
 
     Args:
-        reading: How the file is to be read.
+        reading: Settings of the reader.
+
+    Attributes:
+        draft: The program of the lines so far.
+        unknown: Codes and words that were skipped.
+        chord_tolerance: Largest distance between a helix and its chords [m].
+        unit: Length of the program's unit [m].
+        inch: Whether the unit is the inch (G20).
+        plane: The active plane (G17, G18, G19).
+        absolute: Whether coordinates are absolute (G90).
+        arc_absolute: Whether centres of arcs are absolute (G90.1).
+        motion: The active motion code; None if there is none.
+        per_minute: Whether F is a feed per minute (G94).
+        speed: Feed rate [m/s]; None before the first F.
+        tolerance: Corner tolerance [m] (G64 P); 0 for exact path (G61), NaN if not given.
+        at: Programmed position [m].
+        switches: State of spindle and coolant.
+        line: Number of the current line, from 1.
     """
 
     def __init__(self, reading: Reading) -> None:
@@ -63,11 +81,21 @@ class Machine:
 
     @property
     def plain(self) -> bool:
-        """Whether a line of nothing but X, Y, Z and F is a straight feed move to that point."""
+        """Whether a line of only X, Y, Z and F is a straight feed move to that point."""
         return self.motion == codes.LINE and self.absolute and self.per_minute and self.unit <= 0.1
 
     def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """A line of nothing but those words, where the machine is `plain`."""
+        """Execute a line of only these words while the machine is `plain`.
+
+        Args:
+            x: Number after X, None if the line has no X.
+            y: Number after Y, None if the line has no Y.
+            z: Number after Z, None if the line has no Z.
+            f: Number after F, None if the line has no F.
+
+        Raises:
+            Fault: The feed rate is out of range or missing.
+        """
         if f is not None:
             self._set_feed(float(f))
         if x is None and y is None and z is None:
@@ -83,16 +111,16 @@ class Machine:
         self.draft.feed(at[0], at[1], at[2], speed, self.tolerance, self.line)
 
     def execute(self, block: Block) -> bool:
-        """Carries out a line.
+        """Execute a line.
 
         Returns:
-            Whether it ends the program.
+            Whether the line ends the program.
 
         Raises:
-            Fault: What cannot be carried out.
+            Fault: The line cannot be executed.
         """
         skipped = self.unknown.screen(block, self.line)
-        arc = not skipped.owns_axes and self._turns_on(block)
+        arc = not skipped.owns_axes and self._is_arc(block)
         if not skipped.owns_words:
             self._refuse_strays(block, arc)
         if skipped.owns_s:
@@ -106,38 +134,49 @@ class Machine:
         return self._stop(block)
 
     def _refuse_strays(self, block: Block, arc: bool) -> None:
-        """Words that belong to nothing on their line."""
+        """Refuse words that no code of the line uses.
+
+        Args:
+            block: The line.
+            arc: Whether the line is an arc.
+
+        Raises:
+            Fault: A word is not used, or more than one code could use it.
+        """
         words = block.words
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         users += ["the arc"] if arc else []
         if "P" in words and not users:
-            raise Fault("the word P, which belongs to nothing here: it goes with G4, G64, G2, G3")
+            raise Fault("the word P, which no code here uses: it belongs to G4, G64, G2 and G3")
         if "P" in words and len(users) > 1:
             raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
         if "Q" in words and codes.BLEND not in block.g:
-            raise Fault("the word Q, which belongs to nothing here: it goes with G64")
+            raise Fault("the word Q, which no code here uses: it belongs to G64")
         for letter in "IJKR":
             if letter in words and not arc:
-                raise Fault(
-                    f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
-                )
+                raise Fault(f"the word {letter}, which no code here uses: it belongs to G2 and G3")
 
-    def _turns_on(self, block: Block) -> bool:
-        """Whether a line asks for an arc."""
+    def _is_arc(self, block: Block) -> bool:
+        """Whether a line programs an arc."""
         explicit = _motion_of(block)
         if explicit is not None:
             return explicit in codes.ARCS
         return self.motion in codes.ARCS and not block.words.keys().isdisjoint("XYZIJKR")
 
     def _set_rates(self, block: Block) -> None:
+        """Set the feed mode and the feed rate.
+
+        Raises:
+            Fault: The feed rate is out of range, or its unit is ambiguous.
+        """
         if codes.PER_MINUTE in block.g and not self.per_minute:
             self.per_minute, self.speed = True, None
         elif codes.INVERSE_TIME in block.g or codes.PER_TURN in block.g:
             self.per_minute = False
         if "F" not in block.words or not self.per_minute:
             return
-        wanted = self._unit_of(block)
-        if wanted is not None and abs(wanted - self.unit) > CLOSE * self.unit:
+        new_unit = self._unit_of(block)
+        if new_unit is not None and abs(new_unit - self.unit) > CLOSE * self.unit:
             raise Fault(
                 "F on the line that changes the unit of length, which some machines read in the "
                 "old unit and some in the new: write F on a line of its own"
@@ -145,6 +184,11 @@ class Machine:
         self._set_feed(block.words["F"])
 
     def _set_feed(self, value: float) -> None:
+        """Set the feed rate from the value of F, in units per minute.
+
+        Raises:
+            Fault: The feed rate is out of range.
+        """
         speed = value * self.unit / 60
         if speed < 0 or speed > FARTHEST:
             raise Fault(
@@ -153,7 +197,11 @@ class Machine:
         self.speed = speed
 
     def _feed(self) -> float:
-        """Speed of a feed move [m/s]; NaN where the file gives it in a way that is not read."""
+        """Speed of a feed move [m/s]; NaN in a feed mode other than feed per minute.
+
+        Raises:
+            Fault: No feed rate was given.
+        """
         if not self.per_minute:
             return math.nan
         if not self.speed:
@@ -164,6 +212,11 @@ class Machine:
         return self.speed
 
     def _dwell(self, block: Block) -> None:
+        """Execute G4.
+
+        Raises:
+            Fault: The duration is missing or negative.
+        """
         duration = block.words.get("P")
         if duration is None or duration < 0:
             given = "none" if duration is None else f"{duration:g}"
@@ -171,11 +224,17 @@ class Machine:
         self.draft.dwell(duration)
 
     def _unit_of(self, block: Block) -> float | None:
+        """Length of the unit that a line sets [m]; None if it sets none."""
         if codes.INCH in block.g:
             return INCH
         return MILLIMETRE if codes.MILLIMETRE in block.g else None
 
     def _set_modes(self, block: Block) -> None:
+        """Set unit, plane, distance modes and path control.
+
+        Raises:
+            Fault: The tolerance of G64 is not above zero.
+        """
         unit = self._unit_of(block)
         if unit is not None:
             self.unit, self.inch = unit, unit == INCH
@@ -192,23 +251,38 @@ class Machine:
                 self.tolerance = self._blend(block.words.get("P"))
 
     def _blend(self, largest: float | None) -> float:
+        """The corner tolerance of G64 [m] from its word P; NaN without P.
+
+        Raises:
+            Fault: P is not above zero.
+        """
         if largest is None:
             return math.nan
         if largest <= 0:
             raise Fault(
-                f"G64 with P{largest:g}, which must be above zero: G61 keeps to corners exactly, "
+                f"G64 with P{largest:g}, which must be above zero: G61 follows corners exactly, "
                 "G64 without P sets no tolerance"
             )
         return largest * self.unit
 
     def _move(self, block: Block, arc: bool, owned: bool) -> None:
+        """Execute the motion of a line.
+
+        Args:
+            block: The line.
+            arc: Whether the line is an arc.
+            owned: Whether the line's coordinates belong to a skipped code.
+
+        Raises:
+            Fault: No motion is active, or the motion cannot be executed.
+        """
         explicit = _motion_of(block)
         if explicit is not None:
             self.motion = None if explicit == codes.CANCEL_MOTION else explicit
         if owned or (not arc and block.words.keys().isdisjoint(AXES)):
             return
         if self.motion is None:
-            raise Fault("coordinates without a motion in force: write G0, G1, G2 or G3 before")
+            raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
         target = self._target(block)
         if self.motion == codes.RAPID:
             self.draft.go(*target)
@@ -219,6 +293,11 @@ class Machine:
         self.at = list(target)
 
     def _target(self, block: Block) -> Point:
+        """The end point of a motion [m].
+
+        Raises:
+            Fault: A coordinate is too large.
+        """
         x, y, z = (
             self._length(letter, block.words[letter], 0.0 if self.absolute else self.at[i])
             if letter in block.words
@@ -228,6 +307,11 @@ class Machine:
         return x, y, z
 
     def _length(self, letter: str, value: float, origin: float) -> float:
+        """The value of a word as a length from an origin [m].
+
+        Raises:
+            Fault: The length is too large.
+        """
         length = origin + value * self.unit
         if abs(length) > FARTHEST:
             raise Fault(
@@ -236,6 +320,11 @@ class Machine:
         return length
 
     def _arc(self, block: Block, target: Point) -> None:
+        """Execute an arc or, if the height changes, a helix as chords.
+
+        Raises:
+            Fault: The words do not define an arc, or there are too many segments.
+        """
         a, b, c = axes = PLANES[self.plane]
         speed, turns = self._feed(), turns_of(block)
         last = self.draft.last
@@ -257,6 +346,11 @@ class Machine:
             self.draft.feed(x, y, z, speed, self.tolerance, self.line)
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
+        """The arc of a line in the active plane.
+
+        Raises:
+            Fault: The words do not define an arc.
+        """
         turn = 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
         if by_radius(block, self.plane):
             radius = self._length("R", block.words["R"], 0.0)
@@ -269,6 +363,7 @@ class Machine:
         return around(start, end, (x, y), turn, "inch" if self.inch else "mm")
 
     def _stop(self, block: Block) -> bool:
+        """Execute a pause or the end of the program; returns whether the program ends."""
         for code, value in ((0, True), (1, "optional")):
             if code in block.m:
                 self.draft.rest()
@@ -280,5 +375,5 @@ class Machine:
 
 
 def _motion_of(block: Block) -> int | None:
-    """The code of the group for motion on a line."""
+    """The motion code of a line; None if it has none."""
     return next((x for x in block.g if codes.G_GROUP.get(x) == "motion"), None)

@@ -1,4 +1,4 @@
-"""Reading G-code: lines, the frame of percent signs, and the end of the program."""
+"""The function `read_gcode`: lines, percent signs and the end of a G-code program."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from armcontour.io.drawings.gcode.words import Fault, parse
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Program
 
-# A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
-# does not match is taken apart word by word, to the same effect.
+# A line of only coordinates and feed, as nearly all lines of long programs are. All other lines
+# are split into words, which is slower and has the same result.
 _NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
 PLAIN = re.compile(
     r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"
     rf"(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?\n?"
 )
-# A program has lines of some ten characters, and comments of some hundred.
+# Longest line [characters]: usual lines have tens of characters, comments hundreds.
 LONGEST_LINE = 65_536
 LINES_BETWEEN_REPORTS = 4096
 LINE_END = re.compile(rb"\r\n|\r|\n")
@@ -33,26 +33,24 @@ def read_gcode(
     reading: Reading,
     progress: Callable[[float], None] | None = None,
 ) -> Program:
-    """The program that G-code says, RS274/NGC as the LinuxCNC manual has it.
+    """Read a program in G-code (RS274/NGC as in the LinuxCNC manual).
 
-    Feed moves without a rapid or a dwell between them are one contour, named after their first
-    line; every segment has the speed F and the tolerance G64 P, or 0 under G61. Rapids keep their
-    points.
-    Spindle and coolant are events. See docs/guides/gcode.md for every word.
+    Feed moves without a rapid or a dwell between them are one contour, named after its first line.
+    Each segment has the speed F and the corner tolerance of G64 P, or 0 after G61. Rapids keep
+    their points. Changes of spindle and coolant are events. docs/guides/gcode.md lists all words.
 
     Args:
-        data: What the file holds.
-        source: What it is called.
-        reading: How to read it; its unit holds until G20 or G21, millimetres by default.
-        progress: Called now and then with the share that is read.
+        data: Content of the file.
+        source: Name of the file.
+        reading: Settings of the reader; its unit, by default millimetres, is used until G20 or G21.
+        progress: Called from time to time with the fraction of the file that is read, 0 to 1.
 
     Raises:
-        InvalidInput: Something that cannot be read or carried out, with its line; `index` is the
-            line's, from 0.
+        InvalidInput: A line cannot be read or executed; `index` is the number of the line, from 0.
     """
     _refuse_binary(data, source)
     machine = Machine(reading)
-    notes = _run(_lines(data), machine, source, _reporting(data, progress))
+    notes = _run(_lines(data), machine, source, _line_reporter(data, progress))
     program = machine.draft.program(source, tuple(machine.unknown.notes() + notes))
     if progress is not None:
         progress(1.0)
@@ -60,27 +58,33 @@ def read_gcode(
 
 
 def _refuse_binary(data: bytes, source: str) -> None:
+    """Refuse a file that contains a byte of value 0.
+
+    Raises:
+        InvalidInput: The file does.
+    """
     at = data.find(b"\0")
     if at >= 0:
         line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
         raise InvalidInput(
-            f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
+            f"{source}, line {line}: a byte of value 0, which G-code does not have: save the file "
             "as plain text (ASCII, Latin-1 or UTF-8).",
             index=line - 1,
         )
 
 
 def _lines(data: bytes) -> Iterator[str]:
-    """Lines that end with any of the three ends of line, one at a time."""
+    r"""The lines of a file, with \n, \r\n or \r as line ends."""
     text = io.TextIOWrapper(io.BytesIO(data), encoding="latin-1", newline=None)
     if data.startswith(b"\xef\xbb\xbf"):
         text.read(3)
     return iter(text)
 
 
-def _reporting(
+def _line_reporter(
     data: bytes, progress: Callable[[float], None] | None
 ) -> Callable[[int], None] | None:
+    """A function that reports the progress for the number of a line; None if none is wanted."""
     if progress is None:
         return None
     total = max(data.count(b"\n"), data.count(b"\r")) + 1
@@ -90,7 +94,11 @@ def _reporting(
 def _run(
     lines: Iterator[str], machine: Machine, source: str, report: Callable[[int], None] | None
 ) -> list[str]:
-    """Carries out all lines up to the end of the program; gives notes on lines left out."""
+    """Execute all lines up to the end of the program; returns notes on lines left out.
+
+    Raises:
+        InvalidInput: A line cannot be read or executed, or the closing percent sign is missing.
+    """
     frame = _Frame()
     plain = machine.plain
     number = 0
@@ -110,15 +118,23 @@ def _run(
         raise InvalidInput(f"{source}, line {number}: {fault}.", index=number - 1) from None
     if frame.framed and not frame.ended:
         raise InvalidInput(
-            f"{source}, line {number}: the file ends without the second % that its first line asks "
-            "for, and without M2 or M30: it may have been cut off.",
+            f"{source}, line {number}: the file starts with % and ends without a second %, M2 or "
+            "M30: it may have been cut off.",
             index=number - 1,
         )
     return frame.notes(number, lines)
 
 
 class _Frame:
-    """Where a program begins and ends, and lines that are left out because a slash says so."""
+    """The start and end of a program, marked by percent signs or M2 and M30, and deleted lines.
+
+    Attributes:
+        framed: Whether the program started with a percent sign.
+        seen: Whether a line with words was executed.
+        ended: Whether the program has ended.
+        deleted: Number of lines with a slash (block delete), which are not executed.
+        first_deleted: Number of the first of these lines.
+    """
 
     def __init__(self) -> None:
         self.framed = False
@@ -128,10 +144,10 @@ class _Frame:
         self.first_deleted = 0
 
     def run_line(self, line: str, machine: Machine) -> bool:
-        """Carries out a line; whether the program ends with it.
+        """Execute a line; returns whether the program ends with it.
 
         Raises:
-            Fault: What cannot be carried out.
+            Fault: The line cannot be read or executed.
         """
         if len(line) > LONGEST_LINE:
             raise Fault(
@@ -154,7 +170,12 @@ class _Frame:
         return self.ended
 
     def notes(self, last: int, rest: Iterator[str]) -> list[str]:
-        """Sentences on lines that were left out."""
+        """Sentences on the lines that were left out.
+
+        Args:
+            last: Number of the last line that was read.
+            rest: The lines after it.
+        """
         found = []
         if self.deleted:
             found.append(

@@ -1,4 +1,4 @@
-"""What a program switches: spindle and coolant, as events."""
+"""The state of spindle and coolant, whose changes become events."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ BOTH = "mist and flood"
 
 
 class Switches:
-    """The states of what is switched; a change of one is an event.
+    """The states of spindle and coolant; each change of a state adds an event.
 
     Args:
-        draft: The program that takes the events.
+        draft: The program to which the events are added.
     """
 
     def __init__(self, draft: Draft) -> None:
@@ -23,10 +23,10 @@ class Switches:
         self.states: dict[str, Value] = {}
 
     def apply(self, block: Block) -> None:
-        """What a line switches.
+        """Execute the codes and words of a line for spindle and coolant.
 
         Raises:
-            Fault: A speed below zero.
+            Fault: The spindle speed is negative.
         """
         speed = block.words.get("S")
         if speed is not None:
@@ -38,16 +38,17 @@ class Switches:
                 self._set("spindle", SPINDLE[code])
         for code in block.m:
             if code in COOLANT:
-                value, now = COOLANT[code], self.states.get("coolant")
-                self._set("coolant", BOTH if value and now and now != value else value)
+                value, before = COOLANT[code], self.states.get("coolant")
+                self._set("coolant", BOTH if value and before and before != value else value)
 
     def off(self) -> None:
-        """What M2 and M30 do besides: M5 and M9 (LinuxCNC manual, M Codes, "M2, M30")."""
+        """Switch spindle and coolant off, as M2 and M30 do (LinuxCNC manual, M Codes)."""
         for name in ("spindle", "coolant"):
             if self.states.get(name):
                 self._set(name, False)
 
     def _set(self, name: str, value: Value) -> None:
+        """Set a state; a change adds an event."""
         if name not in self.states or self.states[name] != value:
             self.draft.event(name, value)
             self.states[name] = value

@@ -1,4 +1,4 @@
-"""What the reader does not know: refused, or skipped and counted."""
+"""Codes and words that the reader does not execute: refused, or skipped and counted."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.words import Block, Fault
 from armcontour.io.drawings.reading import SKIP
 
-# Words that mean something with codes that are not carried out only.
+# Words that are used only by codes that the reader does not execute.
 OTHER_LETTERS = "ABCDEHLTUVW"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skipped:
-    """What of a line was left out.
+    """Which words of a line belong to codes that were skipped.
 
     Args:
-        owns_words: Whether I, J, K, P, Q or R may have gone with it.
-        owns_s: Whether S did: a temperature, or a speed of another kind.
-        owns_axes: Whether X, Y and Z went with it.
+        owns_words: Whether I, J, K, P, Q or R may belong to a skipped code.
+        owns_s: Whether S belongs to a skipped code, for example as a temperature.
+        owns_axes: Whether X, Y and Z belong to a skipped code.
     """
 
     owns_words: bool
@@ -31,10 +31,13 @@ NOTHING = Skipped(owns_words=False, owns_s=False, owns_axes=False)
 
 
 class Unknown:
-    """What was skipped, by its kind, with count and first line.
+    """Counts the codes and words that were skipped.
 
     Args:
         policy: "refuse" or "skip".
+
+    Attributes:
+        counts: For each skipped code or word its number of occurrences and its first line.
     """
 
     def __init__(self, policy: str) -> None:
@@ -42,10 +45,10 @@ class Unknown:
         self.counts: dict[str, list[int]] = {}
 
     def screen(self, block: Block, line: int) -> Skipped:
-        """What of a line is not carried out.
+        """Skip or refuse the codes and words of a line that the reader does not execute.
 
         Raises:
-            Fault: Something that is to be refused, or is never skipped.
+            Fault: A code or word is refused by the policy, or is never skipped.
         """
         letters = [x for x in block.words if x in OTHER_LETTERS]
         g = [x for x in block.g if x not in codes.UNDERSTOOD_G]
@@ -72,11 +75,20 @@ class Unknown:
         )
 
     def _refuse_motion(self, code: int, axes: bool) -> None:
+        """Refuse a code without which the moves after it would be at other positions.
+
+        Args:
+            code: The G code.
+            axes: Whether its line has coordinates.
+
+        Raises:
+            Fault: The code is such a code.
+        """
         name = codes.g_name(code)
         if code in codes.NEVER_SKIPPED_G:
             raise Fault(
                 f"{name}, which this reader does not carry out and does not skip either, because "
-                "the moves after it would be elsewhere: write G0, G1, G2 and G3"
+                "the moves after it would be at other positions: write G0, G1, G2 and G3"
             )
         known = code in codes.NO_USE_FOR_AXES or code in codes.OWN_THE_LINE
         if axes and not known:
@@ -85,17 +97,21 @@ class Unknown:
             )
 
     def skip(self, kind: str, line: int) -> None:
-        """Leaves something out.
+        """Count a skipped code or word, or refuse it.
+
+        Args:
+            kind: Name of the code or word.
+            line: Number of its line.
 
         Raises:
-            Fault: It is to be refused.
+            Fault: The policy is to refuse.
         """
         if self.policy == "refuse":
             raise Fault(f"{kind}, which this reader does not carry out: remove it, or {SKIP}")
         self.counts.setdefault(kind, [0, line])[0] += 1
 
     def notes(self) -> list[str]:
-        """One sentence for every kind."""
+        """One sentence for each kind of code or word that was skipped."""
         return [
             f"{kind[0].upper()}{kind[1:]} was skipped {count} time{'s' if count > 1 else ''}, "
             f"first in line {line}."

@@ -1,4 +1,4 @@
-"""A line of G-code taken apart into its words."""
+"""Parsing of a line of G-code into its words."""
 
 from __future__ import annotations
 
@@ -6,28 +6,35 @@ import re
 
 from armcontour.io.drawings.gcode.codes import G_GROUP, M_GROUP, g_name
 
-# Seventeen digits tell all doubles apart; twice as many are no measure of anything.
+# Longest number [characters]: seventeen digits are enough for any double.
 MOST_CHARACTERS = 34
-# Largest value of a word, whatever it means; coordinates have a limit of their own.
+# Largest value of any word; coordinates have a smaller limit.
 LARGEST_VALUE = 1e9
-# A value that is to be a whole number is one this near to it (LinuxCNC manual, "Numbers").
+# A value counts as a whole number if it differs by at most this (LinuxCNC manual, "Numbers").
 WHOLE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
-# Spaces may stand anywhere, and case means nothing (LinuxCNC manual, "Format of a line").
+# Spaces may be anywhere and case is ignored (LinuxCNC manual, "Format of a line"): this table
+# removes spaces and converts letters to capitals.
 COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
 
 
 class Fault(Exception):
-    """What is wrong with a line, as the second half of a sentence that names the line."""
+    """An error in a line; the message completes a sentence that starts with the line's number."""
 
 
 class Block:
-    """The words of a line: G codes in tenths, M codes, and a value for every other letter."""
+    """The words of a line.
+
+    Attributes:
+        g: G codes, times ten.
+        m: M codes.
+        words: Values of the other words by their letters.
+    """
 
     __slots__ = ("g", "m", "words")
 
@@ -38,10 +45,11 @@ class Block:
 
 
 def parse(line: str) -> Block:
-    """The words of a line.
+    """Parse a line into its words.
 
     Raises:
-        Fault: Something that is no word or comment, or words that exclude each other.
+        Fault: The line has something other than words and comments, or words that exclude each
+            other.
     """
     text = line.translate(COMPACT)
     block = Block()
@@ -62,6 +70,11 @@ def parse(line: str) -> Block:
 
 
 def _add(block: Block, letter: str, number: str, at: int) -> None:
+    """Add a word to a block; `at` is its position in the line.
+
+    Raises:
+        Fault: The value is out of range, or the word excludes another one of the line.
+    """
     if len(number) > MOST_CHARACTERS:
         raise Fault(
             f"the number after {letter} has {len(number)} characters, but at most "
@@ -78,7 +91,7 @@ def _add(block: Block, letter: str, number: str, at: int) -> None:
     elif letter == "M":
         _add_code(block.m, "M", number, value, M_GROUP)
     elif letter in block.words:
-        raise Fault(f"the word {letter} twice, of which only one can be meant")
+        raise Fault(f"the word {letter} twice, which a line takes only once")
     else:
         block.words[letter] = value
 
@@ -86,6 +99,18 @@ def _add(block: Block, letter: str, number: str, at: int) -> None:
 def _add_code(
     codes: list[int], letter: str, number: str, scaled: float, groups: dict[int, str]
 ) -> None:
+    """Add a G or M code to the codes of a line.
+
+    Args:
+        codes: The codes of the line.
+        letter: "G" or "M".
+        number: The number as written, for messages.
+        scaled: The number in the unit of `codes`.
+        groups: Modal groups by code.
+
+    Raises:
+        Fault: The code is invalid, or a code of the same modal group is in the line.
+    """
     code = round(scaled)
     if code < 0 or abs(scaled - code) > WHOLE:
         raise Fault(f"{letter}{number} is no {letter} code")
@@ -102,12 +127,12 @@ def _add_code(
 
 
 def _what_is_wrong(text: str, at: int) -> str:
-    """Why no word or comment begins there."""
+    """The reason why no word or comment starts at a position of a line."""
     here = text[at]
     following = text[at + 1 : at + 2]
     if here in "#[]=" or (here.isascii() and here.isalpha() and following in ("#", "[")):
         return (
-            "a parameter or an expression (# or [ ]), which this reader does not work out: let "
+            "a parameter or an expression (# or [ ]), which this reader does not evaluate: let "
             "the program that wrote the file write plain numbers"
         )
     if here == "O":
