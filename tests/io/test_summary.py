@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour.arms import load_arm
-from armcontour.io import parse_job, parse_trajectory, planned_csv, summary, torque_csv
+from armcontour import load_arm
+from armcontour.io import parse_job, parse_trajectory, planned_csv, torque_csv
+from armcontour.io.summary import summary
 from armcontour.jobs import Study, run
 
 JOB = {

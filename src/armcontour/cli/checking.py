@@ -63,10 +63,10 @@ def check_file(
     Raises:
         InvalidInput: A file that cannot be used.
     """
-    from armcontour.arms import load_arm
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits, read_trajectory
+    from armcontour.io.robots.loading import load_arm
     from armcontour.jobs import path_of
 
     job = None if job_file is None else read_job(job_file, trust_xacro=trust_xacro)

@@ -48,7 +48,8 @@ def run_job(
         ArmContourError: As the steps raise it; nothing is written then.
     """
     # Only then the heavy part, so that the folder and the job are refused at once.
-    from armcontour.io import ResultFolder, summarise_taught, summary
+    from armcontour.io import ResultFolder
+    from armcontour.io.summary import summarise_taught, summary
 
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(progress.share)

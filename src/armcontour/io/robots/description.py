@@ -13,9 +13,9 @@ from armcontour._checks import FloatArray
 from armcontour._numbers import parse_number
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
-from armcontour.arms.tree import Joint, Tree
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, exp
+from armcontour.io.robots.tree import Joint, Tree
 
 # Joints that mimic one another in a row; grippers have some 3.
 MOST_MIMICS = 50

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, _yaml
 from armcontour._checks import FloatArray
-from armcontour.arms import text
+from armcontour._numbers import plain_number
+from armcontour._text import show
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
@@ -18,6 +19,7 @@ from armcontour.arms.serial import SerialArm
 from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy
+from armcontour.io.robots.tree import MOST_CHARACTERS
 
 UNITS = {
     "base": "m",
@@ -67,7 +69,7 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
     Raises:
         InvalidInput: Not YAML, or it does not describe an arm.
     """
-    data = text.load_yaml(file, content)
+    data = _yaml.load(content, file, _yaml.AngleLoader)
     kind = data.get("kind") if isinstance(data, Mapping) else None
     known = KINDS.get(kind) if isinstance(kind, str) else None
     if known is None:
@@ -115,7 +117,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
     for joint in joints:
-        text.refuse_unprintable(f"A joint of {file}", joint)
+        _checks.check_name(f"name of a joint of {file}", joint, most=MOST_CHARACTERS)
     n = len(joints)
     given = [key for key in BODIES if key in data]
     if given and len(given) < len(BODIES):
@@ -167,7 +169,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
             f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
         )
     name = str(data.get("name", file))
-    text.refuse_unprintable(f"The arm of {file}", name)
+    _checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
     return {
         "name": name,
         "source": str(data.get("source", "")),
@@ -193,4 +195,14 @@ def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
         raise InvalidInput(
             f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
         )
-    return text.numbers(f"{key} in {file}", quantity["value"], UNITS[key])
+    return _numbers(f"{key} in {file}", quantity["value"], UNITS[key])
+
+
+def _numbers(where: str, value: Any, unit: str) -> Any:
+    """A number of a file, or a list of numbers, or of lists of them."""
+    if isinstance(value, list):
+        return [_numbers(where, x, unit) for x in value]
+    found = plain_number(value)
+    if found is None:
+        raise InvalidInput(f"{where} must be finite numbers in {unit}, not {show(value)}.")
+    return found

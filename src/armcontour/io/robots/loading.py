@@ -8,18 +8,18 @@ from pathlib import Path as FilePath
 
 from armcontour import _files
 from armcontour.arms.arm import Arm
-from armcontour.arms.arm_file import read_arm
 from armcontour.arms.chain import Payload
-from armcontour.arms.joint_limits import limits_of, override, table_of
 from armcontour.arms.serial import SerialArm
-from armcontour.arms.urdf import arm_of_tree, is_description, read_description
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
+from armcontour.io.robots.arm_file import read_arm
+from armcontour.io.robots.joint_limits import limits_of, override, table_of
+from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
 
 
 def arm_names() -> tuple[str, ...]:
     """Names of the built-in arms."""
-    folder = resources.files("armcontour.arms") / "library"
+    folder = resources.files("armcontour.io.robots") / "library"
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
 
@@ -104,7 +104,7 @@ def _read(name: str, payload: Payload | None) -> Arm:
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf or .xacro file."
         )
-    found = resources.files("armcontour.arms") / "library" / f"{name}.yaml"
+    found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
     return read_arm(f"{name}.yaml", found.read_bytes(), payload)
 
 

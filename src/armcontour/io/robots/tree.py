@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from armcontour._checks import check_name
 from armcontour._numbers import parse_number
-from armcontour.arms.text import refuse_unprintable
 from armcontour.errors import InvalidInput
 
 # Joints that one angle describes.
@@ -20,6 +20,8 @@ DEEPEST = 100
 MOST_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
 MOST_ELEMENTS = 200_000
+# Of a name; packages put prefixes before the names of joints and links.
+MOST_CHARACTERS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,7 +151,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
         )
-    refuse_unprintable(f"The robot of {file}", robot.get("name", ""))
+    check_name(f"name of the robot of {file}", robot.get("name", ""), most=MOST_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
             f"{file} holds xacro that is not expanded: name it .xacro, and say "
@@ -235,7 +237,7 @@ def _name(file: str, element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
-    refuse_unprintable(f"A {element.tag} of {file}", name)
+    check_name(f"name of a {element.tag} of {file}", name, most=MOST_CHARACTERS)
     return name
 
 

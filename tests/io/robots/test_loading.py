@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 import armcontour as ac
+from armcontour import _yaml
 from armcontour.arms import Payload
-from armcontour.arms.text import load_yaml
 from armcontour.frames import Frame
 
 GOOD = {
@@ -229,7 +229,7 @@ def test_arm_files_are_read_without_the_traps_of_yaml(tmp_path, refuses):
 
 def test_what_yaml_merges_is_no_key_twice():
     text = "y: &y {b: 1e-3, c: 2}\na: {in: &x {<<: *y, c: !degrees 180}}\nd: {<<: *x, b: 4}"
-    found = load_yaml("x.yaml", text.encode())
+    found = _yaml.load(text, "x.yaml", _yaml.AngleLoader)
     assert found["a"]["in"] == {"b": 1e-3, "c": np.pi} and found["d"] == {"b": 4, "c": np.pi}
 
 
@@ -249,4 +249,4 @@ def test_names_of_arm_files_can_be_printed(key, tmp_path, refuses):
     bad = "a\x1b]52;c"
     value = bad if key == "name" else [bad, *SERIAL["joints"][1:]]
     file = write(tmp_path, SERIAL | {key: value})
-    refuses(lambda: ac.load_arm(file), ac.InvalidInput, r"'a\x1b]52;c'", "cannot be printed")
+    refuses(lambda: ac.load_arm(file), ac.InvalidInput, r"'a\x1b]52;c'", "not printable")

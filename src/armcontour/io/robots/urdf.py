@@ -7,11 +7,11 @@ from pathlib import Path as FilePath
 
 from armcontour import _files
 from armcontour._xacro.expanding import expand_xacro
-from armcontour.arms.description import Description
-from armcontour.arms.joint_limits import Table, limits_of, override
 from armcontour.arms.serial import SerialArm
-from armcontour.arms.tree import TURNING, Joint, Tree, read_tree, some
 from armcontour.errors import InvalidInput
+from armcontour.io.robots.description import Description
+from armcontour.io.robots.joint_limits import Table, limits_of, override
+from armcontour.io.robots.tree import TURNING, Joint, Tree, read_tree, some
 
 DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
