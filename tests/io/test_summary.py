@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour import load_arm
+from armcontour import PlanarTwoLink, load_arm
 from armcontour.io import parse_job, parse_trajectory, planned_csv, torque_csv
 from armcontour.io.summary import summary
 from armcontour.jobs import Study, run
@@ -132,8 +133,12 @@ def test_what_is_not_known_of_an_arm_is_not_there() -> None:
     }
     plain.pop("experiment")
     job = parse_job(yaml.safe_dump(plain))
-    assert job.arm.chain is not None
-    job.arm.chain = job.arm.chain.replace(masses=None, assumed="")
+    own = job.arm
+    assert isinstance(own, PlanarTwoLink)
+    arm = PlanarTwoLink(
+        name=own.name, base=own.base, links=(own.link1, own.link2), limits=own.limits
+    )
+    job = dataclasses.replace(job, arm=arm)
     found = json.loads(summary(run(job)))
     assert not found["arm"]["masses_known"] and found["arm"]["assumed"] is None
     assert not {"torque", "angular_speed", "experiment"} & set(found["runs"]["plain"])

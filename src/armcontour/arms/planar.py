@@ -32,6 +32,7 @@ class PlanarTwoLink(Arm):
         tubes: The tubes that its links are assumed to be; None: nothing is known of their masses.
         payload: What the tool carries; its frame is in the plane, with y along the second link.
         assumed: What is assumed of its bodies and by what rule, for people.
+        limits_hint: What would give the arm the limits that it lacks, for messages.
 
     Its `chain` has both joints in space: the plane is z = 0, and taken as horizontal, so that
     gravity costs no torque.
@@ -53,6 +54,7 @@ class PlanarTwoLink(Arm):
         tubes: tuple[Tube, Tube] | None = None,
         payload: Payload | None = None,
         assumed: str = "",
+        limits_hint: str = "",
     ) -> None:
         self.name = name
         self.base = _checks.number("base", base, "m")
@@ -60,7 +62,8 @@ class PlanarTwoLink(Arm):
         self.link2 = _checks.positive("second link length", links[1], "m")
         self.limits = limits.for_joints(2)
         self.source = source
-        self.joint_names = joint_names
+        self.limits_hint = limits_hint
+        self.joint_names = tuple(joint_names)
         self.chain = self._chain(tubes, payload, assumed)
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Locked
 from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
@@ -58,7 +58,7 @@ RATED_POSES = 200
 BLOCK = 1.0
 
 
-class RigidBodyPlant(Plant):
+class RigidBodyPlant(Locked, Plant):
     """The arm's bodies under a sampled position and velocity loop on every joint.
 
     Every `step` each drive sets its torque to `J K_v (K_p (u - q) - dq)`, to which the controller
@@ -79,6 +79,8 @@ class RigidBodyPlant(Plant):
         noise: Standard deviation of measured joint positions [rad], independent in every step.
             Measured velocities are the true ones: what a drive makes of noise is not known.
         seed: Of the noise, the same in every run.
+
+    Once made, a plant does not change.
 
     Attributes:
         reference: Where J is taken [rad], (dof,).
@@ -116,10 +118,10 @@ class RigidBodyPlant(Plant):
         self.friction = friction
         self.noise = check_noise(noise)
         self.seed = _checks.whole("seed", seed, 0, 2**63 - 1)
-        self.reference = _checks.lock_floats(_middle(arm.limits, arm.dof))
-        self.nominal_inertia = _checks.lock_floats(_nominal(self.chain, self.reference))
+        self.reference = _middle(arm.limits, arm.dof)
+        self.nominal_inertia = _nominal(self.chain, self.reference)
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
-        self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.chain))
+        self.torque_limit = _torques(own, arm.limits, self.chain)
         # An acceleration limit is what a joint has left for moving; a torque limit holds for all.
         self._on_top = own.joint_torque is None
 

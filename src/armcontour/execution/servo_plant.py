@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Locked
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
@@ -33,7 +33,7 @@ CHUNK = 0.25
 POLYNOMIAL = 64.0
 
 
-class ServoPlant(Plant):
+class ServoPlant(Locked, Plant):
     """The servo on every joint, by itself.
 
     Args:
@@ -49,6 +49,8 @@ class ServoPlant(Plant):
             if there are such limits; else "torque", if there are such limits and the arm has
             bodies; else "none". A servo of first order has no acceleration to limit: it only runs
             with "none", and demands are its accelerations.
+
+    Once made, a plant does not change.
 
     Attributes:
         saturation: As given, or by default.

@@ -170,10 +170,12 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
         )
     name = str(data.get("name", file))
     _checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
+    hint = f"add joint_acceleration to the limits in {file}"
     return {
         "name": name,
         "source": str(data.get("source", "")),
         "limits": Limits(**{key: _value(file, key, limits) for key in limits}),
+        "limits_hint": "" if "joint_acceleration" in limits else hint,
     }
 
 

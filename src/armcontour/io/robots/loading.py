@@ -72,7 +72,8 @@ def load_arm(
             override(table, arm.joint_names, limits_file)
             # What concerns the tool is of no file, and stays.
             own = limits_of(table, arm.joint_names, str(limits_file))
-            arm.limits = arm.limits.replace(**{key: getattr(own, key) for key in table})
+            own = arm.limits.replace(**{key: getattr(own, key) for key in table})
+            arm = arm.with_limits(own)
     return equip(arm, tool=tool, work=work, payload=payload)
 
 
@@ -95,10 +96,7 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
 
 def _read(name: str, payload: Payload | None) -> Arm:
     if name.lower().endswith((".yaml", ".yml")):
-        arm = read_arm(name, _files.read_bytes(name, "arm file"), payload)
-        if arm.limits.joint_acceleration is None:
-            arm.limits_hint = f"add joint_acceleration to the limits in {name}"
-        return arm
+        return read_arm(name, _files.read_bytes(name, "arm file"), payload)
     if name not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
