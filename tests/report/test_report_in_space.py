@@ -204,11 +204,16 @@ def test_seven_joints_have_a_report() -> None:
 
 
 def test_an_arm_without_bodies_has_no_torques() -> None:
-    study = run(parse_job(yaml.safe_dump(PANDA | {"arm": "ur5e"})))
-    own = study.job.arm
+    limits = {**PANDA["limits"], "joint_torque": None}
+    job = parse_job(yaml.safe_dump(PANDA | {"arm": "ur5e", "limits": limits}))
+    own = job.arm
     assert own.chain is not None
-    arm = SerialArm(name=own.name, chain=own.chain.replace(masses=None), limits=own.limits)
-    study = dataclasses.replace(study, job=dataclasses.replace(study.job, arm=arm))
+    arm = SerialArm(
+        name=own.name,
+        chain=own.chain.replace(masses=None),
+        limits=own.limits.replace(joint_torque=None),
+    )
+    study = run(dataclasses.replace(job, arm=arm))
     assert sections.torques(study) is None
     section = sections.joints(study)
     assert section is not None

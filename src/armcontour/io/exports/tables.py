@@ -11,9 +11,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import csv_text, event_data, event_text
-
-UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
+from armcontour.io.exports.text import csv_text, event_data, event_text, joint_columns
 
 
 def csv_of(table: Table) -> str:
@@ -104,16 +102,7 @@ def write_npz(table: Table, file: FilePath) -> None:
 
 
 def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
-    called = [x.removeprefix("joint ") for x in table.joint_names]
-    if len(set(called)) < len(called):
-        called = list(table.joint_names)
-    header, columns = ["t [s]"], [table.t]
-    for quantity, unit in UNITS.items():
-        values = getattr(table, quantity)
-        if values is not None:
-            header += [f"{quantity} {name} [{unit}]" for name in called]
-            columns.append(values)
-    return header, columns
+    return joint_columns(table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq)
 
 
 def _event_cells(table: Table) -> list[str]:
