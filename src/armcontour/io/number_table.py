@@ -101,9 +101,11 @@ def split_csv(text: str, source: str) -> CsvTable:
     Raises:
         InvalidInput: There is no line of column names, or no sample.
     """
+    # Not `splitlines`, to which some characters that may stand in a cell are ends of line.
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     kept = [
         (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
+        for number, line in enumerate(lines, start=1)
         if line and not line.isspace() and not line.lstrip().startswith("#")
     ]
     if not kept:
@@ -161,12 +163,21 @@ def _rows(table: CsvTable, first: int) -> list[list[str]]:
     return rows
 
 
-def _split(line: str, separator: str) -> list[str]:
+def split_line(line: str, separator: str) -> list[str]:
+    """The cells of a line.
+
+    Raises:
+        csv.Error: A quote that is not closed, or an endless cell in quotes.
+    """
     if '"' not in line:
         return [x.strip() for x in line.split(separator)]
+    # One line at a time, so that a quote that is never closed does not swallow the next lines.
+    return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
+
+
+def _split(line: str, separator: str) -> list[str]:
     try:
-        # One line at a time, so that a quote that is never closed does not swallow the next lines.
-        return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
+        return split_line(line, separator)
     except csv.Error:
         # Such a quote, or a cell of more than 131,072 characters: no number, whatever it is.
         return line.split(separator)
