@@ -46,7 +46,7 @@ def certify_file(
     """
     from contextlib import nullcontext
 
-    from armcontour.cli.progress import shown
+    from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, read_job
 
@@ -61,7 +61,7 @@ def certify_file(
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.certification import certify
 
-        with shown("certifying") as progress:
+        with search_progress("certifying") as progress:
             found = certify(job, run, progress=progress, **overrides)
         if folder is not None:
             _write(found, folder)

@@ -46,6 +46,7 @@ def identify_file(
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
+    from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
     from armcontour.identification import identify
     from armcontour.io.log_file import read_log
@@ -53,17 +54,20 @@ def identify_file(
 
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    found = identify(
-        read_log(
-            log,
-            start=-math.inf if start is None else start,
-            end=math.inf if end is None else end,
-            unwrap=unwrap,
-        ),
-        model=model,
-        interpolation=interpolation,
-        longest_dead_time=longest_dead_time,
+    samples = read_log(
+        log,
+        start=-math.inf if start is None else start,
+        end=math.inf if end is None else end,
+        unwrap=unwrap,
     )
+    with search_progress("identifying") as progress:
+        found = identify(
+            samples,
+            model=model,
+            interpolation=interpolation,
+            longest_dead_time=longest_dead_time,
+            progress=progress,
+        )
     refusal = _write(found, out, force=force) if out is not None else ""
     if as_json:
         print(identification_json(found), end="")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from armcontour._progress import Progress
     from armcontour.jobs import Job
-
-Told = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +49,7 @@ def open_job(
     file: FilePath,
     cell: str | None,
     overrides: Overrides,
-    told: Told,
+    progress: Progress,
     *,
     trust_xacro: bool = False,
 ) -> Job:
@@ -61,7 +59,7 @@ def open_job(
         file: A job file, or a drawing.
         cell: The cell, for a drawing only.
         overrides: What the command line says.
-        told: Called with the share of the drawing that is read.
+        progress: Called while the drawing is read, as by `read_path`.
         trust_xacro: Whether the arm may be a .xacro file, which is a program.
 
     Raises:
@@ -86,7 +84,7 @@ def open_job(
             source=file.name,
             folder=file.parent,
             changes=changes,
-            reading=told,
+            reading=progress,
             trust_xacro=trust_xacro,
         )
     if cell is None:
@@ -94,7 +92,7 @@ def open_job(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
-    return read_cell(cell, file, changes=changes, reading=told, trust_xacro=trust_xacro)
+    return read_cell(cell, file, changes=changes, reading=progress, trust_xacro=trust_xacro)
 
 
 def apply_overrides(data: dict[str, Any], x: Overrides) -> dict[str, Any]:

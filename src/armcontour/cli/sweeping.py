@@ -40,7 +40,7 @@ def sweep_file(
         ArmContourError: A job that cannot be used; nothing is written then.
     """
     from armcontour.cli.certifying import with_memory
-    from armcontour.cli.progress import shown
+    from armcontour.cli.progress import search_progress
     from armcontour.io import ResultFolder, read_job, sweep_json
 
     job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
@@ -49,7 +49,7 @@ def sweep_file(
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
-        with shown("sweeping") as progress:
+        with search_progress("sweeping") as progress:
             found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress)
         folder.write("report.html", render_sweep(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from armcontour._files import read_text
+from armcontour._progress import Progress
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
@@ -28,7 +29,7 @@ from armcontour.io.job_model import (
     given,
     given_limits,
 )
-from armcontour.io.job_path import Told, path_of
+from armcontour.io.job_path import path_of
 from armcontour.io.job_process import with_process
 from armcontour.io.problems import first_problem
 from armcontour.io.units import parse
@@ -49,13 +50,13 @@ PUBLISHED_UNITS = {
 
 
 def read_job(
-    file: str | FilePath, *, reading: Told | None = None, trust_xacro: bool = False
+    file: str | FilePath, *, reading: Progress | None = None, trust_xacro: bool = False
 ) -> Job:
     """The job in a YAML file.
 
     Args:
         file: The file.
-        reading: Called with the share that is read of the drawing it names.
+        reading: Called while the drawing that it names is read, as by `read_path`.
         trust_xacro: Whether its arm may be a .xacro file, which is a program; no job can say so.
 
     Raises:
@@ -87,7 +88,7 @@ def parse_job(
     source: str = "job",
     folder: FilePath | None = None,
     changes: Changes | None = None,
-    reading: Told | None = None,
+    reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
     """The job in YAML text.
@@ -126,7 +127,7 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _job(model: JobModel, folder: FilePath, reading: Told | None, trust_xacro: bool) -> Job:
+def _job(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacro: bool) -> Job:
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     path, process = with_process(
         path_of(model.path, folder, arm.dimension, reading), model.process, model.path

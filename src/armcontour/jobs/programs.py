@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._progress import Progress
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import Trajectory
@@ -159,7 +160,7 @@ def _length(speed: Callable[[float], float], assigned: float) -> float:
     return short if found is None else found
 
 
-def planned(job: Job, this: Run, program: Program, progress: Any = None) -> Trajectory:
+def planned(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Trajectory:
     """The trajectory of a program under the limits and the options of a run."""
     return plan(
         program,

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits
 from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
@@ -35,8 +36,6 @@ TEACHING = STEPS[:4]
 EXPERIMENT = "experiment"
 # Set-points farther apart than this share of the motion are said to be coarse.
 COARSE = 0.1
-Progress = Callable[[str, str], None]
-Done = Callable[[float], None] | None
 Result = TypeVar("Result", bound="RunPlan")
 
 
@@ -127,7 +126,6 @@ def run(
     job: Job,
     *,
     progress: Progress | None = None,
-    done: Done = None,
 ) -> Study:
     """Do a job: every run from the objective path to its evaluation.
 
@@ -135,28 +133,25 @@ def run(
 
     Args:
         job: The job.
-        progress: Called with the run's name and the step before each step.
-        done: Called with the share of a step that is done, where the step can tell: planning of a
-            program does.
+        progress: Called before each step with its names, such as ("proposed", "timing"), and again
+            with the share that is done while a program is planned.
 
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    return Study(job=job, runs=_every(job, _run, progress, done))
+    return Study(job=job, runs=_every(job, _run, progress))
 
 
 def teach(
     job: Job,
     *,
     progress: Progress | None = None,
-    done: Done = None,
 ) -> Mapping[str, RunPlan]:
     """Plan and compensate every run of a job, without simulating what the servo makes of it.
 
     Args:
         job: The job.
         progress: As in `run`.
-        done: As in `run`.
 
     Returns:
         The plans by the names of their runs.
@@ -164,20 +159,19 @@ def teach(
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    return _every(job, _taught, progress, done)
+    return _every(job, _taught, progress)
 
 
 def _every(
     job: Job,
-    do: Callable[[Job, Run, Progress, Done, Iterable[Result]], Result],
+    do: Callable[[Job, Run, Progress, Iterable[Result]], Result],
     progress: Progress | None,
-    done: Done,
 ) -> Mapping[str, Result]:
     """What every run of a job comes to, by its name; each is told of those before it."""
     found: dict[str, Result] = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
-            found[x.name] = do(job, x, progress or (lambda run, step: None), done, found.values())
+            found[x.name] = do(job, x, under(progress, x.name), found.values())
     return MappingProxyType(found)
 
 
@@ -214,25 +208,24 @@ def _run(
     job: Job,
     this: Run,
     progress: Progress,
-    done: Done,
     earlier: Iterable[RunResult],
 ) -> RunResult:
     earlier = list(earlier)
-    plan = _taught(job, this, progress, done, earlier, simulated=True)
-    progress(this.name, "execution")
+    plan = _taught(job, this, progress, earlier, simulated=True)
+    progress(Step(("execution",)))
     executed = execute(
         plan.taught,
         ServoPlant(job.arm, job.plant_servo, this.limits),
         resolution=RESOLUTION,
         memory=job.memory,
     )
-    progress(this.name, "evaluation")
+    progress(Step(("evaluation",)))
     evaluation = evaluate(
         executed, plan.path, objective=plan.objective, limits=this.limits, until=this.until
     )
     experiment, failure = None, None
     if this.experiment is not None:
-        progress(this.name, EXPERIMENT)
+        progress(Step((EXPERIMENT,)))
         try:
             with locate_errors("experiment"):
                 experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
@@ -256,7 +249,6 @@ def _taught(
     job: Job,
     this: Run,
     progress: Progress,
-    done: Done,
     earlier: Iterable[RunPlan],
     *,
     simulated: bool = False,
@@ -273,12 +265,12 @@ def _taught(
     path: Path | Program
     joint_path: JointPath | None = None
     if isinstance(job.path, Program):
-        objective, path, trajectory = _planned_program(job, this, progress, done)
+        objective, path, trajectory = _planned_program(job, this, progress)
     else:
         objective = job.path
         path, joint_path, trajectory = _planned_path(job, this, progress, earlier)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
-    progress(this.name, "compensation")
+    progress(Step(("compensation",)))
     taught = compensate(
         trajectory,
         job.servo,
@@ -301,17 +293,17 @@ def _planned_path(
     job: Job, this: Run, progress: Progress, earlier: Iterable[RunPlan]
 ) -> tuple[Path, JointPath, Trajectory]:
     """The rounded path of a run, its joint path and its plan."""
-    progress(this.name, "rounding")
+    progress(Step(("rounding",)))
     # Runs that differ in what comes after tracing share what is before: with joints to spare
     # tracing takes seconds.
     known = [(x.path, x.joint_path) for x in earlier if traced_alike(x.run, this)]
     path, joint_path = next(((a, b) for a, b in known if isinstance(a, Path)), (None, None))
     if path is None:
         path = path_of(job, this)
-    progress(this.name, "tracing")
+    progress(Step(("tracing",)))
     if joint_path is None:
         joint_path = traced(job, this, path)
-    progress(this.name, "timing")
+    progress(Step(("timing",)))
     return (
         path,
         joint_path,
@@ -320,15 +312,14 @@ def _planned_path(
 
 
 def _planned_program(
-    job: Job, this: Run, progress: Progress, done: Done
+    job: Job, this: Run, progress: Progress
 ) -> tuple[Program, Program, Trajectory]:
     """The program of a run before and after rounding, and its plan."""
-    progress(this.name, "rounding")
+    progress(Step(("rounding",)))
     objective, program = program_of(job, this, rounding_of(this))
-    progress(this.name, "tracing")
-    progress(this.name, "timing")
-    told = None if done is None else lambda number, count: done(number / count)
-    return objective, program, planned(job, this, program, told)
+    progress(Step(("tracing",)))
+    progress(Step(("timing",)))
+    return objective, program, planned(job, this, program, progress)
 
 
 def same_plan(first: RunResult, second: RunResult) -> bool:

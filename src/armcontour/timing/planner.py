@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks, _memory
+from armcontour._progress import Progress
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
@@ -18,7 +19,7 @@ from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
-from armcontour.timing.programs import Progress, Ways, plan_program, plan_rapid
+from armcontour.timing.programs import Ways, plan_program, plan_rapid
 from armcontour.tracing import refuse_out_of_range
 
 METHODS = tuple(x.value for x in Method)
@@ -68,7 +69,8 @@ def plan(
             by default the configuration that is fastest along the path.
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
-        progress: For a program: called with the number of contours done, and of all.
+        progress: For a program: called after every contour with a step, "timing", and the share of
+            it that is done.
         memory: What the program may take [bytes].
         options: For "optimal": `intervals` or `grid`, `start_speed`, `end_speed`, `constraints`
             (see `plan_optimal`); a program takes neither grid nor speeds, and `intervals` hold for

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, Unreachable, locate_errors
@@ -32,7 +33,6 @@ SAME_TIME = 1e-9
 RAPID_INTERVALS = 200
 
 Plan = Callable[[JointPath], Trajectory]
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +67,7 @@ def plan_program(program: Program, ways: Ways, progress: Progress | None = None)
     Args:
         program: The program, with its corners rounded and the tool's orientation given.
         ways: How its moves are planned.
-        progress: Called with the number of contours done, and of all.
+        progress: Called after every contour with the step "timing" and the share that is done.
 
     Raises:
         ArmContourError: As tracing and planning raise it, with the contour's name.
@@ -79,7 +79,7 @@ def plan_program(program: Program, ways: Ways, progress: Progress | None = None)
             chain.contour(i, move, number)
             number += 1
             if progress is not None:
-                progress(number, count)
+                progress(Step(("timing",), number / count))
         elif isinstance(move, Rapid):
             chain.rapid(i, move)
         else:

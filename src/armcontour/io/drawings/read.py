@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path as FilePath
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
+from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry.segments import REPEATED_POINT
@@ -43,7 +44,7 @@ def read_path(
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
     unknown: str = "refuse",
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Program:
     """The program in a drawing (DXF, SVG), in G-code, or in a table of waypoints (CSV, Parquet).
 
@@ -63,7 +64,8 @@ def read_path(
         chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
         join_tolerance: Ends nearer than this are one point [m].
         unknown: "refuse" what the reader does not know, or "skip" it with a note.
-        progress: Called with the share that is read.
+        progress: Called now and then with a step: the name of the file, and the share of it that is
+            read, where the reader can tell.
 
     Raises:
         InvalidInput: A file that cannot be read; names the line, the element or the row.

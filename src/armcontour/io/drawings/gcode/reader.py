@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable, Iterator
 
+from armcontour._progress import Progress, Step
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.words import Fault, parse
@@ -31,7 +32,7 @@ def read_gcode(
     *,
     source: str,
     reading: Reading,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Program:
     """The program that G-code says, RS274/NGC as the LinuxCNC manual has it.
 
@@ -44,7 +45,7 @@ def read_gcode(
         data: What the file holds.
         source: What it is called.
         reading: How to read it; its unit holds until G20 or G21, millimetres by default.
-        progress: Called now and then with the share that is read.
+        progress: Called now and then with the share that is read, under the name of the source.
 
     Raises:
         InvalidInput: Something that cannot be read or carried out, with its line; `index` is the
@@ -52,10 +53,10 @@ def read_gcode(
     """
     _refuse_binary(data, source)
     machine = Machine(reading)
-    notes = _run(_lines(data), machine, source, _reporting(data, progress))
+    notes = _run(_lines(data), machine, source, _reporting(data, source, progress))
     program = machine.draft.program(source, tuple(machine.unknown.notes() + notes))
     if progress is not None:
-        progress(1.0)
+        progress(Step((source,), 1.0))
     return program
 
 
@@ -78,13 +79,11 @@ def _lines(data: bytes) -> Iterator[str]:
     return iter(text)
 
 
-def _reporting(
-    data: bytes, progress: Callable[[float], None] | None
-) -> Callable[[int], None] | None:
+def _reporting(data: bytes, source: str, progress: Progress | None) -> Callable[[int], None] | None:
     if progress is None:
         return None
     total = max(data.count(b"\n"), data.count(b"\r")) + 1
-    return lambda line: progress(min(line / total, 1.0))
+    return lambda line: progress(Step((source,), min(line / total, 1.0)))
 
 
 def _run(
