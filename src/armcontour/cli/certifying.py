@@ -53,11 +53,12 @@ def certify_file(
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
-    lengths = {
-        "tolerance": _length("--total-tolerance", tolerance),
-        "servo": _length("--servo", servo),
+    lengths = {"tolerance": ("--total-tolerance", tolerance), "servo": ("--servo", servo)}
+    overrides = {
+        name: parse_option(option, text, "m")
+        for name, (option, text) in lengths.items()
+        if text is not None
     }
-    overrides = {name: value for name, value in lengths.items() if value is not None}
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.certification import certify
 
@@ -75,17 +76,17 @@ def certify_file(
         open_page(out / "report.html")
 
 
-def _length(option: str, text: str | None) -> float | None:
-    """The length that an option gives [m]; None without the option.
+def parse_option(option: str, text: str, unit: str) -> float:
+    """The quantity that an option gives, in its SI unit.
 
     Raises:
-        InvalidInput: The text is not a length.
+        InvalidInput: The text is no such quantity.
     """
     from armcontour.errors import InvalidInput
     from armcontour.io.units import parse
 
     try:
-        return None if text is None else parse(text, "m")
+        return parse(text, unit)
     except ValueError as error:
         raise InvalidInput(f"{option}: {error}.") from None
 
@@ -98,28 +99,16 @@ def with_memory(job: Job, text: str | None) -> Job:
     """
     from dataclasses import replace
 
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    if text is None:
-        return job
-    try:
-        return replace(job, memory=parse(text, "byte"))
-    except ValueError as error:
-        raise InvalidInput(f"--memory: {str(error).rstrip('.')}.") from None
+    return job if text is None else replace(job, memory=parse_option("--memory", text, "byte"))
 
 
 def _write(found: Certificate, folder: Any) -> None:
     """The plan, its taught data and what was held back; the report; the summary."""
-    from armcontour.io import certificate_json, held_csv, planned_csv, taught_csv, torque_csv
+    from armcontour.cli.running import write_motions
+    from armcontour.io import certificate_json, held_csv
     from armcontour.report import render_report
 
-    arm, name = found.job.arm, found.run.name
-    folder.write(f"{name}/taught.csv", taught_csv(found.taught, arm.joint_names))
-    period = found.run.period
-    folder.write(f"{name}/planned.csv", planned_csv(found.trajectory, period, arm.joint_names))
-    if arm.has_bodies:
-        folder.write(f"{name}/torque.csv", torque_csv(found.trajectory, arm, period))
+    write_motions(folder, found.job, found.study.runs)
     folder.write("held.csv", held_csv(found))
     folder.write("report.html", render_report(found.study, certificate=found))
     folder.write("summary.json", certificate_json(found, [*folder.files, "summary.json"]))

@@ -181,9 +181,7 @@ def _quantities(option: str, text: str, counts: tuple[int, ...], example: str) -
 
 def _quantity(text: str) -> float | str:
     """A plain number in SI, or text with a unit for the reader of jobs to understand."""
-    from armcontour._numbers import parse_number
+    from armcontour._numbers import plain_number
 
-    try:
-        return parse_number(text)
-    except ValueError:
-        return text.strip()
+    number = plain_number(text)
+    return text.strip() if number is None else number

@@ -68,7 +68,7 @@ def run_job(
 
             study = run(job, progress=progress)
             progress(WRITING)
-            _write_motions(folder, job, study.runs)
+            write_motions(folder, job, study.runs)
             _write_exports(folder, job, study.runs, exports)
             folder.write("report.html", render_report(study))
             folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
@@ -77,7 +77,7 @@ def run_job(
             progress(WRITING)
             # Who asks for formats wants nothing else.
             if not exports:
-                _write_motions(folder, job, plans)
+                write_motions(folder, job, plans)
             _write_exports(folder, job, plans, exports)
             files = [*folder.files, "summary.json"]
             folder.write("summary.json", summarise_taught(job, plans, files))
@@ -90,7 +90,7 @@ def run_job(
         open_page(report)
 
 
-def _write_motions(
+def write_motions(
     folder: ResultFolder,
     job: Job,
     plans: Mapping[str, RunPlan],

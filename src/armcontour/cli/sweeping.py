@@ -44,7 +44,7 @@ def sweep_file(
     from armcontour.io import ResultFolder, read_job, sweep_json
 
     job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
-    asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
+    asked, fast = _listed("--tolerances", tolerances, "m"), _listed("--speeds", speeds, "m/s")
     with ResultFolder(out, force=force) as folder:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
@@ -59,16 +59,12 @@ def sweep_file(
         open_page(report)
 
 
-def _listed(name: str, text: str | None, unit: str) -> list[float] | None:
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
+def _listed(option: str, text: str | None, unit: str) -> list[float] | None:
+    from armcontour.cli.certifying import parse_option
 
     if text is None:
         return None
-    try:
-        return [parse(x.strip(), unit) for x in text.split(",")]
-    except ValueError as error:
-        raise InvalidInput(f"--{name}: {error}.") from None
+    return [parse_option(option, x.strip(), unit) for x in text.split(",")]
 
 
 def _print(found: Sweep, report: FilePath) -> None:

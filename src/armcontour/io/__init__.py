@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from armcontour.io.limits_file import read_limits
     from armcontour.io.motion_csv import planned_csv, taught_csv, torque_csv
     from armcontour.io.results import ResultFolder
-    from armcontour.io.trajectory_file import TrajectoryFile, parse_trajectory, read_trajectory
+    from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
 _HOME = {
     "certificate": ("certificate_json", "held_csv", "sweep_json"),
@@ -22,13 +22,12 @@ _HOME = {
     "limits_file": ("read_limits",),
     "motion_csv": ("planned_csv", "taught_csv", "torque_csv"),
     "results": ("ResultFolder",),
-    "trajectory_file": ("TrajectoryFile", "parse_trajectory", "read_trajectory"),
+    "trajectory_file": ("parse_trajectory", "read_trajectory"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
     "ResultFolder",
-    "TrajectoryFile",
     "certificate_json",
     "held_csv",
     "json_schema",

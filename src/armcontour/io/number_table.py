@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._numbers import LONGEST, parse_number
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 
 NUMBER = re.compile(
@@ -19,8 +20,6 @@ NUMBER = re.compile(
 )
 # Lines that are converted at a time: more take memory and save no time.
 CHUNK = 1 << 14
-# More of a cell than this does not go into a message.
-SHOWN = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +52,7 @@ class CsvTable:
 
     def cell(self, row: int, column: int) -> str:
         """A cell and its column, for messages."""
-        return f"{shorten(self.cells(row)[column])} in the column {self.names[column]!r}"
+        return f"{show(self.cells(row)[column])} in the column {self.names[column]!r}"
 
 
 @dataclass(slots=True)
@@ -145,11 +144,6 @@ def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, l
     return values, digits
 
 
-def shorten(text: str) -> str:
-    """A cell in quotes, cut off where it is long."""
-    return repr(text if len(text) <= SHOWN else text[:SHOWN] + "...")
-
-
 def _rows(table: CsvTable, first: int) -> list[list[str]]:
     lines = table.lines[first : first + CHUNK]
     rows = [_split(line, table.separator) for line in lines]
@@ -203,17 +197,13 @@ def _convert_each(
     texts: list[list[str]],
     values: FloatArray,
 ) -> None:
-    for i, row in enumerate(_transpose(texts)):
+    for i, row in enumerate(zip(*texts, strict=True)):
         for k, text in enumerate(row):
             try:
                 values[i, k] = parse_number(text)
             except ValueError:
                 raise InvalidInput(
-                    f"{table.place(first + i)}: {shorten(text)} in the column "
+                    f"{table.place(first + i)}: {show(text)} in the column "
                     f"{table.names[columns[k]]!r} is not a finite number.",
                     index=first + i,
                 ) from None
-
-
-def _transpose(texts: list[list[str]]) -> Iterator[tuple[str, ...]]:
-    return zip(*texts, strict=True)

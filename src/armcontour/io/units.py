@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections.abc import Callable
 from functools import cache
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, WithJsonSchema
 
 from armcontour._checks import LARGEST
-from armcontour._numbers import parse_number
+from armcontour._numbers import plain_number
 from armcontour._text import show
 
 # No quantity is longer.
@@ -55,7 +56,7 @@ def parse(value: Any, unit: str) -> float:
             f"{show(value)} has {len(value)} characters, more than the {MOST_CHARACTERS} of a "
             f"quantity in {unit}: write a number and a unit"
         )
-    if _is_number(value):
+    if plain_number(value) is not None:
         raise ValueError(
             f"{value!r} has no unit: write one, such as '{value} {unit}', "
             f"or a plain number in {unit}"
@@ -95,14 +96,6 @@ def _finite(value: float) -> float:
     return number
 
 
-def _is_number(text: str) -> bool:
-    try:
-        parse_number(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _position(value: Any) -> Any:
     """The position of a joint as it is written, refused if it is neither an angle nor a length."""
     if isinstance(value, str):
@@ -131,52 +124,36 @@ def share(value: Any) -> float:
     return parse(value, "1")
 
 
-def quantity(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
-    """What makes a field of a model a quantity in a unit, either way of zero."""
-    return _read(lambda value: parse(value, unit), unit, example, {})
+# Bounds of quantities by their names in JSON Schema: what they say, and what keeps them.
+BOUNDS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
+    "exclusiveMinimum": ("be above zero", operator.gt),
+    "exclusiveMaximum": ("be below zero", operator.lt),
+    "minimum": ("not be negative", operator.ge),
+}
 
 
-def _positive(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
-    def above_zero(value: Any) -> float:
-        found = parse(value, unit)
-        if found <= 0:
-            raise ValueError(f"must be above zero, but is {found:g} {unit}")
-        return found
-
-    return _read(above_zero, unit, example, {"exclusiveMinimum": 0})
-
-
-def _negative(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
-    def below_zero(value: Any) -> float:
-        found = parse(value, unit)
-        if found >= 0:
-            raise ValueError(f"must be below zero, but is {found:g} {unit}")
-        return found
-
-    return _read(below_zero, unit, example, {"exclusiveMaximum": 0})
-
-
-def _not_negative(unit: str, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
-    def from_zero(value: Any) -> float:
-        found = parse(value, unit)
-        if found < 0:
-            raise ValueError(f"must not be negative, but is {found:g} {unit}")
-        return found
-
-    return _read(from_zero, unit, example, {"minimum": 0})
-
-
-def _read(
-    read: Callable[[Any], float], unit: str, example: str, bound: dict[str, Any]
+def quantity(
+    unit: str, example: str, bound: str | None = None
 ) -> tuple[BeforeValidator, WithJsonSchema]:
+    """What makes a field of a model a quantity in a unit.
+
+    Args:
+        unit: The SI unit.
+        example: Text with another unit.
+        bound: On which side of zero it must be, of `BOUNDS`; None: on either.
+    """
     schema = {
         "description": f"A number in {unit}, or text with a unit such as '{example}'.",
-        "anyOf": [{"type": "number", **bound}, {"type": "string"}],
+        "anyOf": [{"type": "number", **({bound: 0} if bound else {})}, {"type": "string"}],
         "examples": [example],
     }
 
     def within(value: Any) -> float:
-        found = read(value)
+        found = parse(value, unit)
+        if bound is not None:
+            must, keeps = BOUNDS[bound]
+            if not keeps(found, 0.0):
+                raise ValueError(f"must {must}, but is {found:g} {unit}")
         if abs(found) > LARGEST:
             raise ValueError(
                 f"must be between -{LARGEST:g} and {LARGEST:g} {unit}, but is {found:g} {unit}"
@@ -187,23 +164,23 @@ def _read(
 
 
 Length = Annotated[float, *quantity("m", "5 mm")]
-Distance = Annotated[float, *_not_negative("m", "5 mm")]
-Speed = Annotated[float, *_positive("m/s", "0.15 m/s")]
-Acceleration = Annotated[float, *_positive("m/s^2", "0.09 m/s^2")]
+Distance = Annotated[float, *quantity("m", "5 mm", "minimum")]
+Speed = Annotated[float, *quantity("m/s", "0.15 m/s", "exclusiveMinimum")]
+Acceleration = Annotated[float, *quantity("m/s^2", "0.09 m/s^2", "exclusiveMinimum")]
 Angle = Annotated[float, *quantity("rad", "90 deg")]
-AngularDistance = Annotated[float, *_not_negative("rad", "2 deg")]
-JointVelocity = Annotated[float, *_positive("rad/s", "1.5 rad/s")]
-JointAcceleration = Annotated[float, *_positive("rad/s^2", "0.72 rad/s^2")]
-Duration = Annotated[float, *_not_negative("s", "4 ms")]
-Interval = Annotated[float, *_positive("s", "4 ms")]
-Gain = Annotated[float, *_positive("1/s", "25 1/s")]
-Pole = Annotated[float, *_negative("1/s", "-100 1/s")]
-Torque = Annotated[float, *_positive("N m", "150 N m")]
-JointJerk = Annotated[float, *_positive("rad/s^3", "4000 rad/s^3")]
-AngularSpeed = Annotated[float, *_positive("rad/s", "90 deg/s")]
-AngularAcceleration = Annotated[float, *_positive("rad/s^2", "720 deg/s^2")]
+AngularDistance = Annotated[float, *quantity("rad", "2 deg", "minimum")]
+JointVelocity = Annotated[float, *quantity("rad/s", "1.5 rad/s", "exclusiveMinimum")]
+JointAcceleration = Annotated[float, *quantity("rad/s^2", "0.72 rad/s^2", "exclusiveMinimum")]
+Duration = Annotated[float, *quantity("s", "4 ms", "minimum")]
+Interval = Annotated[float, *quantity("s", "4 ms", "exclusiveMinimum")]
+Gain = Annotated[float, *quantity("1/s", "25 1/s", "exclusiveMinimum")]
+Pole = Annotated[float, *quantity("1/s", "-100 1/s", "exclusiveMaximum")]
+Torque = Annotated[float, *quantity("N m", "150 N m", "exclusiveMinimum")]
+JointJerk = Annotated[float, *quantity("rad/s^3", "4000 rad/s^3", "exclusiveMinimum")]
+AngularSpeed = Annotated[float, *quantity("rad/s", "90 deg/s", "exclusiveMinimum")]
+AngularAcceleration = Annotated[float, *quantity("rad/s^2", "720 deg/s^2", "exclusiveMinimum")]
 Mass = Annotated[float, *quantity("kg", "2 kg")]
-Memory = Annotated[float, *_positive("byte", "4 GB")]
+Memory = Annotated[float, *quantity("byte", "4 GB", "exclusiveMinimum")]
 Inertia = Annotated[float, *quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[
     float,

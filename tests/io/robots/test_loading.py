@@ -92,12 +92,12 @@ def changed(**changes):
         (changed(base={"value": 100, "unit": "mm"}), ("base must be given in m", "'mm'")),
         (changed(base={"value": 100}), ("base must be given in m", "None")),
         (changed(links={"unit": "m"}), ("links must be a quantity",)),
-        (changed(links={"value": [1, 2, 3], "unit": "m"}), ("links must be two lengths",)),
-        (changed(links={"value": 1, "unit": "m"}), ("links must be two lengths",)),
+        (changed(links={"value": [1, 2, 3], "unit": "m"}), ("links must be 2 numbers, but is 3",)),
+        (changed(links={"value": 1, "unit": "m"}), ("links must be 2 numbers, but is one",)),
         (changed(tubes=3), ("tubes take the keys outer_diameter, wall, density",)),
         (
             changed(tubes={key: {"value": 1, "unit": unit} for key, unit in TUBE_UNITS.items()}),
-            ("outer_diameter of the tubes must be two numbers",),
+            ("outer_diameter must be 2 numbers, but is",),
         ),
         (changed(links={"value": [0.3, -0.2], "unit": "m"}), ("second link length", "above zero")),
         (

@@ -101,8 +101,8 @@ def test_names_that_cannot_be_printed_are_refused(old, new, words, tmp_path, ref
 @pytest.mark.parametrize("number", ["1_0", "inf", "nan", "1e999", "١", "0x10"])
 def test_numbers_are_plain_and_finite(number, tmp_path, refuses):
     for old, words in (
-        ('velocity="2.5"', "must be finite numbers"),
-        ('upper="2.5"', "must be finite numbers"),
+        ('velocity="2.5"', "must be one finite number"),
+        ('upper="2.5"', "must be one finite number"),
         ('<mass value="2"/>', "needs a number as value of its mass"),
         ('<origin xyz="0.4 0 0.02"/>', "needs three numbers as its xyz"),
     ):

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._numbers import parse_number
+from armcontour._numbers import plain_number
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.geometry import Path
@@ -111,25 +111,16 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
 def _numbers(table: Table, key: str) -> FloatArray:
     cells = table.cells[key]
     if isinstance(cells, np.ndarray):
-        values = cells
+        values, written = cells, np.isinf(cells)
     else:
-        values = np.array([_float(x) for x in cells])
-    written = np.isinf(values)
-    if not isinstance(cells, np.ndarray):
-        written |= np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
+        values = np.array([plain_number(x) for x in cells], dtype=np.float64)
+        written = np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
     if written.any():
         i = int(np.argmax(written))
         text = str(cells[i])[:40]
         hint = ": write a decimal point" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
         raise InvalidInput(f"{table.where(i, key)}: {text!r} is not a finite number{hint}.")
     return values
-
-
-def _float(text: str) -> float:
-    try:
-        return parse_number(text)
-    except ValueError:
-        return math.nan
 
 
 def _orientation(
@@ -275,8 +266,8 @@ def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tupl
 def _value(text: str) -> bool | float | str:
     if text.lower() in SWITCHED:
         return SWITCHED[text.lower()]
-    number = _float(text)
-    return number if math.isfinite(number) else text
+    number = plain_number(text)
+    return text if number is None else number
 
 
 def _note_unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import csv_text, event_data, event_text, joint_columns
@@ -20,7 +19,9 @@ def csv_of(table: Table) -> str:
     An event stands in the row of the last point at or before it, with its own time:
     `tool=on@0.104000000000; gas=2.5@0.104500000000`.
     """
-    header, columns = _columns(table)
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
     text = csv_text(header, columns)
     if not table.events:
         return text
@@ -53,7 +54,9 @@ def write_parquet(table: Table, file: FilePath) -> None:
         raise InvalidInput(
             "Parquet needs the library pyarrow: pip install 'armcontour[tables]'."
         ) from None
-    header, columns = _columns(table)
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
     rows = np.column_stack(columns)
     arrays = [pa.array(np.ascontiguousarray(x)) for x in rows.T]
     names = list(header)
@@ -99,10 +102,6 @@ def write_npz(table: Table, file: FilePath) -> None:
     # An open file keeps numpy from adding .npz to the name.
     with file.open("wb") as stream:
         np.savez(stream, **found)
-
-
-def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
-    return joint_columns(table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq)
 
 
 def _event_cells(table: Table) -> list[str]:

@@ -86,9 +86,7 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
 
 
 def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:
-    links = _value(file, "links", data)
-    if not isinstance(links, list) or len(links) != 2:
-        raise InvalidInput(f"{file}: links must be two lengths.")
+    links = _array(file, "links", data, (2,)).tolist()
     return PlanarTwoLink(
         **_common(file, data),
         base=_value(file, "base", data),
@@ -103,11 +101,7 @@ def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
         raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
-    values = {}
-    for key in keys:
-        values[key] = _value(file, key, data)
-        if not isinstance(values[key], list) or len(values[key]) != 2:
-            raise InvalidInput(f"{file}: {key} of the tubes must be two numbers, one per link.")
+    values = {key: _array(file, key, data, (2,)) for key in keys}
     first, second = (Tube(**{key: values[key][k] for key in keys}) for k in range(2))
     return first, second
 
