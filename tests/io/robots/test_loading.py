@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import yaml
@@ -250,3 +253,13 @@ def test_names_of_arm_files_can_be_printed(key, tmp_path, refuses):
     value = bad if key == "name" else [bad, *SERIAL["joints"][1:]]
     file = write(tmp_path, SERIAL | {key: value})
     refuses(lambda: ac.load_arm(file), ac.InvalidInput, r"'a\x1b]52;c'", "not printable")
+
+
+def test_loading_an_arm_loads_nothing_that_only_jobs_need():
+    code = "import armcontour as ac, sys; ac.load_arm('ur5e'); print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    imported = set(done.stdout.split())
+    assert "armcontour.io.robots.arm_file" in imported
+    assert not imported & {"pydantic", "pint", "numba", "pinocchio", "scipy", "xacro"}
