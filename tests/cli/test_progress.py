@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+import time
+
 import pytest
 
 from armcontour._progress import Step, under
-from armcontour.cli.progress import JobProgress
+from armcontour.cli.progress import JobProgress, job_progress, search_progress
 
 STEPS = ("rounding", "timing", "evaluation")
 
@@ -63,3 +66,24 @@ def test_steps_are_passed_on_under_names() -> None:
     assert heard == [Step(("outer", "inner", "timing"), 0.5)]
     assert str(heard[0]) == "outer: inner: timing"
     under(None, "outer")(Step(("timing",)))
+
+
+def test_a_terminal_shows_the_step_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "120")
+    with job_progress() as progress:
+        progress(Step(("reading", "part.ngc")))
+    assert "reading: part.ngc" in (shown := capsys.readouterr().err) and "-:--:--" in shown
+    with job_progress() as progress:
+        progress.expect(["timing", "evaluation"] * 500)
+        progress(Step(("one", "timing")))
+        time.sleep(0.02)
+        progress(Step(("one", "evaluation")))
+    # 999 steps of 0.02 s, or of more where the machine is busy.
+    seconds = re.findall(r"left 0:(\d\d):(\d\d)", capsys.readouterr().err)[-1]
+    assert int(seconds[0]) * 60 + int(seconds[1]) >= 19
+    with search_progress("certifying") as progress:
+        progress(Step(("1 ms", "trial 3")))
+    assert "certifying: 1 ms: trial 3" in capsys.readouterr().err

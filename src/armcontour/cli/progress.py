@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import Any
 
 from armcontour._progress import Progress, Step
@@ -69,15 +70,26 @@ class JobProgress:
 @contextmanager
 def job_progress() -> Iterator[JobProgress]:
     """A bar with the time left, on a terminal."""
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, ProgressColumn, Task
+    from rich.text import Text
 
-    with _bar(BarColumn(), TextColumn("left"), TimeRemainingColumn()) as bar:
-        task = bar.add_task("reading", total=None)
-        yield JobProgress(
-            lambda what, spent, whole: bar.update(
-                task, description=what, completed=spent, total=whole
-            )
-        )
+    class Left(ProgressColumn):
+        """The time until the expected end; that of rich forgets it whenever the end moves."""
+
+        def render(self, task: Task) -> Text:
+            end = task.fields["end"]
+            if end is None:
+                return Text("left -:--:--")
+            return Text(f"left {timedelta(seconds=max(0, round(end - time.monotonic())))}")
+
+    with _bar(BarColumn(), Left()) as bar:
+        task = bar.add_task("reading", total=None, end=None)
+
+        def show(what: str, spent: float, whole: float) -> None:
+            end = time.monotonic() + whole - spent if whole > spent else None
+            bar.update(task, description=what, completed=spent, total=whole, end=end)
+
+        yield JobProgress(show)
 
 
 @contextmanager

@@ -122,11 +122,7 @@ class Study:
     runs: Mapping[str, RunResult]
 
 
-def run(
-    job: Job,
-    *,
-    progress: Progress | None = None,
-) -> Study:
+def run(job: Job, *, progress: Progress | None = None) -> Study:
     """Do a job: every run from the objective path to its evaluation.
 
     An experiment whose joints do not come to rest is the `failure` of its run, and no error.
@@ -142,11 +138,7 @@ def run(
     return Study(job=job, runs=_every(job, _run, progress))
 
 
-def teach(
-    job: Job,
-    *,
-    progress: Progress | None = None,
-) -> Mapping[str, RunPlan]:
+def teach(job: Job, *, progress: Progress | None = None) -> Mapping[str, RunPlan]:
     """Plan and compensate every run of a job, without simulating what the servo makes of it.
 
     Args:
@@ -204,12 +196,7 @@ def rounding_of(this: Run) -> dict[str, Any] | None:
     }
 
 
-def _run(
-    job: Job,
-    this: Run,
-    progress: Progress,
-    earlier: Iterable[RunResult],
-) -> RunResult:
+def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
     earlier = list(earlier)
     plan = _taught(job, this, progress, earlier, simulated=True)
     progress(Step(("execution",)))
