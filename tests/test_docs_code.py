@@ -88,7 +88,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], P
     def make(page: str) -> Path:
         for x in (ROOT / "examples/drawings").iterdir():
             shutil.copy(x, tmp_path)
-        data = ROOT / "tests/arms/data"
+        data = ROOT / "tests/io/robots/data"
         shutil.copy(data / "joint_limits.yaml", tmp_path)
         robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')
         robot = robot.replace('name="lift" type="prismatic"', 'name="lift" type="fixed"')

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
         Payload,
         PlanarTwoLink,
         SerialArm,
-        arm_names,
-        load_arm,
     )
     from armcontour.certification import Certificate, Sweep, certify, sweep
     from armcontour.compensation import compensate
@@ -51,6 +49,7 @@ if TYPE_CHECKING:
     from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
+    from armcontour.io.robots.loading import arm_names, load_arm
     from armcontour.jobs import Goal, Job, Study, run
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.program import (
@@ -77,8 +76,6 @@ _HOME = {
         "Payload",
         "PlanarTwoLink",
         "SerialArm",
-        "arm_names",
-        "load_arm",
     ),
     "certification": ("Certificate", "Sweep", "certify", "sweep"),
     "compensation": ("compensate",),
@@ -107,6 +104,7 @@ _HOME = {
     "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
+    "io.robots.loading": ("arm_names", "load_arm"),
     "jobs": ("Goal", "Job", "Study", "run"),
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "program": (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from dataclasses import FrozenInstanceError
+from functools import wraps
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +50,49 @@ def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     copy = array.copy()
     copy.setflags(write=False)
     return copy
+
+
+class Locked:
+    """Base of classes whose instances do not change once their constructor has returned.
+
+    Constructors, of subclasses too, set attributes as usual; at their end all arrays are made
+    read-only. A `functools.cached_property` works as ever. A subclass that is a dataclass locks
+    itself, with `frozen=True`.
+    """
+
+    # How to get a changed one, the end of a sentence.
+    _instead: ClassVar[str] = "make another one"
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__init__" not in vars(cls):
+            return
+        construct = cls.__init__
+
+        @wraps(construct)
+        def construct_and_lock(self: Locked, *args: Any, **keywords: Any) -> None:
+            construct(self, *args, **keywords)
+            # The constructor of a subclass goes on after this one.
+            if type(self).__init__ is construct_and_lock:
+                arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
+                vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
+
+        cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._refuse_change(name)
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        self._refuse_change(name)
+        super().__delattr__(name)
+
+    def _refuse_change(self, name: str) -> None:
+        if "_locked" in vars(self):
+            raise FrozenInstanceError(
+                f"The {name} of a {type(self).__name__} cannot be set after it was made, as plans "
+                f"may rely on it: {self._instead}."
+            )
 
 
 def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 # More digits than this no program prints.
 LONGEST = 100
@@ -22,3 +23,14 @@ def parse_number(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{text[:40]!r} is not a finite number")
     return value
+
+
+def plain_number(value: Any) -> float | None:
+    """The finite number that a value of a YAML file is; None if the value is something else."""
+    if isinstance(value, bool):
+        return None
+    try:
+        found = parse_number(value) if isinstance(value, str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return found if math.isfinite(found) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Sequence
 from typing import Any
 
 # Characters of a value that a sentence repeats.
@@ -44,6 +45,12 @@ def show(value: Any) -> str:
     text = _short.repr(value) if not isinstance(value, str) else repr(value[: MOST_SHOWN + 1])
     long = len(value) > MOST_SHOWN if isinstance(value, str) else len(text) > MOST_SHOWN
     return f"{text[:MOST_SHOWN]}..." if long else text
+
+
+def list_some(names: Sequence[str], most: int) -> str:
+    """The first names with commas between, and how many more there are."""
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
 
 
 def _escape(character: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -90,6 +91,24 @@ Loader.add_implicit_resolver(FLOAT, DECIMAL, list("-+.0123456789"))
 Loader.add_implicit_resolver(FLOAT, ENDLESS, list("-+."))
 Loader.add_constructor(INT, construct_int)
 Loader.add_constructor(FLOAT, construct_float)
+
+
+class AngleLoader(Loader):
+    """The same, with the tags that files of robots write angles with, as radians."""
+
+
+def construct_degrees(loader: Loader, node: yaml.Node) -> float:
+    """An angle in degrees."""
+    return math.radians(_parse(str(node.value), node))
+
+
+def construct_radians(loader: Loader, node: yaml.Node) -> float:
+    """An angle in radians."""
+    return _parse(str(node.value), node)
+
+
+AngleLoader.add_constructor("!degrees", construct_degrees)
+AngleLoader.add_constructor("!radians", construct_radians)
 
 
 def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:

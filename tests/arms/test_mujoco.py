@@ -71,7 +71,7 @@ def test_a_payload_is_a_body_on_the_tip():
 
 def model_of(name: str, armature: np.ndarray, payload: str = ""):
     """A model of a built-in arm, with the site "tool" at its tip."""
-    found = resources.files("armcontour.arms") / "library" / f"{name}.yaml"
+    found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
     data = yaml.safe_load(found.read_text("utf-8"))
     bodies = planar(data) if data["kind"] == "planar_two_link" else serial(data)
     tip = words(data["tip"]["value"]) if "tip" in data else bodies.pop("tip", "0 0 0")

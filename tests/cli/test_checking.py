@@ -212,7 +212,7 @@ def test_help_imports_nothing_heavy(tmp_path: FilePath) -> None:
 
 
 def test_an_arm_from_a_description_with_its_limits(tmp_path: FilePath) -> None:
-    data = FilePath(__file__).parents[1] / "arms" / "data"
+    data = FilePath(__file__).parents[1] / "io" / "robots" / "data"
     t = np.linspace(0, 1, 51)
     q = np.outer(3 * t**2 - 2 * t**3, [1.0, 0.2, 0.2, 0.2])
     np.savetxt(

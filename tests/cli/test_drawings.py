@@ -289,6 +289,9 @@ def test_without_simulation_what_is_asked_for_is_written(folder: FilePath, call:
     file = folder / "out" / "taught" / "export" / "taught.csv"
     exported = np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1, 2))
     np.testing.assert_array_equal(exported, taught[:, :3])
+    titles = (folder / "whole" / "taught" / "taught.csv").read_text().splitlines()[0]
+    assert titles == "t [s],q 1 [rad],q 2 [rad]"
+    assert file.read_text().startswith(titles)
     # Without formats it is the plain files.
     assert call(*command, "--out", "plain")[0] == 0
     assert (folder / "plain" / "taught" / "planned.csv").is_file()

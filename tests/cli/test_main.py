@@ -48,7 +48,7 @@ def test_runs_a_job(tmp_path: FilePath) -> None:
     assert run["contour_error"]["rms"] < summary["runs"]["planned"]["contour_error"]["rms"]
     assert run["corners"][0]["error"] == pytest.approx(2e-3)
     header, *rows = (tmp_path / "out" / "compensated" / "taught.csv").read_text().splitlines()
-    assert header == "t [s],joint 1 [rad],joint 2 [rad]"
+    assert header == "t [s],q 1 [rad],q 2 [rad]"
     table = np.array([row.split(",") for row in rows], dtype=float)
     np.testing.assert_allclose(np.diff(table[:, 0]), 4e-3, atol=1e-12)
     assert table[-1, 0] >= run["duration"]
@@ -110,7 +110,7 @@ def test_an_experiment_has_its_columns_and_files(tmp_path: FilePath) -> None:
     files = json.loads((tmp_path / "out" / "summary.json").read_text())["files"]
     assert {"one/taught.csv", "one/planned.csv", "one/torque.csv"} <= set(files)
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
-    assert header == "t [s],joint 1 [N m],joint 2 [N m]"
+    assert header == "t [s],torque 1 [N m],torque 2 [N m]"
 
 
 def test_a_failed_experiment_leaves_the_other_results(tmp_path: FilePath) -> None:

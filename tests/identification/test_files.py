@@ -34,6 +34,9 @@ ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range
         ("t,shoulder command,shoulder measured", "shoulder"),
         ("t,cmd_lwr_joint_3,meas_lwr_joint_3", "lwr_joint_3"),
         ("timestamp,setpoint elbow [rad],feedback elbow [rad]", "elbow"),
+        # What this package writes of joints, and what it wrote.
+        ("t [s],command 1 [rad],q 1 [rad]", "joint 1"),
+        ("t [s],command 1 [rad],joint 1 [rad]", "joint 1"),
     ],
 )
 def test_names_of_columns(header, joint):

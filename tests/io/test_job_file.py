@@ -12,7 +12,7 @@ import pytest
 import yaml
 from docs.reference.job_keys import published
 
-from armcontour.arms import load_arm
+from armcontour import load_arm
 from armcontour.cli.running import built_in_job
 from armcontour.compensation import compensator
 from armcontour.errors import InvalidInput
@@ -239,7 +239,7 @@ def test_a_file_that_is_not_there(tmp_path: FilePath) -> None:
 
 
 def test_an_arm_file_is_found_beside_the_job(tmp_path: FilePath) -> None:
-    arm = (ROOT / "src/armcontour/arms/library/pmk3s.yaml").read_text(encoding="utf-8")
+    arm = (ROOT / "src/armcontour/io/robots/library/pmk3s.yaml").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(arm.replace("PMK-3s", "mine"), encoding="utf-8")
     (tmp_path / "job.yaml").write_text(with_change("arm", "mine.yaml"), encoding="utf-8")
     assert read_job(tmp_path / "job.yaml").arm.name == "mine"

@@ -17,7 +17,7 @@ from armcontour.frames import from_rpy
 from armcontour.io import json_schema, parse_job
 from armcontour.jobs import Experiment, Job
 
-DATA = FilePath(__file__).parents[1] / "arms" / "data"
+DATA = FilePath(__file__).parents[1] / "io" / "robots" / "data"
 POINTS = [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, "100 mm", 0.2]]
 GOOD = {
     "name": "bracket",
@@ -116,7 +116,7 @@ def test_a_xacro_file_is_expanded_once(folder: FilePath, monkeypatch: pytest.Mon
         expanded.append(file)
         return expand_xacro(file)
 
-    monkeypatch.setattr("armcontour.arms.urdf.expand_xacro", counting)
+    monkeypatch.setattr("armcontour.io.robots.urdf.expand_xacro", counting)
     described = {"file": "robot.xacro", "tip": "tcp", "locked": {"lift": "100 mm"}}
     job(folder, arm=described, trust_xacro=True)
     assert expanded == [folder / "robot.xacro"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 from typing import Any
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour.arms import load_arm
-from armcontour.io import parse_job, parse_trajectory, planned_csv, summary, torque_csv
+from armcontour import PlanarTwoLink, load_arm
+from armcontour.io import parse_job, parse_trajectory, planned_csv, taught_csv, torque_csv
+from armcontour.io.summary import summary
 from armcontour.jobs import Study, run
 
 JOB = {
@@ -111,10 +113,25 @@ def test_joints_that_are_only_numbered_keep_their_numbers(study: Study) -> None:
     assert planned_csv(plan, 0.1).startswith("t [s],q 1 [rad],q 2 [rad]")
 
 
+def test_taught_data_is_written_as_plans_are_and_read_again(study: Study) -> None:
+    taught = study.runs["plain"].taught
+    for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
+        text = taught_csv(taught, names)
+        title = f"q {names[0].removeprefix('joint ')} [rad]"
+        assert text.startswith(f"t [s],{title},")
+        # Files of older versions have the joint's name alone.
+        older = text.replace("q ", "joint " if names[0] == "joint 1" else "")
+        for each in (text, older):
+            samples = parse_trajectory(each, names)
+            np.testing.assert_allclose(samples.t, taught.t, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(samples.q, taught.q, rtol=0, atol=1e-12)
+            assert samples.dq is None
+
+
 def test_torques_as_a_table(study: Study) -> None:
     plan, arm = study.runs["plain"].trajectory, study.job.arm
     header, *rows = torque_csv(plan, arm, 0.05).splitlines()
-    assert header.split(",")[:2] == ["t [s]", "shoulder_pan_joint [N m]"]
+    assert header.split(",")[:2] == ["t [s]", "torque shoulder_pan_joint [N m]"]
     table = np.array([row.split(",") for row in rows], dtype=float)
     t = table[3, 0]
     np.testing.assert_allclose(table[3, 1:], arm.torque(plan(t), plan(t, 1), plan(t, 2)), atol=1e-9)
@@ -131,8 +148,12 @@ def test_what_is_not_known_of_an_arm_is_not_there() -> None:
     }
     plain.pop("experiment")
     job = parse_job(yaml.safe_dump(plain))
-    assert job.arm.chain is not None
-    job.arm.chain = job.arm.chain.replace(masses=None, assumed="")
+    own = job.arm
+    assert isinstance(own, PlanarTwoLink)
+    arm = PlanarTwoLink(
+        name=own.name, base=own.base, links=(own.link1, own.link2), limits=own.limits
+    )
+    job = dataclasses.replace(job, arm=arm)
     found = json.loads(summary(run(job)))
     assert not found["arm"]["masses_known"] and found["arm"]["assumed"] is None
     assert not {"torque", "angular_speed", "experiment"} & set(found["runs"]["plain"])

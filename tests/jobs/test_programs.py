@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour._progress import Step
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Job, Rounding, Run, run
@@ -149,15 +150,15 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there() -> N
 
 
 def test_runs_a_program_from_its_drawing_to_its_evaluation() -> None:
-    told: list[float] = []
-    steps: list[tuple[str, str]] = []
+    told: list[Step] = []
     lead = Lead(length=0.01)
     process = Process(lead_in=lead, lead_out=lead, switch=Switch(), events=(Event(name="x"),))
-    done = run(job(process), progress=lambda *x: steps.append(x), done=told.append)
+    done = run(job(process), progress=told.append)
     result = done.runs["taught"]
     assert isinstance(result.path, Program) and isinstance(result.objective, Program)
-    assert told[-2:] == [0.5, 1.0]
-    assert [x for _, x in steps] == [
+    shares = [x for x in told if x.done is not None]
+    assert shares[-2:] == [Step(("taught", "timing"), 0.5), Step(("taught", "timing"), 1.0)]
+    assert [x.names[-1] for x in told if x.done is None] == [
         "rounding",
         "tracing",
         "timing",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+from armcontour.arms import SerialArm
 from armcontour.io import parse_job
 from armcontour.jobs import Study, run
 from armcontour.report import render_report, sections
@@ -203,9 +205,16 @@ def test_seven_joints_have_a_report() -> None:
 
 
 def test_an_arm_without_bodies_has_no_torques() -> None:
-    study = run(parse_job(yaml.safe_dump(PANDA | {"arm": "ur5e"})))
-    assert study.job.arm.chain is not None
-    study.job.arm.chain = study.job.arm.chain.replace(masses=None)
+    limits = {**PANDA["limits"], "joint_torque": None}
+    job = parse_job(yaml.safe_dump(PANDA | {"arm": "ur5e", "limits": limits}))
+    own = job.arm
+    assert own.chain is not None
+    arm = SerialArm(
+        name=own.name,
+        chain=own.chain.replace(masses=None),
+        limits=own.limits.replace(joint_torque=None),
+    )
+    study = run(dataclasses.replace(job, arm=arm))
     assert sections.torques(study) is None
     section = sections.joints(study)
     assert section is not None

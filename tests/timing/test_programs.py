@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armcontour as ac
+from armcontour._progress import Step
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
 from armcontour.geometry import Arc, Line, Path
@@ -340,10 +341,10 @@ def test_options_of_one_path_are_refused_for_programs(
 
 
 def test_tells_how_many_contours_are_done() -> None:
-    told: list[tuple[int, int]] = []
+    told: list[Step] = []
     program = Program(moves=(Contour(path=BEND), Rapid(), Contour(path=SQUARE)))
-    ac.plan(program, PMK3S, IN_PLANE, progress=lambda *x: told.append(x))
-    assert told == [(1, 2), (2, 2)]
+    ac.plan(program, PMK3S, IN_PLANE, progress=told.append)
+    assert told == [Step(("timing",), 0.5), Step(("timing",), 1.0)]
 
 
 def test_explains_every_contour_of_a_program_in_its_own_time_and_place() -> None:

@@ -277,8 +277,8 @@ def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
     q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
     lower = np.full(6, -np.inf)
     lower[0] = q[:, 0].max() + 0.5  # only a turn later
-    arm = ur5e.with_tool(Frame())
-    arm.limits = arm.limits.replace(joint_lower=lower, joint_upper=None)
+    bare = ur5e.with_tool(Frame())
+    arm = bare.with_limits(bare.limits.replace(joint_lower=lower, joint_upper=None))
     found = trace_all(path, arm)
     assert len(found) == 8
     assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
@@ -295,8 +295,8 @@ def test_a_range_that_is_left_between_knots_is_seen(ur5e):
         for j in np.flatnonzero(peak > at_knots + 1e-7):
             upper = np.full(6, np.inf)
             upper[j] = (peak[j] + at_knots[j]) / 2
-            arm = ur5e.with_tool(Frame())
-            arm.limits = arm.limits.replace(joint_upper=upper, joint_lower=None)
+            bare = ur5e.with_tool(Frame())
+            arm = bare.with_limits(bare.limits.replace(joint_upper=upper, joint_lower=None))
             for x in trace_all(path, arm):
                 assert (x(s)[:, j] <= upper[j] + 1e-9).all()
             tried += 1

@@ -1,10 +1,9 @@
-"""Arms: kinematics, limits, and the library of built-in ones. Knows no path and no time."""
+"""Arms: kinematics, dynamics and limits. Knows no path, no time and no file."""
 
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.dynamics import Dynamics
 from armcontour.arms.limits import Limits
-from armcontour.arms.loading import arm_names, load_arm
 from armcontour.arms.planar import PlanarTwoLink
 from armcontour.arms.serial import SerialArm
 
@@ -16,6 +15,4 @@ __all__ = [
     "Payload",
     "PlanarTwoLink",
     "SerialArm",
-    "arm_names",
-    "load_arm",
 ]

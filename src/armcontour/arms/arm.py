@@ -5,12 +5,12 @@ from __future__ import annotations
 import copy
 from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Locked
 from armcontour.arms.chain import Chain
 from armcontour.arms.limits import Limits
 from armcontour.errors import InvalidInput
@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from armcontour.arms.dynamics import Dynamics
 
 
-class Arm(ABC):
+class Arm(Locked, ABC):
     """An arm with its kinematics and limits.
 
     Arrays have one row per state: (n, dof) for the joints, (n, dimension) for the tool.
+
+    Once made, an arm does not change; `with_limits` and the like give another one.
 
     Attributes:
         name: Name of the arm, for messages and reports.
@@ -44,6 +46,7 @@ class Arm(ABC):
     source: str
     chain: Chain | None = None
     limits_hint: str = ""
+    _instead = "with_limits, with_name, with_tool and with_work give another arm"
 
     @property
     def dof(self) -> int:
@@ -59,8 +62,19 @@ class Arm(ABC):
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
+        return self._copy(limits=limits.for_joints(self.dof))
+
+    def with_name(self, name: str) -> Self:
+        """The same arm under another name.
+
+        Args:
+            name: For people.
+        """
+        return self._copy(name=name)
+
+    def _copy(self, **changes: Any) -> Self:
         other = copy.copy(self)
-        other.limits = limits.for_joints(self.dof)
+        vars(other).update(changes)
         return other
 
     @property

@@ -97,6 +97,7 @@ class Chain:
     assumed: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
         n = len(self.joints)
         if n == 0:
             raise InvalidInput("A chain needs at least one revolute joint.")

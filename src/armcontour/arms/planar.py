@@ -37,6 +37,7 @@ class PlanarTwoLink(Arm):
         tubes: The tubes that stand for the two links; None if the masses are not known.
         payload: Load at the tool; its frame lies in the plane, with y along the second link.
         assumed: Which masses and inertias are assumed, and by which rule, for messages.
+        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
     """
 
     dimension = 2
@@ -55,6 +56,7 @@ class PlanarTwoLink(Arm):
         tubes: tuple[Tube, Tube] | None = None,
         payload: Payload | None = None,
         assumed: str = "",
+        limits_hint: str = "",
     ) -> None:
         self.name = name
         self.base = _checks.number("base", base, "m")
@@ -62,7 +64,8 @@ class PlanarTwoLink(Arm):
         self.link2 = _checks.positive("second link length", links[1], "m")
         self.limits = limits.for_joints(2)
         self.source = source
-        self.joint_names = joint_names
+        self.limits_hint = limits_hint
+        self.joint_names = tuple(joint_names)
         self.chain = self._chain(tubes, payload, assumed)
 
     @property

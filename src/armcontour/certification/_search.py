@@ -7,12 +7,13 @@ is held back is never given back, so a search ends. See docs/concepts/certificat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
 from armcontour.certification._derating import Held, held_plan
 from armcontour.certification._uses import Setting, Uses, run, uses_of
 from armcontour.compensation import compensate
@@ -61,7 +62,6 @@ BY_PLACE = (
     "speed",
     "centripetal_acceleration",
 )
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,7 +121,7 @@ class Search:
         joint_path: The path.
         this: The run: its method of compensation and command interval.
         goal: What is to be held.
-        progress: Called with a sentence before each trial.
+        progress: Called with a few words before each trial.
 
     Attributes:
         optimum: Duration of the plan that holds nothing back [s]; set by the first trial.
@@ -176,7 +176,7 @@ class Search:
             *shared, setting.box, samples=goal.samples, seed=goal.seed, memory=setting.memory
         )
         worst = float(drawn.max.max())
-        self.progress(f"{goal.samples} robots of the box")
+        self.progress(Step((f"{goal.samples} robots of the box",)))
         if worst <= setting.budget:
             return replace(best, spread=drawn)
         self.box_goal *= ERROR_GOAL * setting.budget / worst
@@ -238,7 +238,7 @@ class Search:
     def _trial(self, windows: tuple[float, ...], held: Held, factors: Mapping[str, float]) -> Trial:
         self.trials += 1
         shown = " + ".join(f"{x * 1e3:.3g} ms" for x in windows) or "no smoothing"
-        self.progress(f"{shown}, trial {self.trials}")
+        self.progress(Step((f"{shown}, trial {self.trials}",)))
         setting, this = self.setting, self.this
         plan, trajectory = held_plan(
             self.joint_path, setting.arm, setting.limits, held, windows, factors

@@ -9,8 +9,9 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step, under
 from armcontour.certification._derating import Held
-from armcontour.certification._search import RESOLUTION, Kept, Progress, Search
+from armcontour.certification._search import RESOLUTION, Kept, Search
 from armcontour.certification._uses import Setting
 from armcontour.certification._uses import run as run_on
 from armcontour.compensation import compensate
@@ -212,7 +213,7 @@ def certify(
     Args:
         job: The job; what is to be held is its certificate.
         run: Name of the run; by default the certificate's.
-        progress: Called with a few words before every trial.
+        progress: Called with a step, which has a few words for its name, before every trial.
         overrides: Of the certificate's `Goal`, or all of it where the job has none.
 
     Raises:
@@ -223,7 +224,7 @@ def certify(
     goal = goal_of(job, overrides)
     this = run_of(job, goal.run if run is None else run)
     refuse_jerk(this.limits, this.ignore_jerk)
-    search = _Certifying(job, this, goal, progress or (lambda words: None))
+    search = _Certifying(job, this, goal, under(progress))
     return search.certificate()
 
 
@@ -308,7 +309,7 @@ class _Certifying:
     def _searched(self, this: Run, budget: float, *, last: bool) -> _Found | None:
         """The fastest plan with one rounding; None, or where it is the last a refusal."""
         job, goal = self.job, self.goal
-        self.progress("tracing")
+        self.progress(Step(("tracing",)))
         path = path_of(job, this)
         joint_path = traced(job, this, path)
         setting = Setting(
@@ -332,7 +333,7 @@ class _Certifying:
 
     def _finished(self, found: _Found) -> Certificate:
         """The certificate: judged once more, finely, and compared."""
-        self.progress("judging")
+        self.progress(Step(("judging",)))
         job, this, setting, trial = self.job, found.this, found.setting, found.kept.trial
         execution = execute(
             trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
@@ -346,7 +347,7 @@ class _Certifying:
         )
         experiment, failure = None, None
         if this.experiment is not None:
-            self.progress("experiment")
+            self.progress(Step(("experiment",)))
             try:
                 experiment = on_bodies(job, this, trial.taught, setting.path, job.single_path)
             except ExecutionError as error:

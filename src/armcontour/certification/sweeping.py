@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour import _checks
-from armcontour.certification._search import Progress
+from armcontour._progress import Progress, under
 from armcontour.certification.certificate import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
@@ -78,7 +78,7 @@ def sweep(
         tolerances: Of the corners, or of the whole contour where the certificate has a tolerance
             [m]; by default 0.1 to 2 times the run's; none where no corner is rounded to one.
         speeds: Assigned velocities [m/s]; by default 0.4 to 1.25 times the run's.
-        progress: Called with a few words before every trial.
+        progress: Called with a step, a point and a few words, before every trial.
         overrides: As of `certify`.
 
     Raises:
@@ -102,7 +102,7 @@ def sweep(
             f"The run {this.name} has neither a corner tolerance nor an assigned velocity: give "
             "tolerances or speeds to compare."
         )
-    call = _Point(job, this, goal, progress or (lambda words: None))
+    call = _Point(job, this, goal, under(progress))
     return Sweep(
         job=job,
         run=this,
@@ -148,9 +148,7 @@ class _Point:
         name = ", ".join(x for x in shown if x)
         job = replace(self.job, runs=(this,), certificate=goal)
         try:
-            found = certify(
-                job, this.name, progress=lambda words: self.progress(f"{name}: {words}")
-            )
+            found = certify(job, this.name, progress=under(self.progress, name))
         except ArmContourError as error:
             return SweepPoint(
                 tolerance=tolerance,

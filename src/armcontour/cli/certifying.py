@@ -28,7 +28,7 @@ def certify_file(job_file: FilePath, x: CertifyOptions) -> None:
     from contextlib import nullcontext
 
     from armcontour._quantities import Length, Memory
-    from armcontour.cli.progress import shown
+    from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, certificate_json, read_job
     from armcontour.io.job_overrides import JobOverrides
@@ -45,7 +45,7 @@ def certify_file(job_file: FilePath, x: CertifyOptions) -> None:
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         from armcontour.certification import certify
 
-        with shown("certifying") as progress:
+        with search_progress("certifying") as progress:
             found = certify(job, x.run_name, progress=progress, **overrides)
         if folder is not None:
             _write(found, folder)
@@ -59,15 +59,11 @@ def certify_file(job_file: FilePath, x: CertifyOptions) -> None:
 
 def _write(found: Certificate, folder: Any) -> None:
     """The plan, its taught data and what was held back; the report; the summary."""
-    from armcontour.io import certificate_json, held_csv, planned_csv, taught_csv, torque_csv
+    from armcontour.cli.running import write_motions
+    from armcontour.io import certificate_json, held_csv
     from armcontour.report import render_report
 
-    arm, name = found.job.arm, found.run.name
-    folder.write(f"{name}/taught.csv", taught_csv(found.taught, arm.joint_names))
-    period = found.run.period
-    folder.write(f"{name}/planned.csv", planned_csv(found.trajectory, period, arm.joint_names))
-    if arm.has_bodies:
-        folder.write(f"{name}/torque.csv", torque_csv(found.trajectory, arm, period))
+    write_motions(folder, found.job, found.study.runs)
     folder.write("held.csv", held_csv(found))
     folder.write("report.html", render_report(found.study, certificate=found))
     folder.write("summary.json", certificate_json(found, [*folder.files, "summary.json"]))

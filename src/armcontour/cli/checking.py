@@ -77,8 +77,8 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
 
 def _arm(x: CheckOptions, job: Job | None) -> Arm:
     """The arm that the options name; by default the job's."""
-    from armcontour.arms import load_arm
     from armcontour.errors import InvalidInput
+    from armcontour.io.robots.loading import load_arm
 
     if x.arm is not None:
         return load_arm(

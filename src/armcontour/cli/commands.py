@@ -69,7 +69,7 @@ def run(
 
     overrides, trust_xacro = read_overrides(job_options), options.trust_xacro
     run_job(
-        lambda told: open_job(job, options.cell, overrides, told, trust_xacro=trust_xacro),
+        lambda progress: open_job(job, options.cell, overrides, progress, trust_xacro=trust_xacro),
         out,
         force=options.force,
         open_report=options.open_report,
@@ -83,7 +83,7 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
     """Run the built-in job: the paper's contouring job on the PMK-3s."""
     from armcontour.cli.running import built_in_job, run_job
 
-    run_job(lambda told: built_in_job(), out, force=force, open_report=open_report)
+    run_job(lambda progress: built_in_job(), out, force=force, open_report=open_report)
 
 
 @app.command()

@@ -26,6 +26,7 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
+    from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
     from armcontour.identification import identify
     from armcontour.io.log_file import read_log
@@ -36,12 +37,14 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     start = -math.inf if x.start is None else x.start
     end = math.inf if x.end is None else x.end
     samples = read_log(log, start=start, end=end, unwrap=x.unwrap)
-    found = identify(
-        samples,
-        model=x.model,
-        interpolation=x.interpolation,
-        longest_dead_time=x.longest_dead_time,
-    )
+    with search_progress("identifying") as progress:
+        found = identify(
+            samples,
+            model=x.model,
+            interpolation=x.interpolation,
+            longest_dead_time=x.longest_dead_time,
+            progress=progress,
+        )
     refusal = _write(found, x.out, force=x.force) if x.out is not None else ""
     if x.as_json:
         print(identification_json(found), end="")

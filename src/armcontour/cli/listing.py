@@ -11,7 +11,7 @@ WIDTH = 100
 
 def listed_arms() -> Iterator[str]:
     """A line for every arm, and below it where its numbers come from and what is assumed."""
-    from armcontour.arms import arm_names, load_arm
+    from armcontour.io.robots.loading import arm_names, load_arm
 
     for name in arm_names():
         arm = load_arm(name)

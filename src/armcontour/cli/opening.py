@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
+    from armcontour._progress import Progress
     from armcontour.cli.options import JobOptions
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.jobs import Job
@@ -50,7 +50,7 @@ def open_job(
     file: FilePath,
     cell: str | None,
     overrides: JobOverrides,
-    told: Callable[[float], None],
+    progress: Progress,
     *,
     trust_xacro: bool = False,
 ) -> Job:
@@ -60,7 +60,7 @@ def open_job(
         file: A job file, or a drawing.
         cell: The cell, for a drawing only.
         overrides: What the command line says.
-        told: Called with the share of the drawing that is read.
+        progress: Called while the drawing is read, as by `read_path`.
         trust_xacro: Whether the arm may be a .xacro file, which is a program.
 
     Raises:
@@ -75,10 +75,10 @@ def open_job(
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
-        return read_job(file, overrides=overrides, reading=told, trust_xacro=trust_xacro)
+        return read_job(file, overrides=overrides, reading=progress, trust_xacro=trust_xacro)
     if cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
-    return read_cell(cell, file, overrides=overrides, reading=told, trust_xacro=trust_xacro)
+    return read_cell(cell, file, overrides=overrides, reading=progress, trust_xacro=trust_xacro)

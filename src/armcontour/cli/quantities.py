@@ -46,12 +46,13 @@ def read_option_list(
 
 
 def _read(option: str, text: str, kind: Any) -> float:
-    from armcontour._numbers import parse_number
+    from armcontour._numbers import plain_number
     from armcontour.errors import InvalidInput
-    from armcontour.io.units import is_number, read_quantity
+    from armcontour.io.units import read_quantity
 
     plain = text.strip()
-    value = parse_number(plain) if is_number(plain) else plain
+    number = plain_number(plain)
+    value = plain if number is None else number
     try:
         return read_quantity(value, get_args(kind)[1])
     except ValueError as error:

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour._progress import Progress, Step, under
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.progress import job_progress
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
     from armcontour.io import ResultFolder
     from armcontour.jobs import Job, RunPlan, RunResult, Study
+
+WRITING = Step(("writing the results",))
 
 
 def built_in_job() -> Job:
@@ -26,7 +29,7 @@ def built_in_job() -> Job:
 
 
 def run_job(
-    read: Callable[[Callable[[float], None]], Job],
+    read: Callable[[Progress], Job],
     out: FilePath,
     *,
     force: bool = False,
@@ -37,7 +40,7 @@ def run_job(
     """Read a job, run it, and write its results.
 
     Args:
-        read: Gives the job; called with what is to be told of the share that is read.
+        read: Gives the job; called with what hears how far it is.
         out: Folder for the results.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
@@ -48,34 +51,33 @@ def run_job(
         ArmContourError: As the steps raise it; nothing is written then.
     """
     # Only then the heavy part, so that the folder and the job are refused at once.
-    from armcontour.io import ResultFolder, summarise_taught, summary
+    from armcontour.io import ResultFolder
+    from armcontour.io.summary import summarise_taught, summary
 
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
-        job = read(progress.share)
+        job = read(under(progress, "reading"))
         if exports:
             # What cannot be exported is refused before the run.
             rehearse(job, exports, folder.scratch)
         from armcontour.jobs import run, steps_of, teach
 
-        def begin(name: str, what: str) -> None:
-            progress.begin(f"{name}: {what}", what)
-
-        progress.planned([steps_of(x, simulated=simulate) for x in job.runs])
+        steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
+        progress.expect([*steps, WRITING.names[0]])
         if simulate:
             from armcontour.report import render_report
 
-            study = run(job, progress=begin, done=progress.share)
-            progress.begin("writing the results", "writing")
-            _write_motions(folder, job, study.runs)
+            study = run(job, progress=progress)
+            progress(WRITING)
+            write_motions(folder, job, study.runs)
             _write_exports(folder, job, study.runs, exports)
             folder.write("report.html", render_report(study))
             folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
         else:
-            plans = teach(job, progress=begin, done=progress.share)
-            progress.begin("writing the results", "writing")
+            plans = teach(job, progress=progress)
+            progress(WRITING)
             # Who asks for formats wants nothing else.
             if not exports:
-                _write_motions(folder, job, plans)
+                write_motions(folder, job, plans)
             _write_exports(folder, job, plans, exports)
             files = [*folder.files, "summary.json"]
             folder.write("summary.json", summarise_taught(job, plans, files))
@@ -88,7 +90,7 @@ def run_job(
         open_page(report)
 
 
-def _write_motions(
+def write_motions(
     folder: ResultFolder,
     job: Job,
     plans: Mapping[str, RunPlan],

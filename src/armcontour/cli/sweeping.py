@@ -25,7 +25,7 @@ def sweep_file(job_file: FilePath, out: FilePath, x: SweepOptions) -> None:
         ArmContourError: A job that cannot be used; nothing is written then.
     """
     from armcontour._quantities import Length, Memory, Speed
-    from armcontour.cli.progress import shown
+    from armcontour.cli.progress import search_progress
     from armcontour.io import ResultFolder, read_job, sweep_json
     from armcontour.io.job_overrides import JobOverrides
 
@@ -37,7 +37,7 @@ def sweep_file(job_file: FilePath, out: FilePath, x: SweepOptions) -> None:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
-        with shown("sweeping") as progress:
+        with search_progress("sweeping") as progress:
             found = sweep(job, x.run_name, tolerances=corners, speeds=speeds, progress=progress)
         folder.write("report.html", render_sweep(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))

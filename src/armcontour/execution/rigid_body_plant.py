@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Locked
 from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
@@ -58,7 +58,7 @@ RATED_POSES = 200
 BLOCK = 1.0
 
 
-class RigidBodyPlant(Plant):
+class RigidBodyPlant(Locked, Plant):
     """The arm's rigid bodies with a sampled position and velocity loop on every joint.
 
     In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
@@ -80,6 +80,8 @@ class RigidBodyPlant(Plant):
         noise: Standard deviation of measured joint positions [rad], independent in every step.
             Measured velocities have no noise, because the filters of drives are not known.
         seed: Seed of the noise, the same in every run.
+
+    Once made, a plant does not change.
 
     Attributes:
         reference: Joint positions at which J is computed [rad], (dof,).
@@ -118,8 +120,8 @@ class RigidBodyPlant(Plant):
         self.friction = friction
         self.noise = check_noise(noise)
         self.seed = _checks.whole("seed", seed, 0, 2**63 - 1)
-        self.reference = _checks.lock_floats(_middle(arm.limits, arm.dof))
-        self.nominal_inertia = _checks.lock_floats(_nominal(self.chain, self.reference))
+        self.reference = _middle(arm.limits, arm.dof)
+        self.nominal_inertia = _nominal(self.chain, self.reference)
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
         self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.chain))
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit

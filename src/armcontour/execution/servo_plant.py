@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Locked
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
@@ -33,7 +33,7 @@ CHUNK = 0.25
 POLYNOMIAL = 64.0
 
 
-class ServoPlant(Plant):
+class ServoPlant(Locked, Plant):
     """Independent joints, each with its own servo.
 
     Args:
@@ -51,6 +51,8 @@ class ServoPlant(Plant):
             limits; else "torque" if there are such limits and the arm has masses; else "none". A
             servo of first order has no limited acceleration: it allows only "none", and its demands
             are its accelerations.
+
+    Once made, a plant does not change.
 
     Attributes:
         saturation: The given or default saturation.

@@ -118,7 +118,9 @@ class ServoRun:
         accelerations: tuple[FloatArray, FloatArray],
         torque: TorqueBounds | None,
     ) -> None:
-        self.bounds, self.torque = accelerations, torque
+        # Copies that can be written to: for locked ones the kernels would be compiled once more.
+        lower, upper = (np.array(x) for x in accelerations)
+        self.bounds, self.torque = (lower, upper), torque
         self.simulation = Simulation(taught.q, taught.period, servo, *accelerations, steps=steps)
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:

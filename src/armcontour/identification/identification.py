@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour import _checks
+from armcontour._progress import Progress, Step, under
 from armcontour.errors import InvalidInput
 from armcontour.identification.choosing import choose
 from armcontour.identification.describing import described, nothing, why_still
@@ -28,6 +29,7 @@ def identify(
     model: str = "auto",
     interpolation: str | None = None,
     longest_dead_time: float = LONGEST_DELAY,
+    progress: Progress | None = None,
 ) -> Identification:
     """Gains, dead time and acceleration limit of every joint, from what it was told and did.
 
@@ -42,6 +44,7 @@ def identify(
         interpolation: What the controller does between set-points, "linear" or "step"; by default
             as the log says, else linear.
         longest_dead_time: Dead times are looked for up to this [s].
+        progress: Called with a step, the name of a joint, before each joint.
 
     Raises:
         InvalidInput: An unknown option, samples too far apart, or a log in which command and
@@ -61,7 +64,9 @@ def identify(
     duration = float(log.t[-1] - log.t[0])
     delays = (-min(BELOW_ZERO, duration / 50), min(longest, duration / 4))
     joints = []
+    tell = under(progress)
     for j in range(log.dof):
+        tell(Step((log.joint_names[j],)))
         data = Data(
             t=np.ascontiguousarray(log.t - log.t[0]),
             u=np.ascontiguousarray(log.command[:, j]),

@@ -1,16 +1,33 @@
-"""User files: the only room that knows units other than SI."""
+"""User files: the only room that knows units other than SI.
 
-from armcontour.io.certificate import certificate_json, held_csv, sweep_json
-from armcontour.io.job_file import json_schema, parse_job, read_job
-from armcontour.io.limits_file import read_limits
-from armcontour.io.motion_csv import planned_csv, taught_csv, torque_csv
-from armcontour.io.results import ResultFolder
-from armcontour.io.summary import summarise_taught, summary
-from armcontour.io.trajectory_file import TrajectoryFile, parse_trajectory, read_trajectory
+Names are loaded when they are first used: who reads an arm does not pay for the checks of jobs.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armcontour.io.certificate import certificate_json, held_csv, sweep_json
+    from armcontour.io.job_file import json_schema, parse_job, read_job
+    from armcontour.io.limits_file import read_limits
+    from armcontour.io.motion_csv import planned_csv, taught_csv, torque_csv
+    from armcontour.io.results import ResultFolder
+    from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
+
+_HOME = {
+    "certificate": ("certificate_json", "held_csv", "sweep_json"),
+    "job_file": ("json_schema", "parse_job", "read_job"),
+    "limits_file": ("read_limits",),
+    "motion_csv": ("planned_csv", "taught_csv", "torque_csv"),
+    "results": ("ResultFolder",),
+    "trajectory_file": ("parse_trajectory", "read_trajectory"),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
     "ResultFolder",
-    "TrajectoryFile",
     "certificate_json",
     "held_csv",
     "json_schema",
@@ -20,9 +37,14 @@ __all__ = [
     "read_job",
     "read_limits",
     "read_trajectory",
-    "summary",
     "sweep_json",
     "taught_csv",
-    "summarise_taught",
     "torque_csv",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module at first use."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'armcontour.io' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"armcontour.io.{_MODULE_OF[name]}"), name)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._checks import LONGEST_NAME
+from armcontour._progress import Progress
 from armcontour._text import make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.io.job_file import job_of, job_text, read_model
@@ -35,7 +36,7 @@ def read_cell(
     *,
     path: Mapping[str, Any] | None = None,
     overrides: JobOverrides | None = None,
-    reading: Callable[[float], None] | None = None,
+    reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
     """The job of a cell with a drawing.
@@ -46,7 +47,7 @@ def read_cell(
         drawing: The file of the drawing.
         path: Keys of the path that differ from the cell's, as in a job file.
         overrides: What is to stand in the place of the cell's own values.
-        reading: Called with the share of the drawing that is read.
+        reading: Called while the drawing is read, as by `read_path`.
         trust_xacro: As in `read_job`.
 
     Raises:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, load_arm
-from armcontour.arms.loading import equip
-from armcontour.arms.tree import Tree
-from armcontour.arms.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
+from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy, rotations
 from armcontour.io.job_model import ArmModel, FrameModel, RotationModel
+from armcontour.io.robots.loading import equip, load_arm
+from armcontour.io.robots.tree import Tree
+from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.io.units import parse
 
 ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)

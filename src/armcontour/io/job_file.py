@@ -10,13 +10,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from armcontour._files import read_text
+from armcontour._progress import Progress
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_model import ExperimentModel, JobModel, PublishedModel, RunModel
 from armcontour.io.job_overrides import JobOverrides, override
-from armcontour.io.job_path import Told, path_of
+from armcontour.io.job_path import path_of
 from armcontour.io.job_process import with_process
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
@@ -32,7 +33,7 @@ def read_job(
     file: str | FilePath,
     *,
     overrides: JobOverrides | None = None,
-    reading: Told | None = None,
+    reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
     """The job in a YAML file.
@@ -40,7 +41,7 @@ def read_job(
     Args:
         file: The file.
         overrides: What is to stand in the place of the file's own values.
-        reading: Called with the share that is read of the drawing it names.
+        reading: Called while the drawing that it names is read, as by `read_path`.
         trust_xacro: Whether its arm may be a .xacro file, which is a program; no job can say so.
 
     Raises:
@@ -73,7 +74,7 @@ def parse_job(
     source: str = "job",
     folder: FilePath | None = None,
     overrides: JobOverrides | None = None,
-    reading: Told | None = None,
+    reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
     """The job in YAML text.
@@ -119,7 +120,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def job_of(
-    model: JobModel, source: str, folder: FilePath, reading: Told | None, trust_xacro: bool
+    model: JobModel, source: str, folder: FilePath, reading: Progress | None, trust_xacro: bool
 ) -> Job:
     """The job that a file says.
 
@@ -139,7 +140,7 @@ def job_of(
         raise InvalidInput(f"{source}: {error}") from None
 
 
-def _job(model: JobModel, folder: FilePath, reading: Told | None, trust_xacro: bool) -> Job:
+def _job(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacro: bool) -> Job:
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     path, process = with_process(
         path_of(model.path, folder, arm.dimension, reading), model.process, model.path

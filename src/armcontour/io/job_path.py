@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
@@ -25,12 +26,11 @@ READING = (
     *("units", "scale", "layers", "names", "flat"),
     *("chord_tolerance", "join_tolerance", "unknown"),
 )
-Told = Callable[[float], None]
 WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
 def path_of(
-    model: PathModel, folder: FilePath, dimension: int, progress: Told | None = None
+    model: PathModel, folder: FilePath, dimension: int, progress: Progress | None = None
 ) -> Path | Program:
     """The objective path of a job, or its program, with the tool's orientation if it has one.
 
@@ -38,7 +38,7 @@ def path_of(
         model: What the job says.
         folder: Where files are looked for.
         dimension: In which the arm moves its tool: drawings are put in space for 3.
-        progress: Called with the share of a file that is read.
+        progress: Called while a file is read.
 
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
@@ -64,7 +64,7 @@ def path_of(
 
 
 def _drawn(
-    model: PathModel, file: str, folder: FilePath, dimension: int, progress: Told | None
+    model: PathModel, file: str, folder: FilePath, dimension: int, progress: Progress | None
 ) -> Program:
     """The program in a file, where it is to lie."""
     if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 
-import numpy as np
-
 from armcontour._files import LARGE, read_text
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.identification import INTERPOLATIONS, Log, cut
+from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import read_columns, split_csv
-from armcontour.io.units import parse
 
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
 MEASURED = ("measured", "meas", "actual", "feedback", "encoder", "q")
@@ -36,16 +34,12 @@ RATES = (
 )
 UNITS = ("rad", "deg", "mrad", "degree", "degrees", "radian", "radians")
 TIMES = ("s", "ms", "us", "sec", "seconds")
-_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
+TIMES_OF = ("t", "")
+EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
 _SAID = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
-
-
-@dataclass(frozen=True, slots=True)
-class _Column:
-    role: str
-    joint: str
-    factor: float
+# "t", "command" or "measured", and the name of the joint; empty of time.
+_Key = tuple[str, str]
 
 
 def read_log(
@@ -91,13 +85,18 @@ def parse_log(
     """
     table = split_csv(text, source)
     where = f"{source}, line {table.header}"
-    columns = [_column(name, where) for name in table.names]
-    joints = _paired(columns, table.names, where)
-    keys = [("t", ""), *(("command", x) for x in joints), *(("measured", x) for x in joints)]
-    found = {(x.role, x.joint): i for i, x in enumerate(columns) if x is not None}
-    used = [found[key] for key in keys]
-    factors = [x.factor for x in (columns[i] for i in used) if x is not None]
-    values = read_columns(table, used)[0] * np.array(factors)
+    columns = read_titles(
+        table.names,
+        where=where,
+        example=EXAMPLE,
+        key_of=_key,
+        si_of=lambda key: "s" if key == TIMES_OF else "rad",
+        unknown=lambda title: None,
+    )
+    joints = _pair(columns, where)
+    keys = [TIMES_OF, *(("command", x) for x in joints), *(("measured", x) for x in joints)]
+    used = [columns[key] for key in keys]
+    values = read_columns(table, [x.index for x in used])[0] * [x.factor for x in used]
     dof = len(joints)
     return cut(
         values[:, 0],
@@ -121,76 +120,49 @@ def _said(lines: Sequence[str]) -> str | None:
     return None
 
 
-def _column(name: str, where: str) -> _Column | None:
-    """What a column holds; None if it is nothing that is needed.
-
-    Raises:
-        InvalidInput: An unknown unit of a column that is.
-    """
-    bracketed = _BRACKETS.fullmatch(name)
-    bare, unit = (bracketed["name"], bracketed["unit"]) if bracketed else (name, None)
-    words = _WORDS.findall(bare)
+def _key(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
+    """What a column of a name holds, and the unit in that name; None if it is not needed."""
+    words = _WORDS.findall(name)
+    unit = None
+    if not has_unit and len(words) > 1 and words[-1].lower() in (*UNITS, *TIMES):
+        unit = words.pop().lower()
     low = [x.lower() for x in words]
-    if unit is None and len(low) > 1 and low[-1] in (*UNITS, *TIMES):
-        unit, words, low = low[-1], words[:-1], low[:-1]
     if any(x in RATES for x in low):
         return None
-    if low and low[0] in TIME and len(low) == 1:
-        return _Column("t", "", _factor(unit, "s", name, where))
+    if len(low) == 1 and low[0] in TIME:
+        return TIMES_OF, unit
     for role, known in (("command", COMMAND), ("measured", MEASURED)):
         at = next((i for i, x in enumerate(low) if x in known), None)
         if at is not None:
             rest = [x for i, x in enumerate(words) if i != at]
             named = [x for x in rest if x.lower() not in PLAIN]
             joint = named[0].lstrip("0") or "0" if len(named) == 1 and named[0].isdigit() else ""
-            return _Column(role, joint or "_".join(rest), _factor(unit, "rad", name, where))
+            return (role, joint or "_".join(rest)), unit
     if len(low) == 2 and low[0] in PLAIN and low[1].isdigit():
-        return _Column("measured", low[1].lstrip("0") or "0", _factor(unit, "rad", name, where))
+        return ("measured", low[1].lstrip("0") or "0"), unit
     return None
 
 
-def _factor(unit: str | None, si: str, name: str, where: str) -> float:
-    if unit is None:
-        return 1.0
-    plain = unit.strip().replace("°", "deg")
-    try:
-        factor = parse(f"1 {plain}", si)
-    except ValueError:
-        factor = 0.0
-    # To a library of units an angle is a bare number.
-    if factor <= 0 or (si == "rad" and not re.search("rad|deg|turn|rev", plain)):
-        raise InvalidInput(f"{where}: the unit {unit!r} of the column {name!r} is not one of {si}.")
-    return factor
-
-
-def _paired(columns: Sequence[_Column | None], names: Sequence[str], where: str) -> list[str]:
+def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:
     """The joints, each with a command and a measured position.
 
     Raises:
-        InvalidInput: A column is missing, or there twice.
+        InvalidInput: A column is missing.
     """
-    found: dict[tuple[str, str], str] = {}
-    for column, name in zip(columns, names, strict=True):
-        if column is None:
-            continue
-        key = (column.role, column.joint)
-        if key in found:
-            raise InvalidInput(f"{where}: the columns {found[key]!r} and {name!r} hold the same.")
-        found[key] = name
-    if ("t", "") not in found:
+    if TIMES_OF not in columns:
         raise InvalidInput(f"{where}: the column t is missing: the times of the samples.")
-    joints = list(dict.fromkeys(joint for role, joint in found if role != "t"))
+    joints = list(dict.fromkeys(joint for role, joint in columns if role != "t"))
     if not joints:
         raise InvalidInput(
             f"{where}: there is no command and no measured position: name the columns such as "
-            "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]."
+            f"{EXAMPLE}."
         )
     for joint in joints:
         for role, other in (("command", "measured"), ("measured", "command")):
-            if (role, joint) not in found:
+            if (role, joint) not in columns:
                 raise InvalidInput(
-                    f"{where}: the column {found[(other, joint)]!r} has no {role} column beside "
-                    f"it: name one such as {'u' if role == 'command' else 'q'}"
+                    f"{where}: the column {show(columns[other, joint].title)} has no {role} column "
+                    f"beside it: name one such as {'u' if role == 'command' else 'q'}"
                     f"{joint if joint.isdigit() else '_' + joint}."
                 )
     numbers = all(x.isdigit() for x in joints)

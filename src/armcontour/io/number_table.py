@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._numbers import LONGEST, parse_number
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 
 NUMBER = re.compile(
@@ -19,8 +20,6 @@ NUMBER = re.compile(
 )
 # Lines that are converted at a time: more take memory and save no time.
 CHUNK = 1 << 14
-# More of a cell than this does not go into a message.
-SHOWN = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +52,7 @@ class CsvTable:
 
     def cell(self, row: int, column: int) -> str:
         """A cell and its column, for messages."""
-        return f"{shorten(self.cells(row)[column])} in the column {self.names[column]!r}"
+        return f"{show(self.cells(row)[column])} in the column {self.names[column]!r}"
 
 
 @dataclass(slots=True)
@@ -101,9 +100,11 @@ def split_csv(text: str, source: str) -> CsvTable:
     Raises:
         InvalidInput: There is no line of column names, or no sample.
     """
+    # Not `splitlines`, to which some characters that may stand in a cell are ends of line.
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     kept = [
         (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
+        for number, line in enumerate(lines, start=1)
         if line and not line.isspace() and not line.lstrip().startswith("#")
     ]
     if not kept:
@@ -143,11 +144,6 @@ def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, l
     return values, digits
 
 
-def shorten(text: str) -> str:
-    """A cell in quotes, cut off where it is long."""
-    return repr(text if len(text) <= SHOWN else text[:SHOWN] + "...")
-
-
 def _rows(table: CsvTable, first: int) -> list[list[str]]:
     lines = table.lines[first : first + CHUNK]
     rows = [_split(line, table.separator) for line in lines]
@@ -161,12 +157,21 @@ def _rows(table: CsvTable, first: int) -> list[list[str]]:
     return rows
 
 
-def _split(line: str, separator: str) -> list[str]:
+def split_line(line: str, separator: str) -> list[str]:
+    """The cells of a line.
+
+    Raises:
+        csv.Error: A quote that is not closed, or an endless cell in quotes.
+    """
     if '"' not in line:
         return [x.strip() for x in line.split(separator)]
+    # One line at a time, so that a quote that is never closed does not swallow the next lines.
+    return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
+
+
+def _split(line: str, separator: str) -> list[str]:
     try:
-        # One line at a time, so that a quote that is never closed does not swallow the next lines.
-        return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
+        return split_line(line, separator)
     except csv.Error:
         # Such a quote, or a cell of more than 131,072 characters: no number, whatever it is.
         return line.split(separator)
@@ -192,17 +197,13 @@ def _convert_each(
     texts: list[list[str]],
     values: FloatArray,
 ) -> None:
-    for i, row in enumerate(_transpose(texts)):
+    for i, row in enumerate(zip(*texts, strict=True)):
         for k, text in enumerate(row):
             try:
                 values[i, k] = parse_number(text)
             except ValueError:
                 raise InvalidInput(
-                    f"{table.place(first + i)}: {shorten(text)} in the column "
+                    f"{table.place(first + i)}: {show(text)} in the column "
                     f"{table.names[columns[k]]!r} is not a finite number.",
                     index=first + i,
                 ) from None
-
-
-def _transpose(texts: list[list[str]]) -> Iterator[tuple[str, ...]]:
-    return zip(*texts, strict=True)

@@ -18,6 +18,7 @@ from pathlib import Path as FilePath
 from pathlib import PurePosixPath
 
 from armcontour import _files, _staging
+from armcontour._text import list_some
 from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 
@@ -147,8 +148,8 @@ class ResultFolder:
         changed = [x for x in written if x in present and not self._is_unchanged(x, written)]
         if changed:
             raise InvalidInput(
-                f"In the folder {self.folder}, {_some(changed)} changed since armcontour wrote "
-                "them: move them elsewhere, or choose another --out."
+                f"In the folder {self.folder}, {list_some(changed, MOST_NAMED)} changed since "
+                "armcontour wrote them: move them elsewhere, or choose another --out."
             )
 
     def _is_unchanged(self, name: str, written: Mapping[str, str]) -> bool:
@@ -328,10 +329,3 @@ def _remove_empty(target: FilePath, names: Iterable[str]) -> None:
         for above in reversed(_steps_to(target, name)):
             with suppress(OSError):
                 above.rmdir()
-
-
-def _some(names: list[str]) -> str:
-    """Names for a sentence, not too many."""
-    shown = ", ".join(names[:MOST_NAMED])
-    more = len(names) - MOST_NAMED
-    return f"{shown} and {more} more" if more > 0 else shown

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from typing import Any
 
 from armcontour._version import __version__
 from armcontour.identification import Estimate, Identification
+from armcontour.io.summary import plain
+
+# What JSON has of an estimate and of a joint, by the names of their attributes.
+OF_PARAMETER = "name unit value sd low high determined advice".split()
+OF_JOINT = "noise rms r_squared whiteness bic largest_demand saturated_time notes".split()
 
 
 def servo_yaml(found: Identification) -> str:
@@ -48,36 +52,14 @@ def servo_yaml(found: Identification) -> str:
 
 def identification_json(found: Identification, files: Sequence[str] = ()) -> str:
     """Everything that was found, but the samples."""
-    joints = []
-    for joint in found.joints:
-        joints.append(
-            {
-                "name": joint.name,
-                "order": joint.order,
-                "start": joint.start,
-                "parameters": [
-                    {
-                        "name": x.name,
-                        "unit": x.unit,
-                        "value": _number(x.value),
-                        "sd": _number(x.sd),
-                        "low": _number(x.low),
-                        "high": _number(x.high),
-                        "determined": x.determined,
-                        "advice": x.advice,
-                    }
-                    for x in joint.estimates
-                ],
-                "noise": _number(joint.noise),
-                "rms": _number(joint.rms),
-                "r_squared": _number(joint.r_squared),
-                "whiteness": _number(joint.whiteness),
-                "bic": {k: _number(v) for k, v in joint.bic.items()},
-                "largest_demand": _number(joint.largest_demand),
-                "saturated_time": joint.saturated_time,
-                "notes": list(joint.notes),
-            }
-        )
+    joints = [
+        {
+            **{x: getattr(joint, x) for x in ("name", "order", "start")},
+            "parameters": [{x: getattr(y, x) for x in OF_PARAMETER} for y in joint.estimates],
+            **{x: getattr(joint, x) for x in OF_JOINT},
+        }
+        for joint in found.joints
+    ]
     page: dict[str, Any] = {
         "version": __version__,
         "log": found.log.source,
@@ -88,12 +70,7 @@ def identification_json(found: Identification, files: Sequence[str] = ()) -> str
     }
     if files:
         page["files"] = list(files)
-    return json.dumps(page, indent=2, allow_nan=False) + "\n"
-
-
-def _number(value: float) -> float | None:
-    """JSON has no infinity: none stands for it."""
-    return float(value) if math.isfinite(value) else None
+    return json.dumps(plain(page), indent=2, allow_nan=False) + "\n"
 
 
 def _listed(values: Any) -> str:

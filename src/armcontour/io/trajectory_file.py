@@ -18,9 +18,10 @@ from armcontour._sampling import (
     find_large,
     find_short_step,
 )
+from armcontour._text import show
 from armcontour.errors import InvalidInput
-from armcontour.io.number_table import NUMBER, CsvTable, last_digit, read_columns, split_csv
-from armcontour.io.units import parse
+from armcontour.io.columns import Column, read_titles
+from armcontour.io.number_table import CsvTable, last_digit, read_columns, split_csv
 
 # What a column of each kind has, for messages.
 CALLED = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
@@ -30,10 +31,9 @@ BESIDE = ("events",)
 KINDS = {"t": "t", "time": "t", "q": "q", "joint": "q", "dq": "dq", "ddq": "ddq"}
 _NAME = re.compile(
     r"(?P<kind>time|t|joint|ddq|dq|q)[ _]?(?P<joint>\d+)?"
-    r"(?:\s*[\[(](?P<unit>[^\])]*)[\])]|_(?P<suffix>[A-Za-zµ°]\S*))?",
+    r"(?:_(?P<unit>[A-Za-zµ°]\S*))?",
     re.IGNORECASE,
 )
-_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
 # A quantity of a joint that is called by its name.
 _CALLED = re.compile(r"(?P<kind>ddq|dq|q)[ _](?P<name>.+)", re.IGNORECASE)
 
@@ -63,11 +63,8 @@ class TrajectoryFile:
                 object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Column:
-    kind: str
-    joint: int
-    factor: float
+# A quantity, and the number of its joint; 0 of time.
+_Key = tuple[str, int]
 
 
 def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> TrajectoryFile:
@@ -97,24 +94,20 @@ def parse_trajectory(
         InvalidInput: As in `read_trajectory`.
     """
     table = split_csv(text, source)
-    # What is switched during the motion says nothing about joints.
-    kept = [i for i, name in enumerate(table.names) if name.lower() not in BESIDE]
-    names = [table.names[i] for i in kept]
-    columns = _columns(names, joint_names, f"{source}, line {table.header}")
-    values, digits = read_columns(table, kept)
+    columns = _columns(table, joint_names)
+    used = [columns[key] for key in sorted(columns)]
+    values, digits = read_columns(table, [x.index for x in used])
     arrays, resolution = {}, {}
     for kind in SI:
-        of = sorted(
-            (i for i, x in enumerate(columns) if x.kind == kind), key=lambda i: columns[i].joint
-        )
+        of = [i for i, x in enumerate(used) if x.key[0] == kind]
         if of:
-            factors = [columns[i].factor for i in of]
+            factors = [used[i].factor for i in of]
             arrays[kind] = values[:, of] * factors
             resolution[kind] = max(factors) * last_digit([digits[i] for i in of])
             if kind == "t":
-                _refuse_times(table, kept[of[0]], arrays["t"][:, 0])
+                _refuse_times(table, used[of[0]].index, arrays["t"][:, 0])
             else:
-                _refuse_large(table, [kept[i] for i in of], kind, arrays[kind])
+                _refuse_large(table, [used[i].index for i in of], kind, arrays[kind])
     return TrajectoryFile(
         source=source,
         t=arrays["t"][:, 0],
@@ -155,64 +148,54 @@ def _refuse_large(table: CsvTable, columns: Sequence[int], kind: str, values: Fl
         )
 
 
-def _columns(names: Sequence[str], joint_names: Sequence[str], where: str) -> list[_Column]:
+def _columns(table: CsvTable, joint_names: Sequence[str]) -> dict[_Key, Column[_Key]]:
     """What each column holds.
 
     Raises:
         InvalidInput: A name or unit that is not known, a column twice, or one that is missing.
     """
-    if all(NUMBER.fullmatch(x) for x in names):
-        raise InvalidInput(
-            f"{where}: the first line must name the columns, such as t,q1,q2 or "
-            "t [s],joint 1 [rad],joint 2 [rad]."
-        )
-    columns = [_column(name, joint_names, where) for name in names]
-    found = [(x.kind, x.joint) for x in columns]
-    twice = next((i for i, x in enumerate(found) if x in found[:i]), None)
-    if twice is not None:
-        first = names[found.index(found[twice])]
-        raise InvalidInput(f"{where}: the columns {first!r} and {names[twice]!r} hold the same.")
-    dof = max((joint for _, joint in found), default=0)
-    for kind in ("t", "q", "dq", "ddq"):
-        joints = range(1) if kind == "t" else range(1, dof + 1)
-        optional = kind in ("dq", "ddq") and not any(x == kind for x, _ in found)
-        missing = [x for x in joints if (kind, x) not in found]
-        if not joints or (missing and not optional):
-            number = str(missing[0]) if joints and kind != "t" else "1" if kind != "t" else ""
-            raise InvalidInput(f"{where}: the column {kind}{number} is missing.")
+    where = f"{table.source}, line {table.header}"
+
+    def unknown(title: str) -> None:
+        # What is switched during the motion says nothing about joints.
+        if title.lower() not in BESIDE:
+            raise InvalidInput(
+                f"{where}: unknown column {show(title)}: the columns are t, q1 or joint 1, dq1, "
+                "ddq1, ..., with a unit in brackets where it is not SI."
+            )
+
+    columns = read_titles(
+        table.names,
+        where=where,
+        example="t,q1,q2 or t [s],q 1 [rad],q 2 [rad]",
+        key_of=lambda name, _: _key(name, joint_names),
+        si_of=lambda key: SI[key[0]],
+        unknown=unknown,
+    )
+    for (kind, joint), column in columns.items():
+        if kind != "t" and joint == 0:
+            raise InvalidInput(
+                f"{where}: the column {show(column.title)} has the joint 0: joints count from 1."
+            )
+    dof = max((joint for _, joint in columns), default=0)
+    for kind in SI:
+        joints = range(1) if kind == "t" else range(1, max(1, dof) + 1)
+        missing = [x for x in joints if (kind, x) not in columns]
+        given = kind in ("t", "q") or any(x == kind for x, _ in columns)
+        if missing and given:
+            raise InvalidInput(f"{where}: the column {kind}{missing[0] or ''} is missing.")
     return columns
 
 
-def _column(name: str, joint_names: Sequence[str], where: str) -> _Column:
-    bracketed = _BRACKETS.fullmatch(name)
-    bare = bracketed["name"] if bracketed else name
+def _key(name: str, joint_names: Sequence[str]) -> tuple[_Key, str | None] | None:
+    """What a column of a name holds, and the unit in that name."""
+    called = _CALLED.fullmatch(name)
+    if name in joint_names:
+        return ("q", joint_names.index(name) + 1), None
+    if called and called["name"] in joint_names:
+        return (called["kind"].lower(), joint_names.index(called["name"]) + 1), None
     match = _NAME.fullmatch(name)
-    called = _CALLED.fullmatch(bare)
-    if bare in joint_names:
-        kind, joint, unit = "q", joint_names.index(bare) + 1, bracketed and bracketed["unit"]
-    elif called and called["name"] in joint_names:
-        kind, joint = called["kind"].lower(), joint_names.index(called["name"]) + 1
-        unit = bracketed and bracketed["unit"]
-    elif match and (match["joint"] is None) == (KINDS[match["kind"].lower()] == "t"):
-        kind, joint = KINDS[match["kind"].lower()], int(match["joint"] or 0)
-        unit = match["unit"] if match["unit"] is not None else match["suffix"]
-    else:
-        raise InvalidInput(
-            f"{where}: unknown column {name!r}: the columns are t, q1 or joint 1, dq1, ddq1, ..., "
-            "with a unit in brackets where it is not SI."
-        )
-    if (kind == "t") != (joint == 0):
-        raise InvalidInput(f"{where}: the column {name!r} has the joint 0: joints count from 1.")
-    if unit is None:
-        return _Column(kind, joint, 1.0)
-    plain = unit.strip().replace("²", "^2").replace("°", "deg")
-    try:
-        factor = parse(f"1 {plain}", SI[kind])
-    except ValueError:
-        factor = 0.0
-    # To pint an angle is a bare number, so that "1/s" would pass for "rad/s".
-    if factor <= 0 or (kind != "t" and not re.search("rad|deg|turn|rev|rpm", plain)):
-        raise InvalidInput(
-            f"{where}: the unit {unit!r} of the column {name!r} is not one of {SI[kind]}."
-        )
-    return _Column(kind, joint, factor)
+    kind = KINDS[match["kind"].lower()] if match else ""
+    if match is None or (match["joint"] is None) != (kind == "t"):
+        return None
+    return (kind, int(match["joint"] or 0)), match["unit"]

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from armcontour._checks import LARGEST
-from armcontour._numbers import parse_number
+from armcontour._numbers import plain_number
 from armcontour._quantities import Quantity
 from armcontour._text import show
 
@@ -56,7 +56,7 @@ def _parse_text(text: str, unit: str) -> float:
             f"{show(text)} has {len(text)} characters, more than the {MOST_CHARACTERS} of a "
             f"quantity in {unit}: write a number and a unit"
         )
-    if is_number(text):
+    if plain_number(text) is not None:
         raise ValueError(
             f"{text!r} has no unit: write one, such as '{text} {unit}', or a plain number in {unit}"
         )
@@ -84,15 +84,6 @@ def _finite(value: float) -> float:
     if not math.isfinite(number):
         raise ValueError(f"must be finite, but is {value}")
     return number
-
-
-def is_number(text: str) -> bool:
-    """Whether a text is a plain number."""
-    try:
-        parse_number(text)
-    except ValueError:
-        return False
-    return True
 
 
 def share(value: Any) -> float:

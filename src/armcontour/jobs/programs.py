@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._progress import Progress
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.jobs.job import Job, Run
@@ -33,7 +34,6 @@ FINEST_LEAD = 1e-4
 SAME_SPEED = 1e-3
 Rounding = dict[str, Any]
 # Called with the number of contours done, and of all.
-Counted = Callable[[int, int], None]
 
 
 def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program, Program]:
@@ -165,14 +165,14 @@ def planned(job: Job, this: Run, program: Program) -> Trajectory:
     return timed(job, this, trace_run(job, this, program))
 
 
-def trace_run(job: Job, this: Run, program: Program, progress: Counted | None = None) -> Tracing:
+def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
     """What the joints follow along a program, under the limits of a run."""
     return trace_program(
         program, job.arm, this.limits, branch=job.branch, start=job.start, progress=progress
     )
 
 
-def timed(job: Job, this: Run, traced: Tracing, progress: Counted | None = None) -> Trajectory:
+def timed(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
     """The trajectory of a traced program under the limits and the options of a run."""
     return plan(
         traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options

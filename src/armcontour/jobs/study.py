@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits
 from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
@@ -17,7 +18,7 @@ from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, round_corners
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import Counted, program_of, slow_ends, timed, trace_run
+from armcontour.jobs.programs import program_of, slow_ends, timed, trace_run
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -35,8 +36,6 @@ TEACHING = STEPS[:4]
 EXPERIMENT = "experiment"
 # Set-points farther apart than this share of the motion are said to be coarse.
 COARSE = 0.1
-Progress = Callable[[str, str], None]
-Done = Callable[[float], None] | None
 Result = TypeVar("Result", bound="RunPlan")
 
 
@@ -129,40 +128,28 @@ class Study:
     runs: Mapping[str, RunResult]
 
 
-def run(
-    job: Job,
-    *,
-    progress: Progress | None = None,
-    done: Done = None,
-) -> Study:
+def run(job: Job, *, progress: Progress | None = None) -> Study:
     """Do a job: every run from the objective path to its evaluation.
 
     An experiment whose joints do not come to rest is the `failure` of its run, and no error.
 
     Args:
         job: The job.
-        progress: Called with the run's name and the step before each step.
-        done: Called with the share of a step that is done, where the step can tell: tracing and
-            timing do, contour by contour.
+        progress: Called before each step with its names, such as ("proposed", "timing"), and again
+            with the share that is done while a program is traced or planned.
 
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    return Study(job=job, runs=_every(job, _run, progress, done))
+    return Study(job=job, runs=_every(job, _run, progress))
 
 
-def teach(
-    job: Job,
-    *,
-    progress: Progress | None = None,
-    done: Done = None,
-) -> Mapping[str, RunPlan]:
+def teach(job: Job, *, progress: Progress | None = None) -> Mapping[str, RunPlan]:
     """Plan and compensate every run of a job, without simulating what the servo makes of it.
 
     Args:
         job: The job.
         progress: As in `run`.
-        done: As in `run`.
 
     Returns:
         The plans by the names of their runs.
@@ -170,20 +157,19 @@ def teach(
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    return _every(job, _taught, progress, done)
+    return _every(job, _taught, progress)
 
 
 def _every(
     job: Job,
-    do: Callable[[Job, Run, Progress, Done, Iterable[Result]], Result],
+    do: Callable[[Job, Run, Progress, Iterable[Result]], Result],
     progress: Progress | None,
-    done: Done,
 ) -> Mapping[str, Result]:
     """What every run of a job comes to, by its name; each is told of those before it."""
     found: dict[str, Result] = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
-            found[x.name] = do(job, x, progress or (lambda run, step: None), done, found.values())
+            found[x.name] = do(job, x, under(progress, x.name), found.values())
     return MappingProxyType(found)
 
 
@@ -216,29 +202,23 @@ def rounding_of(this: Run) -> dict[str, Any] | None:
     }
 
 
-def _run(
-    job: Job,
-    this: Run,
-    progress: Progress,
-    done: Done,
-    earlier: Iterable[RunResult],
-) -> RunResult:
+def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
     earlier = list(earlier)
-    plan = _taught(job, this, progress, done, earlier, simulated=True)
-    progress(this.name, "execution")
+    plan = _taught(job, this, progress, earlier, simulated=True)
+    progress(Step(("execution",)))
     executed = execute(
         plan.taught,
         ServoPlant(job.arm, job.plant_servo, this.limits),
         resolution=RESOLUTION,
         memory=job.memory,
     )
-    progress(this.name, "evaluation")
+    progress(Step(("evaluation",)))
     evaluation = evaluate(
         executed, plan.path, objective=plan.objective, limits=this.limits, until=this.until
     )
     experiment, failure = None, None
     if this.experiment is not None:
-        progress(this.name, EXPERIMENT)
+        progress(Step((EXPERIMENT,)))
         try:
             with locate_errors("experiment"):
                 experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
@@ -262,7 +242,6 @@ def _taught(
     job: Job,
     this: Run,
     progress: Progress,
-    done: Done,
     earlier: Iterable[RunPlan],
     *,
     simulated: bool = False,
@@ -275,11 +254,11 @@ def _taught(
     # Before planning, by the least time: corners may leave half of the path out.
     least = assigned_time(job.program, this.limits) / 2
     refuse_too_large(job, this, least, done_before, simulated)
-    objective, path, traced = _traced(job, this, progress, done, earlier)
-    progress(this.name, "timing")
-    trajectory = timed(job, this, traced, _share(done))
+    objective, path, traced = _traced(job, this, progress, earlier)
+    progress(Step(("timing",)))
+    trajectory = timed(job, this, traced, progress)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
-    progress(this.name, "compensation")
+    progress(Step(("compensation",)))
     taught = compensate(
         trajectory,
         job.servo,
@@ -300,7 +279,7 @@ def _taught(
 
 
 def _traced(
-    job: Job, this: Run, progress: Progress, done: Done, earlier: Iterable[RunPlan]
+    job: Job, this: Run, progress: Progress, earlier: Iterable[RunPlan]
 ) -> tuple[Program, Program, Tracing]:
     """The program of a run before and after rounding, and what the joints follow along it.
 
@@ -310,15 +289,10 @@ def _traced(
     for x in earlier:
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
             return x.objective, x.path, x.traced
-    progress(this.name, "rounding")
+    progress(Step(("rounding",)))
     objective, path = program_of(job, this, rounding_of(this))
-    progress(this.name, "tracing")
-    return objective, path, trace_run(job, this, path, _share(done))
-
-
-def _share(done: Done) -> Counted | None:
-    """What tells the share that is done when it is told numbers."""
-    return None if done is None else lambda number, count: done(number / count)
+    progress(Step(("tracing",)))
+    return objective, path, trace_run(job, this, path, progress)
 
 
 def same_plan(first: RunResult, second: RunResult) -> bool:

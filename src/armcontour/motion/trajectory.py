@@ -173,7 +173,10 @@ class Trajectory:
 
     @property
     def contour_spans(self) -> tuple[Span, ...]:
-        """Spans of the contours of a program, in order."""
+        """Spans of the contours in order; a trajectory without spans is one contour."""
+        if not self.spans:
+            t, s = (0.0, self.duration), (float(self._ends[0, 0]), float(self._ends[-1, 1]))
+            return (Span(move=0, kind="contour", t=t, s=s, work=t, trajectory=self),)
         return tuple(x for x in self.spans if x.kind == "contour")
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks, _memory
+from armcontour._progress import Progress
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
@@ -17,7 +18,7 @@ from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import METHODS, OPTIONS, Timing
-from armcontour.timing.program_tracing import Progress, Step, Tracing, trace_program
+from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
 
@@ -62,7 +63,7 @@ def plan(
             configuration that is fastest along the path.
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
-        progress: Called with the number of contours that are timed, and of all.
+        progress: Called after every contour with the step "timing" and the share that is done.
         memory: What the program may take [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
             `plan_optimal`); a program of more than one path takes neither grid nor speeds, and
@@ -101,7 +102,7 @@ def _trace(
         Unreachable: A place of the path is out of reach, out of a joint's range or singular.
     """
     if isinstance(path, JointPath):
-        _refuse_foreign((Step(move=None, joint_path=path),), arm, limits, branch, start)
+        _refuse_foreign((TracedMove(move=None, joint_path=path),), arm, limits, branch, start)
         return path if path.tool_path is None else Tracing.along(path, path.tool_path)
     if isinstance(path, Tracing):
         _refuse_foreign(path.steps, arm, limits, branch, start)
@@ -230,7 +231,7 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
 
 
 def _refuse_foreign(
-    steps: Sequence[Step],
+    steps: Sequence[TracedMove],
     arm: Arm,
     limits: Limits,
     branch: str | None,

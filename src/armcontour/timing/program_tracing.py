@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
@@ -25,11 +26,9 @@ from armcontour.tracing import trace
 # Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
 SAME_POSITION = 1e-9
 
-Progress = Callable[[int, int], None]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class TracedMove:
     """What the joints do for a move of a program, or to get from one move to the next.
 
     Args:
@@ -57,12 +56,12 @@ class Tracing:
     """
 
     program: Program
-    steps: tuple[Step, ...]
+    steps: tuple[TracedMove, ...]
 
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
         """The program of one path that is traced already."""
-        return cls(program=Program.of(path), steps=(Step(move=0, joint_path=joint_path),))
+        return cls(program=Program.of(path), steps=(TracedMove(move=0, joint_path=joint_path),))
 
     @property
     def joint_paths(self) -> tuple[JointPath, ...]:
@@ -93,7 +92,7 @@ def trace_program(
             default the arm's own.
         branch: As in `plan`.
         start: As in `plan`.
-        progress: Called with the number of contours done, and of all.
+        progress: Called after every contour with the step "tracing" and the share that is done.
 
     Raises:
         ArmContourError: As tracing raises it, with the contour's name.
@@ -103,7 +102,7 @@ def trace_program(
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
-            progress(tracer.done, len(tracer.contours))
+            progress(Step(("tracing",), tracer.done / len(tracer.contours)))
     return Tracing(program=program, steps=tuple(tracer.steps))
 
 
@@ -117,7 +116,7 @@ class _Tracer:
     limits: Limits
     branch: str | None
     start: npt.ArrayLike | None
-    steps: list[Step] = field(default_factory=list)
+    steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
 
@@ -127,11 +126,11 @@ class _Tracer:
             # A path alone has no number.
             alone = self.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
-            with Step(move=i, called=called).named():
+            with TracedMove(move=i, called=called).named():
                 self._append(i, self._trace(move.path), called)
             self.done += 1
         elif not isinstance(move, Rapid):
-            self.steps.append(Step(move=i))
+            self.steps.append(TracedMove(move=i))
         elif move.path is not None:
             self._rapid(i, move.path)
 
@@ -155,8 +154,8 @@ class _Tracer:
             end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
             if np.abs(q - end).max() > SAME_POSITION:
                 line = JointPath.spline([end, q])
-                self.steps.append(Step(move=None, joint_path=line, called=called))
-        self.steps.append(Step(move=i, joint_path=joint_path, called=called))
+                self.steps.append(TracedMove(move=None, joint_path=line, called=called))
+        self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
     def _trace(self, path: Path) -> JointPath:

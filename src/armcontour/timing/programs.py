@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
 from armcontour.program import Contour, Dwell, Event
 from armcontour.timing.methods import Timing
-from armcontour.timing.program_tracing import Progress, Step, Tracing, ends_of
+from armcontour.timing.program_tracing import TracedMove, Tracing, ends_of
 
 # Events nearer in time than this are at once [s].
 SAME_TIME = 1e-9
@@ -26,7 +27,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     Args:
         traced: The program with what the joints follow.
         timing: How contours and rapids are timed.
-        progress: Called with the number of contours done, and of all.
+        progress: Called after every contour with the step "timing" and the share that is done.
 
     Raises:
         ArmContourError: As planning raises it, with the contour's name.
@@ -39,7 +40,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
             chain.contour(step, move)
             number += 1
             if progress is not None:
-                progress(number, count)
+                progress(Step(("timing",), number / count))
         elif isinstance(move, Event | Dwell):
             chain.still(step, move)
         else:
@@ -61,7 +62,7 @@ class _Chain:
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
 
-    def contour(self, step: Step, move: Contour) -> None:
+    def contour(self, step: TracedMove, move: Contour) -> None:
         """A contour, with what is switched along it."""
         assert step.joint_path is not None
         with step.named():
@@ -88,7 +89,7 @@ class _Chain:
         for x in move.events:
             self._timed(x, move, planned, begun, s[0], step.called)
 
-    def rapid(self, step: Step) -> None:
+    def rapid(self, step: TracedMove) -> None:
         """A rapid, along its path or along a straight line of the joints."""
         assert step.joint_path is not None
         with step.named():
@@ -97,7 +98,7 @@ class _Chain:
         span = Span(move=step.move, kind="rapid", t=t, s=s, trajectory=planned)
         self._append(step.joint_path, span)
 
-    def still(self, step: Step, move: Event | Dwell) -> None:
+    def still(self, step: TracedMove, move: Event | Dwell) -> None:
         """What comes where the joints stand."""
         if isinstance(move, Dwell):
             self._stand(step, move)
@@ -157,7 +158,7 @@ class _Chain:
             return ends_of(self.traced.joint_paths[0])[0]
         return ends_of(self.done)[1]
 
-    def _stand(self, step: Step, move: Dwell) -> None:
+    def _stand(self, step: TracedMove, move: Dwell) -> None:
         q, s = self._q, self.length
         none, ends = np.zeros((1, len(q))), np.array([0.0, move.duration])
         self.laws.append(LapLaw(breaks=ends, q=np.tile(q, (2, 1)), dq=none, ddq=none))

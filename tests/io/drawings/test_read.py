@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour._progress import Step
 from armcontour.io.drawings.read import READERS
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
@@ -78,10 +79,12 @@ def test_a_program_of_one_contour_gives_its_path(folder, refuses):
 
 def test_reading_tells_how_far_it_is(folder):
     (folder / "long.ngc").write_text("G21 F600\n" + "G1 X1\nG1 X2\n" * 20_000)
-    told: list[float] = []
+    told: list[Step] = []
     ac.read_path(folder / "long.ngc", progress=told.append)
-    assert told == sorted(told)
-    assert 0 <= told[0] < told[-1] <= 1
+    assert {x.names for x in told} == {("long.ngc",)}
+    shares = [x.done or 0.0 for x in told]
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] < shares[-1] <= 1
 
 
 @pytest.mark.parametrize(

@@ -397,7 +397,7 @@ HOSTILE = {
     "powers in a unit": ("x [mm**9**9**9],y [mm]\n0,0\n1,1\n", "the unit 'mm**9**9**9'"),
     "powers in a suffix": ("x_mm^9^9^9,y_mm\n0,0\n1,1\n", "the unit 'mm^9^9^9'"),
     "digits in a unit": (f"x [{'9' * 20_000}!],y [mm]\n0,0\n1,1\n", "the unit '9999"),
-    "a long cell": (f"x,y,contour\n0,0,{'a' * 140_000}\n1,1,\n", "line 2: field larger than"),
+    "a long cell": (f"x,y,contour\n0,0,{'a' * 140_000}\n1,1,\n", "140000 characters, more than 80"),
     "equal columns": (",".join(["x"] * 300_000) + "\n", "two columns 'x'"),
     "many columns": (",".join(f"x{i}" for i in range(300_000)) + "\n", "unknown column 'x0'"),
     "a long column": (f"x,y,{'q' * 100_000}\n0,0,1\n1,1,1\n", "unknown column 'qqq"),

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._dxf_document import said
 from armcontour.io.drawings._dxf_entities import (
@@ -221,8 +222,7 @@ class Walk:
         if self.invisible:
             found.append(f"Left out, because they are invisible: {self.invisible}.")
         if self.empty:
-            more = f" and {len(self.empty) - 6} more" if len(self.empty) > 6 else ""
-            found.append(f"Left out, because of no length: {', '.join(self.empty[:6])}{more}.")
+            found.append(f"Left out, because of no length: {list_some(self.empty, 6)}.")
         return found + self.labels.notes
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, IntArray, positive
+from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
@@ -184,11 +185,11 @@ def _notes(
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
-        notes.append(f"Left out because they lie exactly on others: {_list_names(names)}.")
+        notes.append(f"Left out because they lie exactly on others: {list_some(names, 6)}.")
     if short:
         notes.append(
             f"Left out because their ends are one point within {tolerance:g} m: "
-            f"{_list_names(short)}."
+            f"{list_some(short, 6)}."
         )
     return notes
 

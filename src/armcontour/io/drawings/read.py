@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path as FilePath
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
+from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry.segments import REPEATED_POINT
@@ -43,7 +44,7 @@ def read_path(
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
     unknown: str = "refuse",
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
 
@@ -63,7 +64,8 @@ def read_path(
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
         unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know.
-        progress: Called with the fraction of the file that is read, 0 to 1.
+        progress: Called from time to time with the name of the file and the fraction of it that is
+            read, where the reader can tell.
 
     Raises:
         InvalidInput: The file cannot be read; the message names the line, the element or the row.

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._svg_shapes import shape_of
 from armcontour.io.drawings._svg_tree import Element, tree_of
@@ -60,8 +61,7 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     pieces = _pieces(walk, page, view, reading)
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
-        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        notes.append(f"{reason}: {', '.join(names[:NAMED])}{more}.")
+        notes.append(f"{reason}: {list_some(names, NAMED)}.")
     if not contours:
         why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")

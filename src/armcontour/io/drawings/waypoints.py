@@ -11,8 +11,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._numbers import parse_number
-from armcontour._text import show
+from armcontour._numbers import plain_number
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.geometry import Path
@@ -24,20 +23,13 @@ from armcontour.io.drawings.waypoint_table import (
     POINT,
     QUATERNION,
     TEXTS,
-    Column,
+    UNITS,
     Table,
     table_of,
 )
-from armcontour.io.units import parse
 from armcontour.program import Contour, Event, Program
 
 KINDS = ("csv", "parquet")
-# SI units of the columns that have one.
-UNITS = {
-    **dict.fromkeys((*POINT, "tolerance"), "m"),
-    **dict.fromkeys(ANGLES, "rad"),
-    "speed": "m/s",
-}
 SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 
@@ -98,7 +90,9 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
     for key, column in table.columns.items():
         if key in TEXTS:
             continue
-        numbers = _numbers(table, key) * _factor(table, column, UNITS.get(key), reading)
+        numbers = _numbers(table, key) * column.factor
+        if column.unit is None and UNITS.get(key) in ("m", "m/s"):
+            numbers *= reading.unit or 1.0
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
             (np.abs(numbers) > FARTHEST, f"must be within {FARTHEST:g} {UNITS.get(key, '')}"),
@@ -107,7 +101,7 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
         ):
             if bad.any():
                 i = int(np.argmax(bad))
-                given = column.cells[i]
+                given = table.cells[key][i]
                 but = "" if np.isnan(numbers[i]) else f", but is {given}"
                 raise InvalidInput(f"{table.where(i, key)}: {must.strip()}{but}.", index=i)
         values[key] = numbers
@@ -115,46 +109,18 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
 
 
 def _numbers(table: Table, key: str) -> FloatArray:
-    cells = table.columns[key].cells
+    cells = table.cells[key]
     if isinstance(cells, np.ndarray):
-        values = cells
+        values, written = cells, np.isinf(cells)
     else:
-        values = np.array([_float(x) for x in cells])
-    written = np.isinf(values)
-    if not isinstance(cells, np.ndarray):
-        written |= np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
+        values = np.array([plain_number(x) for x in cells], dtype=np.float64)
+        written = np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
     if written.any():
         i = int(np.argmax(written))
         text = str(cells[i])[:40]
         hint = ": write a decimal point" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
         raise InvalidInput(f"{table.where(i, key)}: {text!r} is not a finite number{hint}.")
     return values
-
-
-def _float(text: str) -> float:
-    try:
-        return parse_number(text)
-    except ValueError:
-        return math.nan
-
-
-def _factor(table: Table, column: Column, unit: str | None, reading: Reading) -> float:
-    """What makes SI units of the numbers of a column."""
-    if column.unit is None:
-        return (reading.unit or 1.0) if unit in ("m", "m/s") else 1.0
-    plain = column.unit.strip().replace("²", "^2").replace("°", "deg")
-    try:
-        factor = parse(f"1 {plain}", unit) if unit is not None else 0.0
-    except ValueError:
-        factor = 0.0
-    # To the library of units an angle is a bare number.
-    if factor <= 0 or (unit == "rad" and not re.search("rad|deg|turn|rev", plain)):
-        wanted = f"one of {unit}" if unit else "wanted: the column has none"
-        raise InvalidInput(
-            f"{table.source}: the unit {show(column.unit)} of the column {show(column.title)} is "
-            f"not {wanted}."
-        )
-    return factor
 
 
 def _orientation(
@@ -192,7 +158,7 @@ def _texts(table: Table, key: str) -> Sequence[str]:
     """A column of text; numbers as text, whole ones without a point."""
     if key not in table.columns:
         return [""] * len(table.places)
-    cells = table.columns[key].cells
+    cells = table.cells[key]
     if isinstance(cells, np.ndarray):
         return ["" if math.isnan(x) else f"{x:.15g}" for x in cells.tolist()]
     return cells
@@ -300,8 +266,8 @@ def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tupl
 def _value(text: str) -> bool | float | str:
     if text.lower() in SWITCHED:
         return SWITCHED[text.lower()]
-    number = _float(text)
-    return number if math.isfinite(number) else text
+    number = plain_number(text)
+    return text if number is None else number
 
 
 def _note_unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:

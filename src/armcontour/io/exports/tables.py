@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import csv_text, event_data, event_text
-
-UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
+from armcontour.io.exports.text import csv_text, event_data, event_text, joint_columns
 
 
 def csv_of(table: Table) -> str:
@@ -22,7 +19,9 @@ def csv_of(table: Table) -> str:
     An event is in the row of the last point at or before it and has its own time:
     `tool=on@0.104000000000; gas=2.5@0.104500000000`.
     """
-    header, columns = _columns(table)
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
     text = csv_text(header, columns)
     if not table.events:
         return text
@@ -56,7 +55,9 @@ def write_parquet(table: Table, file: FilePath) -> None:
         raise InvalidInput(
             "Parquet needs the library pyarrow: pip install 'armcontour[tables]'."
         ) from None
-    header, columns = _columns(table)
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
     rows = np.column_stack(columns)
     arrays = [pa.array(np.ascontiguousarray(x)) for x in rows.T]
     names = list(header)
@@ -103,20 +104,6 @@ def write_npz(table: Table, file: FilePath) -> None:
     # An open file keeps numpy from adding .npz to the name.
     with file.open("wb") as stream:
         np.savez(stream, **arrays)
-
-
-def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
-    """Titles of all columns of numbers, and arrays of one or several columns in that order."""
-    short_names = [x.removeprefix("joint ") for x in table.joint_names]
-    if len(set(short_names)) < len(short_names):
-        short_names = list(table.joint_names)
-    header, columns = ["t [s]"], [table.t]
-    for quantity, unit in UNITS.items():
-        values = getattr(table, quantity)
-        if values is not None:
-            header += [f"{quantity} {name} [{unit}]" for name in short_names]
-            columns.append(values)
-    return header, columns
 
 
 def _event_cells(table: Table) -> list[str]:

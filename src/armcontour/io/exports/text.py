@@ -18,6 +18,31 @@ DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
 # Number of values that are formatted at once: more take more memory and are not faster.
 CHUNK = 1 << 16
+UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
+
+
+def joint_columns(
+    t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
+) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints over time: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ...
+
+    A joint has its name in the titles, or its number where its name is "joint" and a number. All
+    files of joints have these titles, and are read by them again.
+
+    Args:
+        t: Times [s], (n,).
+        joint_names: One per joint.
+        quantities: By their names in `UNITS`, (n, dof) each; None is left out.
+    """
+    called = [x.removeprefix("joint ") for x in joint_names]
+    if len(set(called)) < len(called):
+        called = list(joint_names)
+    header, columns = ["t [s]"], [t]
+    for quantity, values in quantities.items():
+        if values is not None:
+            header += [f"{quantity} {name} [{UNITS[quantity]}]" for name in called]
+            columns.append(values)
+    return header, columns
 
 
 def csv_text(header: Sequence[str], columns: Sequence[FloatArray]) -> str:

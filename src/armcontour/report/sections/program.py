@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armcontour._text import list_some
 from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Span
@@ -108,9 +109,7 @@ def _time(spans: Sequence[Span]) -> float:
 
 def _names(result: RunResult) -> str:
     names = list(dict.fromkeys(x.name for x in result.trajectory.events))
-    if len(names) > 4:
-        return f"{', '.join(names[:3])} and {len(names) - 3} more"
-    return ", ".join(names) or "nothing is switched"
+    return list_some(names, 4) or "nothing is switched"
 
 
 def _table(name: str, result: RunResult) -> Table:

@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable, Iterator
 
+from armcontour._progress import Progress, Step
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.words import Fault, parse
@@ -31,7 +32,7 @@ def read_gcode(
     *,
     source: str,
     reading: Reading,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Program:
     """Read a program in G-code (RS274/NGC as in the LinuxCNC manual).
 
@@ -43,17 +44,18 @@ def read_gcode(
         data: Content of the file.
         source: Name of the file.
         reading: Settings of the reader; its unit, by default millimetres, is used until G20 or G21.
-        progress: Called from time to time with the fraction of the file that is read, 0 to 1.
+        progress: Called from time to time with the name of the source and the fraction of the file
+            that is read.
 
     Raises:
         InvalidInput: A line cannot be read or executed; `index` is the number of the line, from 0.
     """
     _refuse_binary(data, source)
     machine = Machine(reading)
-    notes = _run(_lines(data), machine, source, _line_reporter(data, progress))
+    notes = _run(_lines(data), machine, source, _line_reporter(data, source, progress))
     program = machine.draft.program(source, tuple(machine.unknown.notes() + notes))
     if progress is not None:
-        progress(1.0)
+        progress(Step((source,), 1.0))
     return program
 
 
@@ -82,13 +84,13 @@ def _lines(data: bytes) -> Iterator[str]:
 
 
 def _line_reporter(
-    data: bytes, progress: Callable[[float], None] | None
+    data: bytes, source: str, progress: Progress | None
 ) -> Callable[[int], None] | None:
     """A function that reports the progress for the number of a line; None if none is wanted."""
     if progress is None:
         return None
     total = max(data.count(b"\n"), data.count(b"\r")) + 1
-    return lambda line: progress(min(line / total, 1.0))
+    return lambda line: progress(Step((source,), min(line / total, 1.0)))
 
 
 def _run(

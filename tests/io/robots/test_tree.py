@@ -84,9 +84,13 @@ def test_only_what_a_body_is_is_taken_from_it(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('link name="world"', 'link name="w\x9b2Jd"', ("A link of", r"'w\x9b2Jd'")),
-        ('joint name="elbow"', 'joint name="&#10;elbow"', ("A joint of", r"'\nelbow'")),
-        ('robot name="lifter"', 'robot name="\u202elifter"', ("The robot of", r"'\u202elifter'")),
+        ('link name="world"', 'link name="w\x9b2Jd"', ("name of a link of", r"'w\x9b2Jd'")),
+        ('joint name="elbow"', 'joint name="&#10;elbow"', ("name of a joint of", r"'\nelbow'")),
+        (
+            'robot name="lifter"',
+            'robot name="\u202elifter"',
+            ("name of the robot of", r"'\u202elifter'"),
+        ),
     ],
 )
 def test_names_that_cannot_be_printed_are_refused(old, new, words, tmp_path, refuses):
@@ -97,8 +101,8 @@ def test_names_that_cannot_be_printed_are_refused(old, new, words, tmp_path, ref
 @pytest.mark.parametrize("number", ["1_0", "inf", "nan", "1e999", "١", "0x10"])
 def test_numbers_are_plain_and_finite(number, tmp_path, refuses):
     for old, words in (
-        ('velocity="2.5"', "must be finite numbers"),
-        ('upper="2.5"', "must be finite numbers"),
+        ('velocity="2.5"', "must be one finite number"),
+        ('upper="2.5"', "must be one finite number"),
         ('<mass value="2"/>', "needs a number as value of its mass"),
         ('<origin xyz="0.4 0 0.02"/>', "needs three numbers as its xyz"),
     ):

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _files
-from armcontour.arms import text
+from armcontour import _files, _yaml
+from armcontour._numbers import plain_number
+from armcontour._text import show
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
 from armcontour.errors import InvalidInput
 
@@ -68,7 +69,8 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
     Raises:
         InvalidInput: Not such a file, none of its joints, or a value that is no limit.
     """
-    data = text.load_yaml(str(file), _files.read_bytes(file, "file of joint limits"))
+    content = _files.read_bytes(file, "file of joint limits")
+    data = _yaml.load(content, str(file), _yaml.AngleLoader)
     for wrapper in WRAPPERS:
         if isinstance(data, Mapping) and wrapper in data:
             data = data[wrapper]
@@ -176,7 +178,13 @@ def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
 
 def _given(where: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
     if key in entry:
-        return text.number(f"{where}: {key}", entry[key])
+        value = plain_number(entry[key])
+        if value is None:
+            raise InvalidInput(
+                f"{where}: {key} must be a number, not {show(entry[key])}; expressions are not "
+                "worked out, but an angle may be written as !degrees 90."
+            )
+        return value
     if _switch(where, entry, kind):
         raise InvalidInput(f"{where} has has_{kind}_limits but no {key}: add it.")
     return None

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from armcontour._numbers import parse_number
-from armcontour.arms.text import refuse_unprintable
+from armcontour._checks import check_name
+from armcontour._numbers import plain_number
+from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 
 # Joints that one angle describes.
@@ -20,6 +21,10 @@ DEEPEST = 100
 MOST_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
 MOST_ELEMENTS = 200_000
+# Of a name; packages put prefixes before the names of joints and links.
+MOST_CHARACTERS = 1000
+# Of names in a message: more nobody reads.
+MOST_NAMED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,27 +42,17 @@ class Joint:
     child: str
     element: ET.Element
 
-    def numbers(self, tag: str, key: str, default: str, where: str) -> list[float]:
-        """Numbers in an attribute of one of its elements."""
-        found = self.element.find(tag)
-        given = default if found is None else found.get(key, default)
-        try:
-            return [parse_number(x) for x in given.split()]
-        except ValueError:
-            raise InvalidInput(
-                f"{where}: {key} of the {tag} of joint {self.name} must be finite numbers, not "
-                f"{given[:80]!r}."
-            ) from None
-
     def number(self, tag: str, key: str, where: str) -> float | None:
         """A number in an attribute of one of its elements, or None without it."""
         found = self.element.find(tag)
-        if found is None or found.get(key) is None:
-            return None
-        values = self.numbers(tag, key, "", where)
-        if len(values) != 1:
-            raise InvalidInput(f"{where}: {key} of the {tag} of joint {self.name} is one number.")
-        return values[0]
+        given = None if found is None else found.get(key)
+        value = plain_number(given)
+        if given is not None and value is None:
+            raise InvalidInput(
+                f"{where}: {key} of the {tag} of joint {self.name} must be one finite number, not "
+                f"{show(given)}."
+            )
+        return value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,7 +108,7 @@ class Tree:
             if len(ends) != 1:
                 raise InvalidInput(
                     f"{self.file} has {len(ends) or 'no'} links that could be the tip: say which "
-                    f"with tip=, one of {some(ends or list(self.links))}."
+                    f"with tip=, one of {list_some(ends or list(self.links), MOST_NAMED)}."
                 )
             tip = ends[0]
         link = self._link("tip", tip)
@@ -133,7 +128,7 @@ class Tree:
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {what}: its links are "
-                f"{some(list(self.links))}."
+                f"{list_some(list(self.links), MOST_NAMED)}."
             )
         return name
 
@@ -149,7 +144,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
         )
-    refuse_unprintable(f"The robot of {file}", robot.get("name", ""))
+    check_name(f"name of the robot of {file}", robot.get("name", ""), most=MOST_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
             f"{file} holds xacro that is not expanded: name it .xacro, and say "
@@ -166,7 +161,9 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     if not links:
         raise InvalidInput(f"{file} is a robot description without links.")
     if len(roots) > 1:
-        raise InvalidInput(f"{file} is in parts: the links {some(roots)} hang on nothing.")
+        raise InvalidInput(
+            f"{file} is in parts: the links {list_some(roots, MOST_NAMED)} hang on nothing."
+        )
     tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
     if not roots or len(tree.below(roots[0])) < len(joints):
         raise InvalidInput(f"In {file} some joints make a loop: the links must make a tree.")
@@ -235,7 +232,7 @@ def _name(file: str, element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
-    refuse_unprintable(f"A {element.tag} of {file}", name)
+    check_name(f"name of a {element.tag} of {file}", name, most=MOST_CHARACTERS)
     return name
 
 
@@ -253,9 +250,3 @@ def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> J
             raise InvalidInput(f"In {file} joint {name} has no {tag} that is a link, but {link!r}.")
         ends.append(str(link))
     return Joint(name=name, kind=kind, parent=ends[0], child=ends[1], element=element)
-
-
-def some(names: Sequence[str]) -> str:
-    """Some names for a message, not more than anybody reads."""
-    shown = ", ".join(names[:40])
-    return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"

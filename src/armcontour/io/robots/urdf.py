@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 
 from armcontour import _files
+from armcontour._text import list_some
 from armcontour._xacro.expanding import expand_xacro
-from armcontour.arms.description import Description
-from armcontour.arms.joint_limits import Table, limits_of, override
 from armcontour.arms.serial import SerialArm
-from armcontour.arms.tree import TURNING, Joint, Tree, read_tree, some
 from armcontour.errors import InvalidInput
+from armcontour.io.robots.description import Description
+from armcontour.io.robots.joint_limits import Table, limits_of, override
+from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
 
 DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
@@ -48,7 +49,7 @@ def arm_of_tree(
         if name not in tree.joints:
             raise InvalidInput(
                 f"{file} has no joint {name!r} to be locked: its joints are "
-                f"{some(list(tree.joints))}."
+                f"{list_some(list(tree.joints), MOST_NAMED)}."
             )
     moving = [x for x in route if x.kind != "fixed" and x.name not in held]
     _refuse(tree, moving)

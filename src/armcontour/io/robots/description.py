@@ -10,12 +10,13 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._numbers import parse_number
+from armcontour._numbers import plain_number
+from armcontour._text import show
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
-from armcontour.arms.tree import Joint, Tree
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, exp
+from armcontour.io.robots.tree import Joint, Tree
 
 # Joints that mimic one another in a row; grippers have some 3.
 MOST_MIMICS = 50
@@ -241,26 +242,19 @@ class Description:
 
 def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
     given = None if element is None else element.get(key)
-    try:
-        value = parse_number(given) if given is not None else np.nan
-    except ValueError:
-        value = np.nan
-    if not abs(value) <= LARGEST:
-        shown = None if given is None else given[:80]
+    value = plain_number(given)
+    if value is None or abs(value) > LARGEST:
         raise InvalidInput(
-            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {shown!r}."
+            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {show(given)}."
         )
     return value
 
 
 def _three(where: str, what: str, words: str) -> FloatArray:
-    try:
-        found = np.array([parse_number(x) for x in words.split()])
-    except ValueError:
-        found = np.zeros(0)
+    found = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
     if found.shape != (3,) or not (np.abs(found) <= LARGEST).all():
         raise InvalidInput(
-            f"{where} needs three numbers as its {what}, up to {LARGEST:g}, not {words[:80]!r}."
+            f"{where} needs three numbers as its {what}, up to {LARGEST:g}, not {show(words)}."
         )
     return found
 

@@ -85,7 +85,7 @@ def test_every_arm_can_be_planned_with(name):
 
 @pytest.mark.parametrize("name", ac.arm_names())
 def test_every_number_has_a_unit_and_a_source(name):
-    found = resources.files("armcontour.arms") / "library" / f"{name}.yaml"
+    found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
     numbers = 0
 
     def look(data):

@@ -279,7 +279,7 @@ def test_xacro_missing_is_said(tmp_path, monkeypatch, refuses):
 def test_endings_are_read_in_capitals_too(tmp_path, refuses):
     (tmp_path / "ROBOT.URDF").write_text(TEXT)
     assert ac.load_arm(tmp_path / "ROBOT.URDF", base="base_link", tip="tcp").dof == 4
-    library = resources.files("armcontour.arms") / "library"
+    library = resources.files("armcontour.io.robots") / "library"
     (tmp_path / "ARM.YAML").write_bytes((library / "ur5e.yaml").read_bytes())
     assert ac.load_arm(tmp_path / "ARM.YAML").dof == 6
     (tmp_path / "ROBOT.XACRO").write_text(TEXT)

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, _yaml
 from armcontour._checks import FloatArray
-from armcontour.arms import text
+from armcontour._numbers import plain_number
+from armcontour._text import show
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
@@ -18,6 +19,7 @@ from armcontour.arms.serial import SerialArm
 from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy
+from armcontour.io.robots.tree import MOST_CHARACTERS
 
 UNITS = {
     "base": "m",
@@ -67,7 +69,7 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
     Raises:
         InvalidInput: Not YAML, or it does not describe an arm.
     """
-    data = text.load_yaml(file, content)
+    data = _yaml.load(content, file, _yaml.AngleLoader)
     kind = data.get("kind") if isinstance(data, Mapping) else None
     known = KINDS.get(kind) if isinstance(kind, str) else None
     if known is None:
@@ -84,9 +86,7 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
 
 
 def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:
-    links = _value(file, "links", data)
-    if not isinstance(links, list) or len(links) != 2:
-        raise InvalidInput(f"{file}: links must be two lengths.")
+    links = _array(file, "links", data, (2,)).tolist()
     return PlanarTwoLink(
         **_common(file, data),
         base=_value(file, "base", data),
@@ -101,11 +101,7 @@ def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
         raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
-    values = {}
-    for key in keys:
-        values[key] = _value(file, key, data)
-        if not isinstance(values[key], list) or len(values[key]) != 2:
-            raise InvalidInput(f"{file}: {key} of the tubes must be two numbers, one per link.")
+    values = {key: _array(file, key, data, (2,)) for key in keys}
     first, second = (Tube(**{key: values[key][k] for key in keys}) for k in range(2))
     return first, second
 
@@ -115,7 +111,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
     for joint in joints:
-        text.refuse_unprintable(f"A joint of {file}", joint)
+        _checks.check_name(f"name of a joint of {file}", joint, most=MOST_CHARACTERS)
     n = len(joints)
     given = [key for key in BODIES if key in data]
     if given and len(given) < len(BODIES):
@@ -167,11 +163,13 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
             f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
         )
     name = str(data.get("name", file))
-    text.refuse_unprintable(f"The arm of {file}", name)
+    _checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
+    hint = f"add joint_acceleration to the limits in {file}"
     return {
         "name": name,
         "source": str(data.get("source", "")),
         "limits": Limits(**{key: _value(file, key, limits) for key in limits}),
+        "limits_hint": "" if "joint_acceleration" in limits else hint,
     }
 
 
@@ -193,4 +191,14 @@ def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
         raise InvalidInput(
             f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
         )
-    return text.numbers(f"{key} in {file}", quantity["value"], UNITS[key])
+    return _numbers(f"{key} in {file}", quantity["value"], UNITS[key])
+
+
+def _numbers(where: str, value: Any, unit: str) -> Any:
+    """A number of a file, or a list of numbers, or of lists of them."""
+    if isinstance(value, list):
+        return [_numbers(where, x, unit) for x in value]
+    found = plain_number(value)
+    if found is None:
+        raise InvalidInput(f"{where} must be finite numbers in {unit}, not {show(value)}.")
+    return found

@@ -8,18 +8,18 @@ from pathlib import Path as FilePath
 
 from armcontour import _files
 from armcontour.arms.arm import Arm
-from armcontour.arms.arm_file import read_arm
 from armcontour.arms.chain import Payload
-from armcontour.arms.joint_limits import limits_of, override, table_of
 from armcontour.arms.serial import SerialArm
-from armcontour.arms.urdf import arm_of_tree, is_description, read_description
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
+from armcontour.io.robots.arm_file import read_arm
+from armcontour.io.robots.joint_limits import limits_of, override, table_of
+from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
 
 
 def arm_names() -> tuple[str, ...]:
     """Names of the built-in arms."""
-    folder = resources.files("armcontour.arms") / "library"
+    folder = resources.files("armcontour.io.robots") / "library"
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
 
@@ -72,7 +72,8 @@ def load_arm(
             override(table, arm.joint_names, limits_file)
             # What concerns the tool is of no file, and stays.
             own = limits_of(table, arm.joint_names, str(limits_file))
-            arm.limits = arm.limits.replace(**{key: getattr(own, key) for key in table})
+            own = arm.limits.replace(**{key: getattr(own, key) for key in table})
+            arm = arm.with_limits(own)
     return equip(arm, tool=tool, work=work, payload=payload)
 
 
@@ -95,16 +96,13 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
 
 def _read(name: str, payload: Payload | None) -> Arm:
     if name.lower().endswith((".yaml", ".yml")):
-        arm = read_arm(name, _files.read_bytes(name, "arm file"), payload)
-        if arm.limits.joint_acceleration is None:
-            arm.limits_hint = f"add joint_acceleration to the limits in {name}"
-        return arm
+        return read_arm(name, _files.read_bytes(name, "arm file"), payload)
     if name not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf or .xacro file."
         )
-    found = resources.files("armcontour.arms") / "library" / f"{name}.yaml"
+    found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
     return read_arm(f"{name}.yaml", found.read_bytes(), payload)
 
 

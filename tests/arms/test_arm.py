@@ -1,0 +1,91 @@
+"""What holds of every arm: once made, it does not change, and other arms are made from it."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+
+
+@pytest.fixture(params=["pmk3s", "ur5e"])
+def made(request):
+    return ac.load_arm(request.param)
+
+
+@pytest.mark.parametrize("name", ["limits", "name", "chain", "limits_hint", "joint_names", "new"])
+def test_nothing_of_an_arm_can_be_set(made, name):
+    before = getattr(made, name, None)
+    kind = type(made).__name__
+    with pytest.raises(
+        FrozenInstanceError, match=f"^The {name} of a {kind} .*: with_limits, .*\\.$"
+    ):
+        setattr(made, name, None)
+    with pytest.raises(FrozenInstanceError, match=f"The {name} of a {kind}"):
+        delattr(made, name)
+    assert getattr(made, name, None) is before
+
+
+def test_another_arm_is_made_with_other_limits_and_another_name(made):
+    limits, name = made.limits, made.name
+    slow = made.with_limits(limits.replace(joint_velocity=0.5))
+    other = slow.with_name("slow")
+    assert type(other) is type(made) and other.name == "slow"
+    np.testing.assert_array_equal(other.limits.joint_velocity, np.full(made.dof, 0.5))
+    assert made.limits is limits and made.name == slow.name == name
+    q = np.full(made.dof, 0.3)
+    np.testing.assert_array_equal(other.forward(q), made.forward(q))
+    for again in (other, copy.copy(other), copy.deepcopy(other), pickle.loads(pickle.dumps(other))):
+        with pytest.raises(FrozenInstanceError):
+            again.limits = limits
+    # What is computed once and kept is no change.
+    assert other.dynamics is other.dynamics
+
+
+class Slide(ac.Arm):
+    """An arm of a user's own: one joint that turns a stick."""
+
+    dimension = 2
+    branches = ()
+
+    def __init__(self, length, offsets):
+        self.name, self.joint_names, self.source = "slide", ("a",), ""
+        self.limits = ac.Limits(joint_acceleration=1.0).for_joints(1)
+        self.length = length
+        self.offsets = offsets
+
+    def forward(self, q):
+        angle = np.asarray(q)[..., 0]
+        return self.length * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+    def links(self, q):
+        raise NotImplementedError
+
+    jacobian = jacobian_rate = links
+
+
+class Longer(Slide):
+    """One whose constructor goes on after that of its base."""
+
+    def __init__(self, length):
+        super().__init__(length, np.arange(3.0))
+        self.length = 2 * length
+
+
+def test_a_users_own_arm_is_made_as_usual_and_stays_as_it_is():
+    own = np.arange(2.0)
+    stick, longer = Slide(1.0, own), Longer(1.0)
+    assert longer.length == 2.0
+    for arm in (stick, longer):
+        with pytest.raises(FrozenInstanceError, match="The length of a"):
+            arm.length = 3.0
+        with pytest.raises(ValueError, match="read-only"):
+            arm.offsets[0] = 5.0
+    # The array that was given stays the user's.
+    own[0] = 7.0
+    assert stick.offsets[0] == 0.0
+    assert longer.with_name("b").length == 2.0
