@@ -17,7 +17,6 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, check_interval
-from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import (
     law_peaks,
     needs_speed,
@@ -26,6 +25,7 @@ from armcontour.timing.common import (
     tool_path_of,
 )
 from armcontour.timing.mac_line import Line, Part, parts_by_rule
+from armcontour.timing.unplanned_limits import refuse_broken
 
 # With fewer laps a short line from rest to rest would have no lap to move in.
 FEWEST_LAPS = 8
@@ -233,6 +233,6 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
         kind=part.kind,
         t=(now, now + part.duration),
         s=part.s,
-        demand=np.max([x.values[2] for x in peaks], axis=0),
+        demand=np.max([x.acceleration for x in peaks], axis=0),
         speed=max(x.speed for x in peaks),
     )
