@@ -156,20 +156,12 @@ class JointTorque(Constraint):
         )
 
     def _refuse_at_rest(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
-        low, high = -self.limit, self.limit
-        refuse_at_rest(grid, self.name, c, low, high, joints=True)
+        bounds = -self.limit, self.limit
+        refuse_at_rest(grid, self, c, bounds)
         if self.coulomb.any():
             creeping = c + np.where(c > 0, friction.above, friction.below)
-            refuse_at_rest(
-                grid,
-                self.name,
-                creeping,
-                low,
-                high,
-                joints=True,
-                when="in the slowest motion, with friction",
-                cannot="move",
-            )
+            when = "in the slowest motion, with friction"
+            refuse_at_rest(grid, self, creeping, bounds, when=when, cannot="move")
 
 
 def _lines(
