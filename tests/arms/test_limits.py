@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms.limits import UNITS, or_unlimited
 
 
 @pytest.mark.parametrize(
@@ -26,6 +28,10 @@ from armcontour.arms.limits import or_unlimited
 )  # fmt: skip
 def test_refused(values, words, data, refuses):
     refuses(lambda: ac.Limits(**values), ac.InvalidInput, *words, **data)
+
+
+def test_every_limit_has_a_unit():
+    assert set(UNITS) == {x.name for x in dataclasses.fields(ac.Limits)}
 
 
 def test_replace_changes_adds_and_lifts():

@@ -39,6 +39,8 @@ TOOL_LIMITS = {
     "angular_speed": "rad/s",
     "angular_acceleration": "rad/s²",
 }
+# The unit of every field of `Limits`.
+UNITS = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad") | TOOL_LIMITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

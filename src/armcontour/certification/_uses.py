@@ -11,7 +11,6 @@ import numpy as np
 from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
 from armcontour.execution import ServoPlant, execute
 from armcontour.execution.plant import refuse_too_long
 from armcontour.geometry import Path
@@ -19,6 +18,7 @@ from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Traje
 from armcontour.motion.laws import path_states
 from armcontour.robustness.monte_carlo import Box
 from armcontour.servo import ServoModel
+from armcontour.timing.limit_use import States, quantity, ratio
 
 # Executions are looked at this often per command interval, but not more often than this [s].
 PER_INTERVAL = 16
@@ -29,8 +29,6 @@ BOX_PER_INTERVAL = 4
 ERRORS_EVERY = 5e-4
 # The tool speed of an execution may exceed the assigned velocity by this share of it.
 SPEED_SLACK = 1e-3
-# Below this tool speed [m/s] the direction of motion is not defined.
-SLOWEST = 1e-6
 # Directions across the path in which errors over a box are added up, in space.
 DIRECTIONS = 16
 # Half of the ratio that a command outside a joint's range counts as: no speed brings it back
@@ -191,25 +189,19 @@ def _planned(
 def _states(
     setting: Setting, plan: Trajectory, t: FloatArray, side: Literal["left", "right"]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    arm, limits = setting.arm, setting.limits
-    s, (q, dq, ddq) = motion(plan, t, side)
-    low, high = limits.acceleration_bounds(arm.dof)
-    pace = ((dq / or_unlimited(limits.joint_velocity, arm.dof)) ** 2).max(axis=1)
-    velocity = arm.tool_velocity(q, dq)
-    speed = np.linalg.norm(velocity, axis=1)
-    path = setting.path
+    limits, path = setting.limits, setting.path
+    s, joints = motion(plan, t, side)
+    states = States(setting.arm, *joints)
+    # Of ds² a velocity takes the square of its share, an acceleration its share.
+    pace = (ratio("joint_velocity", limits, states) ** 2).max(axis=1)
     own = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
     if np.isfinite(own).any():
         here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
-        pace = np.maximum(pace, (speed / np.where(np.isnan(here), np.inf, here)) ** 2)
+        speed = quantity("speed", states) / np.where(np.isnan(here), np.inf, here)
+        pace = np.maximum(pace, speed**2)
     if limits.centripetal_acceleration is not None:
-        acceleration = arm.tool_acceleration(q, dq, ddq)
-        direction = velocity / np.maximum(speed, SLOWEST)[:, None]
-        along = np.einsum("ij,ij->i", acceleration, direction)
-        across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
-        moving = np.where(speed > SLOWEST, across, 0.0)
-        pace = np.maximum(pace, moving / limits.centripetal_acceleration)
-    return s, np.maximum(ddq / high, ddq / low), pace
+        pace = np.maximum(pace, ratio("centripetal_acceleration", limits, states))
+    return s, ratio("joint_acceleration", limits, states), pace
 
 
 def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
@@ -225,9 +217,9 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
 def _command(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArray:
     """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
     dof = setting.arm.dof
-    most = or_unlimited(setting.limits.joint_velocity, dof)
-    rate = np.append(np.abs(np.diff(taught.q, axis=0)), np.zeros((1, dof)), axis=0)
-    pace = ((rate / taught.period / most) ** 2).max(axis=1)
+    rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period
+    states = States(setting.arm, taught.q, rate, np.zeros_like(rate))
+    pace = (ratio("joint_velocity", setting.limits, states) ** 2).max(axis=1)
     lower, upper = setting.limits.joint_range(dof)
     outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
     pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))

@@ -8,7 +8,7 @@ from dataclasses import asdict, fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
+from armcontour.arms import limits
 from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
@@ -27,13 +27,7 @@ HEADINGS = (
 MOST_PLAIN = 1e6
 # Exit code of every verdict; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
-UNITS = {
-    **JOINT_LIMITS,
-    **dict.fromkeys(JOINT_RANGE, "rad"),
-    **TOOL_LIMITS,
-    "path_deviation": "m",
-    "orientation_deviation": "rad",
-}
+UNITS = limits.UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
 
 
 def check_file(trajectory: FilePath, x: CheckOptions) -> int:

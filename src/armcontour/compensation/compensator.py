@@ -64,6 +64,21 @@ def compensate(
     """
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
+    _refuse_options(method, options)
+    model = servo.for_joints(trajectory.dof)
+    model.refuse_too_fast(interval)
+    count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
+    _refuse_too_many(count, count * trajectory.dof * SET_POINT[method], interval, memory)
+    start, q = _set_points(trajectory, model, interval, method, options)
+    taught = TaughtData(
+        period=interval, q=q, trajectory=trajectory, method=method, start_time=start
+    )
+    if limits is not None:
+        refuse_commands(taught, limits.for_joints(trajectory.dof))
+    return taught
+
+
+def _refuse_options(method: str, options: dict[str, Any]) -> None:
     known = ("poles",) if method == "pole_placement" else ()
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -71,30 +86,29 @@ def compensate(
             f"The method {method} takes {'the option poles' if known else 'no options'}, "
             f"not {unknown[0]}."
         )
-    model = servo.for_joints(trajectory.dof)
-    model.refuse_too_fast(interval)
-    count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
+
+
+def _refuse_too_many(count: float, size: float, period: float, memory: float) -> None:
     _memory.refuse_above(
         memory,
-        count * trajectory.dof * SET_POINT[method],
-        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s, {count:.3g} "
+        size,
+        f"{count * period:.4g} s of motion at a command interval of {period:g} s, {count:.3g} "
         "set-points,",
         "take a longer command interval or a higher speed",
     )
+
+
+def _set_points(
+    trajectory: Trajectory, servo: ServoModel, period: float, method: str, options: dict[str, Any]
+) -> tuple[float, FloatArray]:
+    """Time of the first set-point [s], and set-points, (n, dof) [rad]."""
     if method == "pole_placement":
         from armcontour.compensation.pole_placement import pole_placement
 
-        start, set_points = pole_placement(trajectory, model, interval, **options)
-    elif method == "inverse":
-        start, set_points = _inverse(trajectory, model, interval)
-    else:
-        start, set_points = 0.0, _as_planned(trajectory, interval)
-    taught = TaughtData(
-        period=interval, q=set_points, trajectory=trajectory, method=method, start_time=start
-    )
-    if limits is not None:
-        refuse_commands(taught, limits.for_joints(trajectory.dof))
-    return taught
+        return pole_placement(trajectory, servo, period, **options)
+    if method == "inverse":
+        return _inverse(trajectory, servo, period)
+    return 0.0, _as_planned(trajectory, period)
 
 
 def set_point_count(

@@ -97,25 +97,18 @@ def _set_points(
     times: SetPointTimes,
 ) -> FloatArray:
     """The compensator's output at the times, and on until the end of its own tail."""
-    dof = trajectory.dof
     assert servo.kv is not None
     knots = np.union1d(trajectory.breaks, times.inside)
-    width = np.diff(knots)
-    begin = tuple(trajectory(knots[:-1], order) for order in (0, 1, 2))
-    end = tuple(trajectory(knots[1:], order, side="left") for order in (0, 1, 2))
-    motion = quintic(width, (begin[0], begin[1], begin[2]), (end[0], end[1], end[2]))
-    final = end[0][-1]
     tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / period))
     # From the end of the motion to the next set-point, then from set-point to set-point.
     after = np.append(times.after_end, np.full(tail, period))
-    rest = np.zeros((len(after), 6, dof))
-    rest[:, 0] = final
+    motion, final = _polynomials(trajectory, knots, len(after))
 
     x, (c0, c1, c2) = transfer(servo.kv, placed)
     rate = np.cbrt(c0)
     states = run_filter(
-        np.concatenate([width, after]),
-        np.concatenate([motion, rest]),
+        np.concatenate([np.diff(knots), after]),
+        motion,
         np.stack([c1 / rate**2, c2 / rate], axis=1),
         rate,
         np.abs(placed).max(axis=1),
@@ -123,7 +116,7 @@ def _set_points(
     )
     at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
     x1, x2, x3 = np.moveaxis(states[at], 2, 0)
-    source = np.concatenate([trajectory(times.inside), np.broadcast_to(final, (tail + 1, dof))])
+    source = np.concatenate([trajectory(times.inside), np.tile(final, (tail + 1, 1))])
     x4 = source - x1 - c1 / rate**2 * x2 - c2 / rate * x3
     lead = x / rate**2
     y = x1 + lead * x2
@@ -132,6 +125,18 @@ def _set_points(
     set_points = inverse_servo(servo, y, dy, ddy)
     set_points[-1] = final
     return set_points
+
+
+def _polynomials(
+    trajectory: Trajectory, knots: FloatArray, after: int
+) -> tuple[FloatArray, FloatArray]:
+    """Quintics between knots, and rest for so many intervals after; where that is, (dof,)."""
+    q, dq, ddq = (trajectory(knots[:-1], order) for order in (0, 1, 2))
+    end, dend, ddend = (trajectory(knots[1:], order, side="left") for order in (0, 1, 2))
+    motion = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
+    rest = np.zeros((after, 6, trajectory.dof))
+    rest[:, 0] = end[-1]
+    return np.concatenate([motion, rest]), end[-1]
 
 
 def transfer(
@@ -176,14 +181,40 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
             f"poles must be three finite numbers [1/s], or {dof} rows of three: two regulator "
             "poles and the observer pole."
         )
-    pair = placed[:, 0] + placed[:, 1], placed[:, 0] * placed[:, 1], placed[:, 2]
+    _refuse_unpaired(placed)
+    _refuse_range(placed)
+    return placed
+
+
+def _refuse_unpaired(placed: ComplexArray) -> None:
+    """Refuse poles that no real compensator has.
+
+    Raises:
+        InvalidInput: Such poles.
+    """
+    total, product, observer = (
+        placed[:, 0] + placed[:, 1],
+        placed[:, 0] * placed[:, 1],
+        placed[:, 2],
+    )
+    small = 1e-9 * np.abs(placed).max()
     if (
-        any((np.abs(v.imag) > 1e-9 * np.abs(placed).max()).any() for v in pair[:1] + pair[2:])
-        or (np.abs(pair[1].imag) > 1e-9 * np.abs(placed).max() ** 2).any()
+        (np.abs(total.imag) > small).any()
+        or (np.abs(observer.imag) > small).any()
+        or (np.abs(product.imag) > small * np.abs(placed).max()).any()
     ):
         raise InvalidInput(
             "The regulator poles must be real or complex conjugates, and the observer pole real."
         )
+
+
+def _refuse_range(placed: ComplexArray) -> None:
+    """Refuse poles that are not stable, or smaller or larger than gains of servos.
+
+    Raises:
+        CompensationError: Poles that are not stable.
+        InvalidInput: Poles outside GAINS.
+    """
     if (placed.real >= 0).any():
         j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
         shown = placed[j] if placed[j].imag.any() else placed[j].real
@@ -199,7 +230,6 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
             f"The poles of joint {j + 1} must lie between -{high:g} and -{low:g} 1/s, as gains of "
             f"servos do, but are {placed[j].tolist()} 1/s."
         )
-    return placed
 
 
 def _refuse_too_fast(placed: ComplexArray, period: float) -> None:

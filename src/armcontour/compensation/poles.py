@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,20 +112,12 @@ def fastest_poles(
         InvalidInput: There is no limit of joint acceleration.
     """
     interval = check_interval(period)
-    if limits.joint_acceleration is None:
-        raise InvalidInput(
-            "The fastest poles are those that do not saturate: give joint_acceleration.",
-            limit="joint_acceleration",
-        )
+    bounds = _needed_bounds(limits, trajectory.dof)
     model = servo.for_joints(trajectory.dof)
     kv = _second_order(model)
-    lower, upper = limits.for_joints(trajectory.dof).acceleration_bounds(trajectory.dof)
 
     def use(p: float) -> FloatArray:
-        """Largest share of each joint's limit."""
-        _, q = pole_placement(trajectory, model, interval, _family(kv, p))
-        least, most = extreme_demands(model, q, interval)
-        return np.maximum(least / lower, most / upper)
+        return _demand_share(model, trajectory, _family(kv, p), bounds, interval)
 
     low = 2 * float(model.kp.min())
     high = max(FASTEST / interval, low)
@@ -132,11 +125,43 @@ def fastest_poles(
         return _family(kv, high)
     worst = use(low)
     if worst.max() > 1:
-        _refuse(worst, lower, upper, low)
+        _refuse(worst, *bounds, low)
+    return _family(kv, _largest_within(use, low, high))
+
+
+def _needed_bounds(limits: Limits, dof: int) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of joint accelerations, (dof,) each.
+
+    Raises:
+        InvalidInput: There are none.
+    """
+    if limits.joint_acceleration is None:
+        raise InvalidInput(
+            "The fastest poles are those that do not saturate: give joint_acceleration.",
+            limit="joint_acceleration",
+        )
+    return limits.for_joints(dof).acceleration_bounds(dof)
+
+
+def _demand_share(
+    servo: ServoModel,
+    trajectory: Trajectory,
+    poles: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    period: float,
+) -> FloatArray:
+    """Largest share of each joint's acceleration limit that set-points ask for, (dof,)."""
+    _, q = pole_placement(trajectory, servo, period, poles)
+    least, most = extreme_demands(servo, q, period)
+    return np.maximum(least / bounds[0], most / bounds[1])
+
+
+def _largest_within(use: Callable[[float], FloatArray], low: float, high: float) -> float:
+    """The largest p whose use is at most 1, by bisection; that of `low` is."""
     while high > low * (1 + PRECISION):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if use(middle).max() <= 1 else (low, middle)
-    return _family(kv, low)
+    return low
 
 
 def extreme_demands(

@@ -320,6 +320,28 @@ class _Log:
     demand_range: FloatArray
     saturated: FloatArray
 
+    @classmethod
+    def of(
+        cls,
+        q: FloatArray,
+        dq: FloatArray,
+        demand: FloatArray,
+        wanted: FloatArray,
+        torque: FloatArray,
+        step: float,
+    ) -> _Log:
+        """From states at the beginnings of steps and at the end, (n + 1, dof), and what held."""
+        return cls(
+            q=q[:-1],
+            dq=dq[:-1],
+            ddq=np.diff(dq, axis=0) / step,
+            demand=demand,
+            wanted=wanted,
+            torque=torque,
+            demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
+            saturated=(wanted != torque).sum(axis=0) * step,
+        )
+
     def thinned(self, every: int) -> _Log:
         """The log with every n-th step only, as copies, so that the other steps use no memory."""
         return _Log(
@@ -399,16 +421,7 @@ class _Robot:
                 self._refuse_runaway(k)
         q[n], dq[n] = position, velocity
         self.steps += n
-        return _Log(
-            q=q[:-1],
-            dq=dq[:-1],
-            ddq=np.diff(dq, axis=0) / self.step,
-            demand=demand,
-            wanted=wanted,
-            torque=torque,
-            demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
-            saturated=(wanted != torque).sum(axis=0) * self.step,
-        )
+        return _Log.of(q, dq, demand, wanted, torque, self.step)
 
     def _weigh(self, q: FloatArray, out: FloatArray) -> None:
         """Write the torques that hold the arm against gravity at q into `out` [N m]."""

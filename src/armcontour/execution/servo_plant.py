@@ -112,26 +112,7 @@ class ServoPlant(Locked, Plant):
         refuse_other_joints(taught, self.arm)
         self.servo.refuse_too_fast(taught.period)
         steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
-        run = self._begin(taught, steps)
-        first, last = taught.q[0], taught.q[-1]
-        done = intervals(taught, self.servo)
-        parts = [run.advance(0, done, first, np.zeros_like(first))]
-        more = int(np.ceil(CHUNK / taught.period))
-        end = (done + 1) * taught.period
-        now, last_time = end, end + patience(end)
-        q, dq = (
-            x[-1] if len(x) else y for x, y in zip(parts[0][:2], (first, 0 * first), strict=True)
-        )
-        while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
-            if now > last_time:
-                self._refuse_restless(q - last, now - end, taught.start_time + now)
-            parts.append(run.advance(done, more, q, dq))
-            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
-            done += more
-            now += more * taught.period
-        still = np.zeros((1, len(first)))
-        begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
-        whole = join_parts([begin, *parts])
+        whole = join_parts(self._until_rest(taught, steps))
         return Execution(
             arm=self.arm,
             taught=taught,
@@ -143,6 +124,33 @@ class ServoPlant(Locked, Plant):
             demand_range=whole.demand_range,
             saturated_time=whole.saturated,
         )
+
+    def _until_rest(self, taught: TaughtData, steps: int) -> list[Part]:
+        """The run in parts, from the state at the start on.
+
+        Raises:
+            ExecutionError: The joints do not come to rest.
+        """
+        run = self._begin(taught, steps)
+        first, last = taught.q[0], taught.q[-1]
+        still = np.zeros((1, len(first)))
+        begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
+        done = intervals(taught, self.servo)
+        parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
+        more = int(np.ceil(CHUNK / taught.period))
+        end = (done + 1) * taught.period
+        now, last_time = end, end + patience(end)
+        q, dq = (
+            x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
+        )
+        while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
+            if now > last_time:
+                self._refuse_restless(q - last, now - end, taught.start_time + now)
+            parts.append(run.advance(done, more, q, dq))
+            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
+            done += more
+            now += more * taught.period
+        return parts
 
     def _refuse_restless(self, off: FloatArray, waited: float, now: float) -> None:
         """Refuse a motion that does not end.

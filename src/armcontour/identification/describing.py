@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from armcontour.identification.advice import better_motion, larger_step
 from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand
-from armcontour.identification.fitting import Data, Fit, noise_of, whiteness
+from armcontour.identification.fitting import Data, Fit, State, noise_of, whiteness
 from armcontour.identification.intervals import Ends
 from armcontour.identification.log import Log
 from armcontour.identification.profile import lowest_limit
@@ -23,6 +24,7 @@ DETERMINED_DELAY = 0.5e-3
 STILL = 1.5
 # Nor is this [rad]: an encoder of 32 bits has steps of 1.5e-9 rad.
 LEAST_MOTION = 1e-9
+UNITS = {"kp": "1/s", "kv": "1/s", "dead_time": "s", "acceleration": "rad/s²"}
 
 
 def why_still(data: Data) -> str:
@@ -41,28 +43,16 @@ def why_still(data: Data) -> str:
 
 def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
     """What is said of a joint that does not move."""
-
-    def unknown(what: str, unit: str) -> Estimate:
-        return Estimate(
-            name=what,
-            unit=unit,
-            value=math.nan,
-            sd=math.nan,
-            low=-math.inf if what == "dead_time" else 0.0,
-            high=math.inf,
-            determined=False,
-            advice=f"{why} A multisine around the bandwidth of its position loop would tell it.",
-        )
-
+    advice = f"{why} A multisine around the bandwidth of its position loop would tell it."
     residuals = data.y - data.y.mean()
     rms = float(np.sqrt(np.mean(residuals**2)))
     return JointIdentification(
         name=name,
         order="second",
-        kp=unknown("kp", "1/s"),
-        kv=unknown("kv", "1/s"),
-        dead_time=unknown("dead_time", "s"),
-        acceleration=unknown("acceleration", "rad/s²"),
+        kp=_unknown("kp", advice),
+        kv=_unknown("kv", advice),
+        dead_time=_unknown("dead_time", advice, low=-math.inf),
+        acceleration=_unknown("acceleration", advice),
         start="rest",
         t=log.t,
         simulated=np.full_like(data.y, data.y.mean()),
@@ -117,72 +107,74 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
 def _distrusted(joint: JointIdentification) -> JointIdentification:
     """The same with nothing determined: the model does not describe the joint."""
     advice = "The model does not explain the motion, so its parameters say nothing."
-    return replace(
-        joint,
-        kp=replace(joint.kp, determined=False, advice=advice),
-        kv=replace(joint.kv, determined=False, advice=advice),
-        dead_time=replace(
-            joint.dead_time, determined=False, advice=joint.dead_time.advice or advice
-        ),
-        acceleration=replace(joint.acceleration, determined=False, advice=advice),
+    changed: dict[str, Any] = {
+        x.name: replace(x, determined=False, advice=advice)
+        for x in joint.estimates
+        if x.name != "dead_time" or x.determined
+    }
+    return replace(joint, **changed)
+
+
+def _unknown(name: str, advice: str, low: float = 0.0) -> Estimate:
+    """A parameter of which at most a lower end is known."""
+    return _estimate(name, math.nan, math.nan, (low, math.inf), advice)
+
+
+def _estimate(
+    name: str, value: float, sd: float, ends: tuple[float, float], advice: str
+) -> Estimate:
+    """A parameter; one that is determined needs no advice."""
+    low, high = ends
+    return Estimate(
+        name=name,
+        unit=UNITS[name],
+        value=value,
+        sd=sd,
+        low=low,
+        high=high,
+        determined=not advice,
+        advice=advice,
     )
 
 
 def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
     value, relative = float(getattr(found.state, name)), ends.relative(name)
-    determined = relative <= DETERMINED and name not in found.at_edge
-    low, high = ends.interval(name)
+    interval = ends.interval(name)
     advice = ""
-    if not determined:
+    if not relative <= DETERMINED or name in found.at_edge:  # it may be nan
         symbol = {"kp": "K_p", "kv": "K_v"}[name]
         why = (
-            f"This log fits any {symbol} from {low:.3g} 1/s on."
-            if high == math.inf
+            f"This log fits any {symbol} from {interval[0]:.3g} 1/s on."
+            if interval[1] == math.inf
             else f"This log tells {symbol} to {relative * 100:.2g} % only, and 10 % are needed."
         )
-        noise = math.sqrt(found.variance)
-        advice = f"{why} {better_motion(data, found.state, name, noise, DETERMINED)}"
-    return Estimate(
-        name=name,
-        unit="1/s",
-        value=value,
-        sd=value * relative,
-        low=low,
-        high=high,
-        determined=determined,
-        advice=advice,
-    )
+        advice = _with_motion(why, data, found, name, DETERMINED)
+    return _estimate(name, value, value * relative, interval, advice)
+
+
+def _with_motion(why: str, data: Data, found: Fit, name: str, allowed: float) -> str:
+    """Why a parameter is not determined, and a motion that would determine it."""
+    noise = math.sqrt(found.variance)
+    return f"{why} {better_motion(data, found.state, name, noise, allowed)}"
 
 
 def _no_loop(data: Data, choice: Choice) -> Estimate:
     """K_v of a first-order lag, which has none."""
     reason = "The model is a lag, which has no K_v."
     if choice.second is not None:
-        lag, loop = choice.chosen, choice.second
-        noise = math.sqrt(loop.variance)
-        reason = (
+        why = (
             "The velocity loop is too fast to matter: a first-order lag fits this log as well (BIC "
-            f"{lag.bic:.1f} against {loop.bic:.1f}). "
-            f"{better_motion(data, loop.state, 'kv', noise, DETERMINED)}"
+            f"{choice.chosen.bic:.1f} against {choice.second.bic:.1f})."
         )
-    return Estimate(
-        name="kv",
-        unit="1/s",
-        value=math.nan,
-        sd=math.nan,
-        low=0.0,
-        high=math.inf,
-        determined=False,
-        advice=reason,
-    )
+        reason = _with_motion(why, data, choice.second, "kv", DETERMINED)
+    return _unknown("kv", reason)
 
 
 def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
     value, sd = found.state.delay, ends.sd("delay")
     allowed = max(DETERMINED * abs(value), DETERMINED_DELAY)
-    determined = sd <= allowed and "delay" not in found.at_edge
     advice = ""
-    if not determined:
+    if not sd <= allowed or "delay" in found.at_edge:
         why = (
             f"The best dead time is at the edge of those looked for, {value * 1e3:.3g} ms: look "
             "for longer ones if it may be longer."
@@ -190,83 +182,35 @@ def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
             else f"This log tells the dead time to {sd * 1e3:.2g} ms only, and "
             f"{allowed * 1e3:.2g} ms are needed."
         )
-        noise = math.sqrt(found.variance)
-        advice = f"{why} {better_motion(data, found.state, 'delay', noise, allowed)}"
-    low, high = ends.interval("delay")
-    return Estimate(
-        name="dead_time",
-        unit="s",
-        value=value,
-        sd=sd,
-        low=low,
-        high=high,
-        determined=determined,
-        advice=advice,
-    )
+        advice = _with_motion(why, data, found, "delay", allowed)
+    return _estimate("dead_time", value, sd, ends.interval("delay"), advice)
 
 
 def _limit(data: Data, found: Fit, ends: Ends, demand: float) -> Estimate:
-    state = found.state
-    value, sd, low, high = math.nan, math.nan, 0.0, math.inf
-    determined = False
+    state, name = found.state, "acceleration"
     if state.order == "first":
-        advice = "The model is a lag, which has no acceleration limit."
-    elif "limit" in state.free:
-        relative = ends.relative("limit")
-        value, sd = state.limit, state.limit * relative
-        low, high = ends.interval("limit")
-        determined = relative <= DETERMINED and "limit" not in found.at_edge
-        step = larger_step(data, state, 2 * value)
-        advice = "" if determined else (
-            f"The joint is at its limit for {found.saturated_time * 1e3:.3g} ms only, which "
-            f"tells it to {relative * 100:.2g} %, and 10 % are needed. A step of more than "
-            f"{step:.2g} rad in one command interval asks for twice the limit."
-        )  # fmt: skip
-    else:
+        return _unknown(name, "The model is a lag, which has no acceleration limit.")
+    if "limit" not in state.free:
         low = lowest_limit(data, found, demand)
-        step = larger_step(data, state, 2 * low)
+        why = f"The log does not show the limit: it is above {low:.4g} rad/s²."
+        return _unknown(name, f"{why} {_larger_step(data, state, low)} that.", low)
+    relative, advice = ends.relative("limit"), ""
+    if not relative <= DETERMINED or "limit" in found.at_edge:
         advice = (
-            f"The log does not show the limit: it is above {low:.4g} rad/s². A step of more than "
-            f"{step:.2g} rad in one command interval asks for twice that."
+            f"The joint is at its limit for {found.saturated_time * 1e3:.3g} ms only, which "
+            f"tells it to {relative * 100:.2g} %, and 10 % are needed. "
+            f"{_larger_step(data, state, state.limit)} the limit."
         )
-    return Estimate(
-        name="acceleration",
-        unit="rad/s²",
-        value=value,
-        sd=sd,
-        low=low,
-        high=high,
-        determined=determined,
-        advice=advice,
-    )
+    return _estimate(name, state.limit, state.limit * relative, ends.interval("limit"), advice)
+
+
+def _larger_step(data: Data, state: State, limit: float) -> str:
+    step = larger_step(data, state, 2 * limit)
+    return f"A step of more than {step:.2g} rad in one command interval asks for twice"
 
 
 def _notes(data: Data, joint: JointIdentification, choice: Choice) -> tuple[str, ...]:
-    notes = []
-    if not joint.white and joint.noise > 1e-12:
-        notes.append(
-            "The residuals are not white: the joint does something that the model does not. The "
-            "standard deviations allow for their correlation, not for what is missing."
-        )
-    if joint.r_squared < FOLLOWS:
-        notes.append(
-            f"The model explains {max(joint.r_squared, 0.0) * 100:.0f} % of the motion only: "
-            "do the columns belong together?"
-        )
-    offset = choice.chosen.state.offset
-    if offset is not None:
-        notes.append(
-            f"The measured position stands off the commands by {offset:.4g} rad, as under a load "
-            "or of an encoder with another zero; that is estimated too."
-        )
-    dead = joint.dead_time
-    if dead.high < 0:
-        notes.append(
-            f"The dead time is below zero, {dead.value * 1e3:.3g} ms: are commands logged late, or "
-            "are set-points held that were taken for interpolated?"
-        )
-    elif dead.determined and dead.low <= 0:
-        notes.append("No dead time is seen.")
+    notes = _on_the_fit(joint, choice.chosen.state.offset) + _on_the_dead_time(joint.dead_time)
     if (
         choice.first is not None
         and joint.order == "second"
@@ -286,3 +230,32 @@ def _notes(data: Data, joint: JointIdentification, choice: Choice) -> tuple[str,
     if joint.saturated_time > 0:
         notes.append(f"The joint was at its acceleration limit for {joint.saturated_time:.3g} s.")
     return tuple(notes)
+
+
+def _on_the_fit(joint: JointIdentification, offset: float | None) -> list[str]:
+    notes = []
+    if not joint.white and joint.noise > 1e-12:
+        notes.append(
+            "The residuals are not white: the joint does something that the model does not. The "
+            "standard deviations allow for their correlation, not for what is missing."
+        )
+    if joint.r_squared < FOLLOWS:
+        notes.append(
+            f"The model explains {max(joint.r_squared, 0.0) * 100:.0f} % of the motion only: "
+            "do the columns belong together?"
+        )
+    if offset is not None:
+        notes.append(
+            f"The measured position stands off the commands by {offset:.4g} rad, as under a load "
+            "or of an encoder with another zero; that is estimated too."
+        )
+    return notes
+
+
+def _on_the_dead_time(dead: Estimate) -> list[str]:
+    if dead.high < 0:
+        return [
+            f"The dead time is below zero, {dead.value * 1e3:.3g} ms: are commands logged late, or "
+            "are set-points held that were taken for interpolated?"
+        ]
+    return ["No dead time is seen."] if dead.determined and dead.low <= 0 else []

@@ -29,6 +29,8 @@ LARGEST_FACTOR = 3.0
 STARTS = ("rest", "held", "moving")
 NAMES = ("kp", "kv", "delay", "q0", "dq0", "limit")
 _LOGARITHMIC = ("kp", "kv", "limit")
+# Sum of squares, residuals, their derivatives by the free parameters, and time at the limit.
+Errors = tuple[float, FloatArray, FloatArray, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,38 +195,49 @@ def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST
         ExecutionError: At the start the positions are not finite.
     """
     state, damping = start, 1e-3
-    sse, residuals, jacobian, saturated = _errors(data, state)
-    if not math.isfinite(sse):
+    errors = _errors(data, state)
+    if not math.isfinite(errors[0]):
         raise ExecutionError(
             f"The log cannot be simulated with kp = {state.kp:g} 1/s and kv = {state.kv:g} 1/s: "
             "its times or its positions are out of proportion to these gains; look at their units."
         )
-    names = state.free
     for _ in range(most):
-        normal, slope, _ = _joint.normal_equations(jacobian, residuals)
-        # A parameter that would leave what is looked for stays, and the others move without it.
-        free = np.array([_moves(data, state, x, slope[k]) for k, x in enumerate(names)])
-        normal[~free], normal[:, ~free], slope[~free] = 0.0, 0.0, 0.0
-        scale = np.maximum(np.diag(normal), 1e-300)
-        accepted = False
-        while damping < MOST_DAMPING:
-            step = _solved(normal, slope, damping * scale)
-            trial = _moved(data, state, names, step)
-            found = _errors(data, trial)
-            if found[0] <= sse:
-                accepted = True
-                break
-            damping *= 5.0
-        if not accepted:
+        found = _step(data, state, errors, damping)
+        if found is None:
             break
-        gain = sse - found[0]
-        state, (sse, residuals, jacobian, saturated) = trial, found
-        damping = max(damping / 10.0, 1e-9)
+        gain = errors[0] - found[1][0]
+        state, errors, damping = found
+        sse, residuals, _, saturated = errors
         if sse <= enough or gain <= NEAR**2 * sse / len(residuals):
             break
         # A limit that is not reached any more has left the problem.
-        if "limit" in names and saturated == 0.0:
+        if "limit" in state.free and saturated == 0.0:
             break
+    return _fit_at(data, state, errors)
+
+
+def _step(
+    data: Data, state: State, errors: Errors, damping: float
+) -> tuple[State, Errors, float] | None:
+    """A state with no larger errors, these, and the damping to go on with; None without one."""
+    sse, residuals, jacobian, _ = errors
+    names = state.free
+    normal, slope, _ = _joint.normal_equations(jacobian, residuals)
+    # A parameter that would leave what is looked for stays, and the others move without it.
+    free = np.array([_moves(data, state, x, slope[k]) for k, x in enumerate(names)])
+    normal[~free], normal[:, ~free], slope[~free] = 0.0, 0.0, 0.0
+    scale = np.maximum(np.diag(normal), 1e-300)
+    while damping < MOST_DAMPING:
+        trial = _moved(data, state, names, _solved(normal, slope, damping * scale))
+        found = _errors(data, trial)
+        if found[0] <= sse:
+            return trial, found, max(damping / 10.0, 1e-9)
+        damping *= 5.0
+    return None
+
+
+def _fit_at(data: Data, state: State, errors: Errors) -> Fit:
+    sse, residuals, jacobian, saturated = errors
     used = data.y[state.first : data.last]
     return Fit(
         state=state,
@@ -243,7 +256,7 @@ def best(data: Data, starts: Sequence[State]) -> Fit:
     return min((fit(data, x) for x in starts), key=lambda x: x.sse)
 
 
-def _errors(data: Data, state: State) -> tuple[float, FloatArray, FloatArray, float]:
+def _errors(data: Data, state: State) -> Errors:
     out, seen = simulated(data, state, COLUMNS)
     residuals = data.y[state.first : data.last] - out[0] - (state.offset or 0.0)
     names = state.free

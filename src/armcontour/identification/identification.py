@@ -51,31 +51,32 @@ def identify(
             measurement cannot belong together.
     """
     _checks.choice("model", model, MODELS)
-    if interpolation is not None:
-        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
-        if log.interpolation is not None and log.interpolation != interpolation:
-            raise InvalidInput(
-                f"{log.source} says that its interpolation is {log.interpolation}, but "
-                f"{interpolation} was asked for: leave one of them out."
-            )
-    between = interpolation or log.interpolation or "linear"
+    between = _between(log, interpolation)
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
     _refuse_interval(log)
     duration = float(log.t[-1] - log.t[0])
     delays = (-min(BELOW_ZERO, duration / 50), min(longest, duration / 4))
-    joints = []
-    tell = under(progress)
+    tell, joints = under(progress), []
     for j in range(log.dof):
         tell(Step((log.joint_names[j],)))
-        data = Data(
-            t=np.ascontiguousarray(log.t - log.t[0]),
-            u=np.ascontiguousarray(log.command[:, j]),
-            y=np.ascontiguousarray(log.measured[:, j]),
-            linear=between == "linear",
-            delays=delays,
-        )
-        joints.append(_joint(data, log, j, model))
+        joints.append(_joint(log, j, model, between == "linear", delays))
     return Identification(log=log, interpolation=between, joints=tuple(joints))
+
+
+def _between(log: Log, interpolation: str | None) -> str:
+    """What the controller does between set-points.
+
+    Raises:
+        InvalidInput: An unknown word, or not what the log says.
+    """
+    if interpolation is not None:
+        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
+        if log.interpolation not in (None, interpolation):
+            raise InvalidInput(
+                f"{log.source} says that its interpolation is {log.interpolation}, but "
+                f"{interpolation} was asked for: leave one of them out."
+            )
+    return interpolation or log.interpolation or "linear"
 
 
 def _refuse_interval(log: Log) -> None:
@@ -91,8 +92,17 @@ def _refuse_interval(log: Log) -> None:
         )
 
 
-def _joint(data: Data, log: Log, j: int, model: str) -> JointIdentification:
+def _joint(
+    log: Log, j: int, model: str, linear: bool, delays: tuple[float, float]
+) -> JointIdentification:
     name = log.joint_names[j]
+    data = Data(
+        t=np.ascontiguousarray(log.t - log.t[0]),
+        u=np.ascontiguousarray(log.command[:, j]),
+        y=np.ascontiguousarray(log.measured[:, j]),
+        linear=linear,
+        delays=delays,
+    )
     still = why_still(data)
     if still:
         return nothing(data, log, name, still)

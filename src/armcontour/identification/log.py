@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour._sampling import (
     LARGEST,
     LATEST,
@@ -205,6 +205,26 @@ def cut(
     Raises:
         InvalidInput: As `Log` does.
     """
+    used = _used(t, start, end, source)
+    command, measured = np.asarray(command)[used], np.asarray(measured)[used]
+    if unwrap:
+        command, measured = _unwrapped(command, measured)
+    return Log(
+        t=np.asarray(t)[used],
+        command=command,
+        measured=measured,
+        joint_names=tuple(joint_names),
+        interpolation=interpolation,
+        source=source,
+    )
+
+
+def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
+    """Samples from `start` to `end`.
+
+    Raises:
+        InvalidInput: There are none.
+    """
     for name, value in (("first", start), ("last", end)):
         if math.isnan(value):
             raise InvalidInput(f"The {name} time to use must be a number of seconds, not nan.")
@@ -214,17 +234,13 @@ def cut(
             f"{source} has no sample from {start:g} s to {end:g} s: its times go from "
             f"{np.min(t):g} s to {np.max(t):g} s."
         )
-    command, measured = np.asarray(command)[used], np.asarray(measured)[used]
-    # Jumps of numbers that no joint has are refused below, not undone.
-    if unwrap and all(find_large("q", x) is None for x in (command, measured)):
-        command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)
-        # Both start in the same turn.
-        measured = measured + 2 * math.pi * np.round((command[0] - measured[0]) / (2 * math.pi))
-    return Log(
-        t=np.asarray(t)[used],
-        command=command,
-        measured=measured,
-        joint_names=tuple(joint_names),
-        interpolation=interpolation,
-        source=source,
-    )
+    return np.asarray(used)
+
+
+def _unwrapped(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Both without jumps of whole turns, starting in the same turn."""
+    # Jumps of numbers that no joint has are refused by Log, not undone.
+    if any(find_large("q", x) is not None for x in (command, measured)):
+        return command, measured
+    command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)
+    return command, measured + 2 * math.pi * np.round((command[0] - measured[0]) / (2 * math.pi))

@@ -11,6 +11,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Law, PathLaw, Rates
+from armcontour.timing.limit_use import States, quantity
 
 # Places per smooth piece at which joint motion is looked at: a piece turns by half a radian at
 # most, so the top of its curve is missed by less than a part in ten thousand.
@@ -70,27 +71,24 @@ class Peaks:
     """Largest amounts along a law.
 
     Args:
-        values: Per order 1 and 2: of every joint, (dof,) [rad/s, rad/s²].
+        acceleration: Of every joint, (dof,) [rad/s²].
         speed: Of the tool [m/s].
     """
 
-    values: dict[int, FloatArray]
+    acceleration: FloatArray
     speed: float
 
 
 def law_peaks(law: Law, arm: Arm) -> Peaks:
-    """Largest joint velocities and accelerations, (27), and tool speed along a law."""
-    q, dq, ddq = law_states(law)
-    return Peaks(
-        values={1: np.abs(dq).max(axis=0), 2: np.abs(ddq).max(axis=0)},
-        speed=float(np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max()),
-    )
+    """Largest joint accelerations, (27), and tool speed along a law."""
+    states = law_states(law, arm)
+    return Peaks(np.abs(states.ddq).max(axis=0), float(quantity("speed", states).max()))
 
 
-def law_states(law: Law) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """q, dq and ddq at the places along a law that are looked at, (n, dof) each."""
+def law_states(law: Law, arm: Arm) -> States:
+    """The arm at the places along a law that are looked at."""
     i, t = law_places(law)
-    return law.on_interval(i, t, 0), law.on_interval(i, t, 1), law.on_interval(i, t, 2)
+    return States(arm, *(law.on_interval(i, t, order) for order in (0, 1, 2)))
 
 
 def law_places(law: Law) -> tuple[IntArray, FloatArray]:

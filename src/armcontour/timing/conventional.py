@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from armcontour.arms import Arm, Limits
 from armcontour.motion import JointPath, Method, Stretch, Trajectory
-from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import law_peaks, needs_speed, path_law, segment_speeds, tool_path_of
+from armcontour.timing.unplanned_limits import refuse_broken
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
@@ -36,7 +36,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         kind="uniform",
         t=(0.0, float(law.breaks[-1])),
         s=(0.0, path.length),
-        demand=peaks.values[2],
+        demand=peaks.acceleration,
         speed=peaks.speed,
     )
     return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

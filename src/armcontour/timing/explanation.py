@@ -11,7 +11,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import Method, PathLaw, Trajectory
-from armcontour.timing.constraints import Constraint, JointDerivatives, ToolSpeed
+from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
 
@@ -154,59 +154,58 @@ def _of_law(
     offsets: tuple[float, float],
 ) -> _Part:
     """What binds on one law, with what is added to its times and places."""
-    later, farther = offsets
     active = [*constraints_of(law.joint_path, arm, bounds), *constraints]
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
-    shares, names = _shares(grid, active, law)
-    strongest = shares.argmax(axis=1)
-    share = shares[np.arange(len(grid)), strongest]
-    which = np.where(share >= BINDS, strongest, -1)
+    ends = IntervalEnds(arm, law, grid)
+    used = [x.usage(ends) for x in active]
+    names = [
+        (constraint.name, k + 1 if constraint.joints else None)
+        for constraint, shares in zip(active, used, strict=True)
+        for k in range(shares.shape[1])
+    ]
+    shares = np.concatenate(used, axis=1)
+    share = shares.max(axis=1)
+    which = np.where(share >= BINDS, shares.argmax(axis=1), -1)
+    bindings = _bindings(law, share, which, names, offsets)
+    for constraint, shares in zip(active, used, strict=True):
+        if isinstance(constraint, ToolSpeed):
+            assigned = constraint.allowed(grid)[:, 0]
+            reached = (shares[:, 0] >= REACHED) & np.isfinite(assigned)
+            shortfalls = _shortfalls(law, assigned, reached, which, names)
+            return _Part(
+                bindings,
+                tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
+                _extent(law, np.isfinite(assigned)),
+                _extent(law, reached),
+            )
+    return _Part(bindings, ())
+
+
+def _bindings(
+    law: PathLaw,
+    share: FloatArray,
+    which: IntArray,
+    names: list[tuple[str, int | None]],
+    offsets: tuple[float, float],
+) -> tuple[Binding, ...]:
+    """The stretches on which one limit binds, from what binds on every interval, or -1."""
+    later, farther = offsets
     edges = np.flatnonzero(np.diff(which)) + 1
-    starts, ends = np.append(0, edges), np.append(edges, len(grid))
+    starts, ends = np.append(0, edges), np.append(edges, len(which))
     largest = np.maximum.reduceat(share, starts)
-    bindings = tuple(
-        Binding(
-            limit="nothing" if which[i] < 0 else names[which[i]][0],
-            joint=None if which[i] < 0 else names[which[i]][1],
-            t=(later + float(law.breaks[i]), later + float(law.breaks[k])),
-            s=(farther + float(law.s[i]), farther + float(law.s[k])),
-            share=float(most),
-        )
-        for i, k, most in zip(starts, ends, largest, strict=True)
-    )
-    speed = [x for x in active if isinstance(x, ToolSpeed)]
-    if not speed:
-        return _Part(bindings, ())
-    path = JointDerivatives.on(grid)
-    at = speed[0].usage(grid, path, law.speeds**2, law.rates.dds, law.rates.slope)[:, 0]
-    assigned = speed[0].assigned[grid.piece]
-    asked = np.isfinite(assigned)
-    reached = (at >= REACHED) & asked
-    times = np.diff(law.breaks)
-    shortfalls = _shortfalls(law, assigned, reached | ~asked, which, names)
-    return _Part(
-        bindings,
-        tuple(replace(x, s=farther + x.s) for x in shortfalls),
-        (float(grid.width[asked].sum()), float(times[asked].sum())),
-        (float(grid.width[reached].sum()), float(times[reached].sum())),
-    )
+    found = []
+    for i, k, most in zip(starts, ends, largest, strict=True):
+        limit, joint = ("nothing", None) if which[i] < 0 else names[which[i]]
+        t = (later + float(law.breaks[i]), later + float(law.breaks[k]))
+        s = (farther + float(law.s[i]), farther + float(law.s[k]))
+        found.append(Binding(limit=limit, joint=joint, t=t, s=s, share=float(most)))
+    return tuple(found)
 
 
-def _shares(
-    grid: Grid, active: Sequence[Constraint], law: PathLaw
-) -> tuple[FloatArray, list[tuple[str, int | None]]]:
-    """Share of every limit on every interval, and what they are called."""
-    path = JointDerivatives.on(grid)
-    x = law.speeds**2
-    found, names = [], []
-    for constraint in active:
-        used = constraint.usage(grid, path, x, law.rates.dds, law.rates.slope)
-        found.append(used)
-        names += [
-            (constraint.name, k + 1 if constraint.joints else None) for k in range(used.shape[1])
-        ]
-    return np.concatenate(found, axis=1), names
+def _extent(law: PathLaw, where: BoolArray) -> tuple[float, float]:
+    """Length and time of some intervals."""
+    return float(np.diff(law.s)[where].sum()), float(np.diff(law.breaks)[where].sum())
 
 
 def _shortfalls(
@@ -219,6 +218,7 @@ def _shortfalls(
     """The turning points of the speed on every stretch below the assigned velocity, stops apart."""
     speed = law.speeds.tolist()
     result = []
+    reached = reached | ~np.isfinite(assigned)
     edges = np.flatnonzero(np.diff(np.concatenate([[1], reached, [1]]).astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         for i, k, kind in _turning_points(speed, int(first), int(last)):

@@ -14,10 +14,10 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, check_interval
-from armcontour.timing.afterwards import refuse_broken
 from armcontour.timing.common import (
     law_peaks,
     needs_speed,
@@ -26,6 +26,7 @@ from armcontour.timing.common import (
     tool_path_of,
 )
 from armcontour.timing.mac_line import Line, Part, parts_by_rule
+from armcontour.timing.unplanned_limits import refuse_broken
 
 # With fewer laps a short line from rest to rest would have no lap to move in.
 FEWEST_LAPS = 8
@@ -83,11 +84,63 @@ def plan_mac(
     """
     path = tool_path_of(joint_path, "mac")
     assigned = segment_speeds(path, needs_speed(limits, "mac"))
+    _refuse_limits(limits)
+    interval = check_interval(period)
+    if knots is not None:
+        knots = _checks.whole("knots a line", knots, FEWEST_LAPS, MOST_LAPS)
+    junctions = _junctions(path, _straight(path), assigned, limits)
+    lines = _lines(joint_path, arm, limits, assigned, junctions, knots, interval)
+    _match(lines, junctions)
+    return _joined(lines, junctions, arm, limits)
+
+
+def _straight(path: Path) -> list[int]:
+    """Segments that are lines."""
+    return list(np.flatnonzero(path.curvatures == 0).tolist())
+
+
+def _lines(
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    assigned: FloatArray,
+    junctions: list[Junction],
+    knots: int | None,
+    interval: float,
+) -> list[Line]:
+    """The lines of a path with their knots; arguments as in `plan_mac`.
+
+    Raises:
+        InvalidInput: Too many knots.
+    """
+    path = tool_path_of(joint_path, "mac")
+    lines = []
+    for number, i in enumerate(_straight(path)):
+        count = knots or _usual_knots(path.lengths[i], assigned[i], interval, number)
+        rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
+        lines.append(
+            Line(
+                name=f"line {number + 1}",
+                joint_path=joint_path,
+                arm=arm,
+                limit=or_unlimited(limits.joint_acceleration, arm.dof),
+                s=_knots(path.breaks[i], path.breaks[i + 1], count, rest),
+                assigned=float(assigned[i]),
+            )
+        )
+    return lines
+
+
+def _refuse_limits(limits: Limits) -> None:
+    """Refuse limits without what the method needs, or with what it does not know.
+
+    Raises:
+        InvalidInput: Such limits.
+    """
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The method mac needs joint acceleration limits: give joint_acceleration [rad/s²]."
         )
-    interval = check_interval(period)
     if limits.tool_acceleration is not None:
         raise InvalidInput(
             "The method mac does not look at the tool's acceleration: leave tool_acceleration out, "
@@ -98,32 +151,30 @@ def plan_mac(
             "The method mac knows one acceleration limit per joint for both directions: leave "
             "joint_deceleration out, or plan by the method optimal."
         )
-    if knots is not None:
-        knots = _checks.whole("knots a line", knots, FEWEST_LAPS, MOST_LAPS)
-    on = np.flatnonzero(path.curvatures == 0).tolist()
-    junctions = _junctions(path, on, assigned, limits)
-    lines = []
-    for number, i in enumerate(on):
-        wanted = path.lengths[i] / (assigned[i] * interval)
-        if knots is None and not wanted <= MOST_LAPS:
-            raise InvalidInput(
-                f"Line {number + 1} would have {wanted:.3g} knots at {assigned[i]:g} m/s and a "
-                f"command interval of {interval:g} s: give knots."
-            )
-        count = knots or max(FEWEST_LAPS, int(np.ceil(wanted)))
-        rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
-        s = _knots(path.breaks[i], path.breaks[i + 1], count, rest)
-        lines.append(
-            Line(
-                name=f"line {number + 1}",
-                joint_path=joint_path,
-                arm=arm,
-                limit=limits.joint_acceleration,
-                s=s,
-                assigned=float(assigned[i]),
-            )
+
+
+def _usual_knots(length: float, speed: float, interval: float, number: int) -> int:
+    """Laps of a line that take one command interval each at the assigned velocity.
+
+    Raises:
+        InvalidInput: Too many.
+    """
+    wanted = length / (speed * interval)
+    if not wanted <= MOST_LAPS:
+        raise InvalidInput(
+            f"Line {number + 1} would have {wanted:.3g} knots at {speed:g} m/s and a "
+            f"command interval of {interval:g} s: give knots."
         )
-    _match(lines, junctions)
+    return max(FEWEST_LAPS, int(np.ceil(wanted)))
+
+
+def _joined(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits) -> Trajectory:
+    """All lines and corners, one after the other.
+
+    Raises:
+        NotRealizable: One of them would break a limit.
+    """
+    joint_path = lines[0].joint_path
     laws: list[LawAlongPath] = []
     stretches: list[Stretch] = []
     corner = 0
@@ -138,7 +189,12 @@ def plan_mac(
         for part in parts:
             now = stretches[-1].t[1] if stretches else 0.0
             stretches.append(_stretch(part, now, arm, limits))
-    return Trajectory(laws=tuple(laws), method=Method.MAC, path=path, stretches=tuple(stretches))
+    return Trajectory(
+        laws=tuple(laws),
+        method=Method.MAC,
+        path=joint_path.tool_path,
+        stretches=tuple(stretches),
+    )
 
 
 def _junctions(
@@ -233,6 +289,6 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
         kind=part.kind,
         t=(now, now + part.duration),
         s=part.s,
-        demand=np.max([x.values[2] for x in peaks], axis=0),
+        demand=np.max([x.acceleration for x in peaks], axis=0),
         speed=max(x.speed for x in peaks),
     )

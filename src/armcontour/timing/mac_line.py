@@ -223,7 +223,7 @@ class Line:
             if begin < 0 or end >= len(self.s) or np.isnan([forward[begin], backward[end]]).any():
                 continue
             law = path_law(self.joint_path, self.s[[begin, end]], forward[[begin]], backward[[end]])
-            if (law_peaks(law, self.arm).values[2] <= self.limit).all():
+            if (law_peaks(law, self.arm).acceleration <= self.limit).all():
                 return begin, end
         return low, high
 

@@ -374,19 +374,12 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
         NotRealizable: A start or end speed that cannot be had, or no way on.
     """
     steady = np.zeros(len(grid), dtype=bool)  # intervals that take no skew
-    bracket = _first_pass(grid, task)
+    bracket, path = _first_pass(grid, task), JointDerivatives.on(grid)
     for _ in range(MOST_TRIES):
         skew = np.where(steady, 0.0, bracket.slope)
-        half_turn, sag = skew * grid.width / 2, np.abs(skew) * grid.width**2 / 4
-        path = JointDerivatives.on(grid)
-        largest, least = bracket.reach * bracket.most + sag, bracket.floor(sag)
-        u = _largest_u(grid, path, task, largest) + 2 * np.abs(half_turn)
-        if task.bracketed:
-            # Where x is kept between both, u is at most what takes it from one to the other.
-            u = np.minimum(u, (largest - least) / (2 * grid.width) + 3 * np.abs(half_turn))
-        bounds = Bounds(largest, u, skew, least)
+        bounds = _bounds(grid, path, task, bracket, skew)
         problem = Problem(grid, path, task.active, bounds)
-        lost = problem.margin_lost(half_turn)
+        lost = problem.margin_lost(skew * grid.width / 2)
         if (lost > most).any():
             # Without skew they may do, where it alone is at fault or finer grids did not help.
             skewed = (lost > most) & (skew != 0) & ((lost >= 1) | (most > LARGEST_MARGIN))
@@ -401,12 +394,9 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
             if bracket.found is None and len(grid) > FINE_ENOUGH:
                 raise
             return bracket.found, np.full(len(grid), 4 * LARGEST_MARGIN)
-        # With a growing u, x must not fall to 0 between two points.
-        speed = np.sqrt(x)
-        dips = 4 * sag * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
-        if dips.any():
+        if (dips := _dips(grid, x, skew)).any():
             steady |= dips
-        elif (left := bracket.left(x, bounds, sag, task.bracketed)).any():
+        elif (left := bracket.left(x, bounds, _sag(grid, skew), task.bracketed)).any():
             if bracket.found is not None and bracket.moves == MOST_MOVES:
                 return bracket.found, lost
             bracket.widen(x, left if task.bracketed else np.ones_like(left))
@@ -416,6 +406,19 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
                 return bracket.better(law), lost
             bracket.close_in(x, law)
     return bracket.found, np.maximum(lost, most)
+
+
+def _sag(grid: Grid, skew: FloatArray) -> FloatArray:
+    """How far x leaves its chord on every interval."""
+    return np.asarray(np.abs(skew) * grid.width**2 / 4)
+
+
+def _dips(grid: Grid, x: FloatArray, skew: FloatArray) -> BoolArray:
+    """Intervals on which x, with a growing u, may come near 0 between its points."""
+    speed = np.sqrt(x)
+    return np.asarray(
+        4 * _sag(grid, skew) * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
+    )
 
 
 @dataclass(slots=True)
@@ -470,6 +473,23 @@ class _Bracket:
         if self.found is None or law.breaks[-1] <= self.found.breaks[-1]:
             return law
         return self.found
+
+
+def _bounds(
+    grid: Grid, path: JointDerivatives, task: _Task, bracket: _Bracket, skew: FloatArray
+) -> Bounds:
+    """How large x and u get on every interval, if the plan keeps to its bracket.
+
+    Raises:
+        InvalidInput: Nothing limits the acceleration.
+    """
+    half_turn, sag = np.abs(skew) * grid.width / 2, _sag(grid, skew)
+    largest, least = bracket.reach * bracket.most + sag, bracket.floor(sag)
+    u = _largest_u(grid, path, task, largest) + 2 * half_turn
+    if task.bracketed:
+        # Where x is kept between both, u is at most what takes it from one to the other.
+        u = np.minimum(u, (largest - least) / (2 * grid.width) + 3 * half_turn)
+    return Bounds(largest, u, skew, least)
 
 
 def _largest_u(grid: Grid, path: JointDerivatives, task: _Task, x: FloatArray) -> FloatArray:

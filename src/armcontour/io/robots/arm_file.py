@@ -13,7 +13,8 @@ from armcontour._numbers import plain_number
 from armcontour._text import show
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload
-from armcontour.arms.limits import Limits
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
+from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.arms.planar import PlanarTwoLink
 from armcontour.arms.serial import SerialArm
 from armcontour.arms.tube import Tube
@@ -40,15 +41,13 @@ UNITS = {
     "viscous": "N m s/rad",
     "coulomb": "N m",
     "gravity": "m/s^2",
-    "joint_acceleration": "rad/s^2",
-    "joint_deceleration": "rad/s^2",
-    "joint_velocity": "rad/s",
-    "joint_torque": "N m",
-    "joint_jerk": "rad/s^3",
-    "joint_lower": "rad",
-    "joint_upper": "rad",
 }
-LIMITS = tuple(key for key in UNITS if key.startswith("joint_"))
+# Files spell powers out.
+LIMITS = {
+    name: LIMIT_UNITS[name].replace("²", "^2").replace("³", "^3")
+    for name in (*JOINT_LIMITS, *JOINT_RANGE)
+}
+UNITS |= LIMITS
 # "not_kept" holds what is published and not a limit of the arm here; it is for people.
 COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
 PLANAR = COMMON | {"base", "links", "tubes"}

@@ -10,6 +10,7 @@ from armcontour.timing.constraints.base import (
     Ceiling,
     Constraint,
     Disc,
+    IntervalEnds,
     JointDerivatives,
     Rows,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "CentripetalAcceleration",
     "Constraint",
     "Disc",
+    "IntervalEnds",
     "JointAcceleration",
     "JointDerivatives",
     "JointTorque",

@@ -10,8 +10,6 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
-from armcontour.arms.serial import SerialArm
-from armcontour.errors import InvalidInput
 from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.sampled import Sampled, bulge, rise
 from armcontour.timing.grid import Grid
@@ -21,20 +19,6 @@ from armcontour.timing.grid import Grid
 DIRECTIONS = 32
 # Vectors are taken to be parallel if this part of one is across the other.
 PARALLEL = 1e-9
-
-
-def require_orientation(arm: Arm) -> SerialArm:
-    """The arm, if its tool has an orientation.
-
-    Raises:
-        InvalidInput: It has none.
-    """
-    if not isinstance(arm, SerialArm):
-        raise InvalidInput(
-            f"The tool of the arm {arm.name} is a point without an orientation: lift its limits "
-            "with limits.replace(angular_speed=None, angular_acceleration=None)."
-        )
-    return arm
 
 
 def turning_of(arm: Arm) -> Sampled:
@@ -61,6 +45,7 @@ class AngularSpeed(Constraint):
     """
 
     name = "angular speed"
+    limit_name = "angular_speed"
 
     def __init__(self, limit: float, turning: Sampled) -> None:
         self.limit, self._turning = limit, turning
@@ -87,6 +72,7 @@ class AngularAcceleration(Constraint):
     """
 
     name = "angular acceleration"
+    limit_name = "angular_acceleration"
 
     def __init__(self, limit: float, turning: Sampled) -> None:
         self.limit, self._turning = limit, turning
@@ -119,15 +105,6 @@ class AngularAcceleration(Constraint):
         w, dw = np.moveaxis(np.linalg.norm(self._turning.at_ends(grid)[0], axis=2), 1, 0)
         with np.errstate(divide="ignore"):
             return np.asarray((self.limit + dw * x) / w)
-
-    def usage(
-        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
-    ) -> FloatArray:
-        """Length of the vector over the limit, the larger of both ends, (n, 1)."""
-        w, dw = np.moveaxis(self._turning.at_ends(grid), 2, 0)
-        at = np.stack([x[:-1], x[1:]])[..., None]
-        vector = w * np.stack([u, u + skew * grid.width])[..., None] + dw * at
-        return np.asarray((np.linalg.norm(vector, axis=2) / self.limit).max(axis=0)[:, None])
 
 
 def _square(turning: FloatArray) -> FloatArray:

@@ -17,13 +17,16 @@ from __future__ import annotations
 import sys
 import threading
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.motion import JointPath
+from armcontour.arms import Arm
+from armcontour.motion import JointPath, PathLaw
 from armcontour.timing.constraints._rows import derivatives
 from armcontour.timing.grid import Grid
+from armcontour.timing.limit_use import States, quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,11 +144,55 @@ class Disc:
     r: FloatArray
 
 
+@dataclass(frozen=True)
+class IntervalEnds:
+    """A plan at the starts (index 0) and ends (1) of all intervals.
+
+    Args:
+        arm: The arm.
+        law: The plan.
+        grid: Its intervals.
+    """
+
+    arm: Arm
+    law: PathLaw
+    grid: Grid
+
+    @cached_property
+    def path(self) -> JointDerivatives:
+        """Derivatives of the joint path on the grid."""
+        return JointDerivatives.on(self.grid)
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """Square of the path speed, ds² [m²/s²], (2, n)."""
+        square = self.law.speeds**2
+        return np.stack([square[:-1], square[1:]])
+
+    @cached_property
+    def u(self) -> FloatArray:
+        """Path acceleration dds [m/s²], (2, n)."""
+        rates = self.law.rates
+        return np.stack([rates.dds, rates.dds + rates.slope * self.grid.width])
+
+    @cached_property
+    def states(self) -> States:
+        """The arm at all starts and then at all ends, (2 n, dof)."""
+        piece, s = np.tile(self.grid.piece, 2), np.append(self.grid.s[:-1], self.grid.s[1:])
+        q = self.grid.joint_path.on_interval(piece, s)
+        x, u = self.x[..., None], self.u[..., None]
+        dq, ddq = self.path.first * np.sqrt(x), self.path.first * u + self.path.second * x
+        return States(self.arm, q, dq.reshape(q.shape), ddq.reshape(q.shape))
+
+
 class Constraint:
     """One limit along a path; this base limits nothing.
 
     Attributes:
         name: What people call it, such as "acceleration".
+        limit_name: The field of `Limits` that it keeps, whose values are `limit`: then that limit
+            says how far it is used. Without, its rows, ceiling and disc do.
+        limit: What is allowed; one, or per joint.
         joints: Whether there is one per joint, which explanations then name.
         curved: Whether its rows stand for a curve in x: those of the first pass are made again for
             the plan that comes out.
@@ -155,6 +202,8 @@ class Constraint:
     """
 
     name = ""
+    limit_name = ""
+    limit: float | FloatArray = np.inf
     joints = False
     curved = False
     bracketed = False
@@ -186,32 +235,32 @@ class Constraint:
         """Largest |dds| it allows on every interval, given the largest x there, (n,)."""
         return None
 
-    def usage(
-        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
-    ) -> FloatArray:
+    def allowed(self, grid: Grid) -> FloatArray:
+        """What there may be of what `limit_name` limits, of a shape that fits (n, joints or 1)."""
+        return np.asarray(self.limit)
+
+    def usage(self, ends: IntervalEnds) -> FloatArray:
         """Share of the limit in use on every interval, the larger of both ends.
 
         Args:
-            grid: The grid.
-            path: Derivatives on it.
-            x: ds² at the grid points, (n + 1,).
-            u: dds at the starts of the intervals, (n,).
-            skew: Its slope over s, (n,).
+            ends: The plan.
 
         Returns:
             (n, 1), or (n, joints) where `joints` is true.
         """
-        ends = np.stack([x[:-1], x[1:]])
-        u_ends = np.stack([u, u + skew * grid.width])
+        grid, path, x, u = ends.grid, ends.path, ends.x, ends.u
+        if self.limit_name:
+            found = quantity(self.limit_name, ends.states).reshape(2, len(grid), -1)
+            return np.asarray((found / self.allowed(grid)).max(axis=0))
         used = np.zeros((len(grid), 1))
         ceiling = self.ceiling(grid, path, None)
         if ceiling is not None:
-            used = np.maximum(used, np.sqrt(ends / ceiling.x).max(axis=0)[:, None])
+            used = np.maximum(used, np.sqrt(x / ceiling.x).max(axis=0)[:, None])
         rows = self.rows(grid, path, None)
         if rows is not None:
-            value = rows.a * u_ends[..., None] + rows.b * ends[..., None]
+            value = rows.a * u[..., None] + rows.b * x[..., None]
             used = np.maximum(used, np.maximum(value / rows.high, value / rows.low).max(axis=0))
         disc = self.disc(grid, path, None)
         if disc is not None:
-            used = np.maximum(used, (np.hypot(disc.c * ends, u_ends) / disc.r).max(axis=0)[:, None])
+            used = np.maximum(used, (np.hypot(disc.c * x, u) / disc.r).max(axis=0)[:, None])
         return np.asarray(used)

@@ -52,6 +52,8 @@ class JointTorque(Constraint):
     """
 
     name = "torque"
+    limit_name = "joint_torque"
+    limit: FloatArray
     joints = True
     # Torques at rest, of large accelerations and at speed are of one size, so that margins for all
     # of them at once would be large. From rest, other joints come to bind within a few intervals,
@@ -92,16 +94,6 @@ class JointTorque(Constraint):
         room = self.limit + np.abs(c) + np.abs(b) * x[:, None] + dragged
         with np.errstate(divide="ignore"):
             return np.asarray((room / np.abs(a)).min(axis=1))
-
-    def usage(
-        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
-    ) -> FloatArray:
-        """Torque over its limit, the larger of both ends, (n, dof)."""
-        a, b, c = np.moveaxis(self._terms.at_ends(grid), 2, 0)
-        at = np.stack([x[:-1], x[1:]])[..., None]
-        torque = a * np.stack([u, u + skew * grid.width])[..., None] + b * at + c
-        torque += self.viscous * path.first * np.sqrt(at) + self.coulomb * np.sign(path.first)
-        return np.asarray((np.abs(torque) / self.limit).max(axis=0))
 
     def _rows(
         self,
@@ -164,20 +156,12 @@ class JointTorque(Constraint):
         )
 
     def _refuse_at_rest(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
-        low, high = -self.limit, self.limit
-        refuse_at_rest(grid, self.name, c, low, high, joints=True)
+        bounds = -self.limit, self.limit
+        refuse_at_rest(grid, self, c, bounds)
         if self.coulomb.any():
             creeping = c + np.where(c > 0, friction.above, friction.below)
-            refuse_at_rest(
-                grid,
-                self.name,
-                creeping,
-                low,
-                high,
-                joints=True,
-                when="in the slowest motion, with friction",
-                cannot="move",
-            )
+            when = "in the slowest motion, with friction"
+            refuse_at_rest(grid, self, creeping, bounds, when=when, cannot="move")
 
 
 def _lines(

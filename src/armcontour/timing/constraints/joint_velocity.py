@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from armcontour._checks import FloatArray
 from armcontour.timing.constraints._rows import velocity_ceiling, velocity_ceiling_at_ends
 from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives
@@ -18,6 +16,8 @@ class JointVelocity(Constraint):
     """
 
     name = "velocity"
+    limit_name = "joint_velocity"
+    limit: FloatArray
     joints = True
 
     def __init__(self, limit: FloatArray) -> None:
@@ -39,10 +39,3 @@ class JointVelocity(Constraint):
                 bounds.skew,
             )
         )
-
-    def usage(
-        self, grid: Grid, path: JointDerivatives, x: FloatArray, u: FloatArray, skew: FloatArray
-    ) -> FloatArray:
-        """Joint velocity over its limit, the larger of both ends, (n, dof)."""
-        speed = np.sqrt(np.stack([x[:-1], x[1:]]))[..., None]
-        return np.asarray((np.abs(path.first) * speed / self.limit).max(axis=0))

@@ -58,7 +58,7 @@ class SecondOrder(Constraint):
         starts = self.coefficients(grid.s[:-1], "right")
         ends = self.coefficients(grid.s[1:], "left")
         a, b, c = (np.stack([x, y]) for x, y in zip(starts, ends, strict=True))
-        refuse_at_rest(grid, self.name, c, self.low, self.high, joints=self.joints)
+        refuse_at_rest(grid, self, c, (self.low, self.high))
         margin = np.zeros(c.shape[1:])
         if bounds is not None:
             middle = self.coefficients((grid.s[:-1] + grid.s[1:]) / 2, "right")
@@ -76,12 +76,10 @@ class SecondOrder(Constraint):
 
 def refuse_at_rest(
     grid: Grid,
-    name: str,
+    constraint: Constraint,
     value: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
     *,
-    joints: bool,
     when: str = "even at rest",
     cannot: str = "hold itself",
 ) -> None:
@@ -89,32 +87,30 @@ def refuse_at_rest(
 
     Args:
         grid: The grid.
-        name: What people call it.
+        constraint: What limits it.
         value: At the starts and ends of all intervals, (2, n, rows).
-        low: Lower bounds, (rows,).
-        high: Upper bounds, (rows,).
-        joints: Whether there is one row per joint.
+        bounds: Lower and upper bounds, (rows,) each.
         when: When it has these values.
         cannot: What the arm cannot do.
 
     Raises:
         NotRealizable: With the place, the joint, the value and the bound.
     """
+    low, high = bounds
     over = np.maximum(value - high, low - value)
     if (over <= 0).all():
         return
     end, i, row = np.unravel_index(int(np.argmax(over)), over.shape)
-    needed = float(value[end, i, row])
+    needed, s = float(value[end, i, row]), float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])
-    s = float(grid.s[i + end])
-    joint = int(row) + 1 if joints else None
-    who = f"joint {joint} {name}" if joint else name
+    joint = int(row) + 1 if constraint.joints else None
+    who = constraint.name if joint is None else f"joint {joint} {constraint.name}"
     raise NotRealizable(
         f"At {s:.6g} m along the path the {who} is {needed:.4g} {when}, but its limit is "
         f"{allowed:.4g}: the arm cannot {cannot} there.",
         s=s,
         joint=joint,
-        limit=name,
+        limit=constraint.name,
         needed=needed,
         allowed=allowed,
     )

@@ -71,6 +71,7 @@ class ToolSpeed(Constraint):
     """
 
     name = "assigned velocity"
+    limit_name = "speed"
 
     def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
         self.assigned = speed
@@ -79,6 +80,10 @@ class ToolSpeed(Constraint):
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """Whatever lies between the ends is no larger than at one of them."""
         return Ceiling(np.broadcast_to(self._ceiling[grid.piece], (2, len(grid))))
+
+    def allowed(self, grid: Grid) -> FloatArray:
+        """The assigned velocity of every interval."""
+        return np.asarray(self.assigned[grid.piece][:, None])
 
 
 class CentripetalAcceleration(Constraint):
@@ -90,6 +95,7 @@ class CentripetalAcceleration(Constraint):
     """
 
     name = "centripetal acceleration"
+    limit_name = "centripetal_acceleration"
 
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric
@@ -110,6 +116,7 @@ class ToolAcceleration(Constraint):
     """
 
     name = "tool acceleration"
+    limit_name = "tool_acceleration"
 
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric

@@ -1,0 +1,138 @@
+"""How far motion uses its limits: what planning, explaining and certifying ask.
+
+`evaluation` has formulas of its own, so that nothing judges a plan by what made it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.arms.limits import or_unlimited
+from armcontour.errors import InvalidInput
+
+# Below this tool speed [m/s] the direction of motion, and so the centripetal part, is not defined.
+SLOWEST = 1e-6
+
+
+@dataclass(frozen=True)
+class States:
+    """Joint states of an arm; what follows for its tool is computed once.
+
+    Args:
+        arm: The arm.
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities [rad/s], (n, dof).
+        ddq: Joint accelerations [rad/s²], (n, dof).
+    """
+
+    arm: Arm
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+
+    @cached_property
+    def tool_velocity(self) -> FloatArray:
+        """Tool velocities [m/s], (n, dimension)."""
+        return self.arm.tool_velocity(self.q, self.dq)
+
+    @cached_property
+    def tool_acceleration(self) -> FloatArray:
+        """Tool accelerations [m/s²], (n, dimension)."""
+        return self.arm.tool_acceleration(self.q, self.dq, self.ddq)
+
+
+def oriented(arm: Arm) -> SerialArm:
+    """The arm, if its tool has an orientation.
+
+    Raises:
+        InvalidInput: It has none.
+    """
+    if not isinstance(arm, SerialArm):
+        raise InvalidInput(
+            f"The tool of the arm {arm.name} is a point without an orientation: lift its limits "
+            "with limits.replace(angular_speed=None, angular_acceleration=None)."
+        )
+    return arm
+
+
+def quantity(name: str, states: States) -> FloatArray:
+    """What a limit limits: per joint (n, dof), of the tool (n,); joint accelerations have a sign.
+
+    Args:
+        name: A field of `Limits`; "joint_acceleration" stands for deceleration too.
+        states: The motion.
+
+    Raises:
+        InvalidInput: No such limit, torques of an arm without masses, or turning of a tool without
+            orientation.
+    """
+    if name not in QUANTITIES:
+        raise InvalidInput(
+            f"The use of a limit {name!r} is not known: known are {', '.join(QUANTITIES)}."
+        )
+    return QUANTITIES[name](states)
+
+
+def allowed(name: str, limits: Limits, states: States) -> FloatArray:
+    """What limits allow of a quantity, infinite without a limit; signed as the quantity is.
+
+    Args:
+        name: As in `quantity`.
+        limits: With values per joint.
+        states: The motion.
+    """
+    if name == "joint_acceleration":
+        low, high = limits.acceleration_bounds(states.arm.dof)
+        return np.where(states.ddq < 0, low, high)
+    value = getattr(limits, name)
+    return or_unlimited(value, states.arm.dof) if name.startswith("joint") else _or_infinite(value)
+
+
+def ratio(name: str, limits: Limits, states: States) -> FloatArray:
+    """How far a limit is used, 1 is all of it; arguments as in `quantity` and `allowed`."""
+    return np.asarray(quantity(name, states) / allowed(name, limits, states))
+
+
+def _or_infinite(value: float | None) -> FloatArray:
+    return np.asarray(np.inf if value is None else value)
+
+
+def _centripetal(states: States) -> FloatArray:
+    velocity, acceleration = states.tool_velocity, states.tool_acceleration
+    speed = _length(velocity)
+    direction = velocity / np.maximum(speed, SLOWEST)[:, None]
+    along = np.einsum("ij,ij->i", acceleration, direction)
+    across = _length(acceleration - along[:, None] * direction)
+    return np.where(speed > SLOWEST, across, 0.0)
+
+
+def _angular_speed(states: States) -> FloatArray:
+    return _length(oriented(states.arm).tool_twist(states.q, states.dq)[:, 3:])
+
+
+def _angular_acceleration(states: States) -> FloatArray:
+    arm = oriented(states.arm)
+    return _length(arm.tool_twist_rate(states.q, states.dq, states.ddq)[:, 3:])
+
+
+def _length(vectors: npt.ArrayLike) -> FloatArray:
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
+    "joint_velocity": lambda x: np.abs(x.dq),
+    "joint_acceleration": lambda x: x.ddq,
+    "joint_torque": lambda x: np.abs(x.arm.torque(x.q, x.dq, x.ddq)),
+    "speed": lambda x: _length(x.tool_velocity),
+    "tool_acceleration": lambda x: _length(x.tool_acceleration),
+    "centripetal_acceleration": _centripetal,
+    "angular_speed": _angular_speed,
+    "angular_acceleration": _angular_acceleration,
+}

@@ -1,0 +1,68 @@
+"""How far limits are used: against motions of one joint, whose quantities are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.timing.limit_use import States, allowed, quantity, ratio
+
+REACH = 0.250 + 0.215  # m, the PMK-3s stretched out
+DQ, DDQ = np.array([2.0, -1.5, 0.0]), np.array([0.3, -4.0, 5.0])  # rad/s, rad/s²
+
+
+def about_joint(arm, joint):
+    """Only one joint moves; of the arm in the plane the elbow is straight."""
+    rates = np.zeros((2, 3, arm.dof))
+    rates[:, :, joint] = DQ, DDQ
+    return States(arm, np.zeros((3, arm.dof)), *rates)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("speed", REACH * np.abs(DQ)),
+        # At rest there is no direction for a part of the acceleration to be at right angles to.
+        ("centripetal_acceleration", REACH * DQ**2),
+        ("tool_acceleration", REACH * np.hypot(DDQ, DQ**2)),
+    ],
+)
+def test_a_tool_on_a_circle(arm, name, expected):
+    np.testing.assert_allclose(quantity(name, about_joint(arm, 0)), expected, rtol=1e-12)
+
+
+def test_the_last_joint_turns_the_tool():
+    states = about_joint(ac.load_arm("ur5e"), 5)
+    np.testing.assert_allclose(quantity("angular_speed", states), np.abs(DQ), rtol=1e-12)
+    np.testing.assert_allclose(quantity("angular_acceleration", states), np.abs(DDQ), rtol=1e-12)
+
+
+def test_each_direction_is_compared_to_its_own_acceleration(arm):
+    limits = ac.Limits(joint_acceleration=5.0, joint_deceleration=2.0).for_joints(2)
+    states = about_joint(arm, 1)
+    found = ratio("joint_acceleration", limits, states)
+    np.testing.assert_allclose(found, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
+    np.testing.assert_array_equal(allowed("joint_acceleration", limits, states)[1], [5.0, -2.0])
+
+
+def test_what_is_not_limited_is_not_used(arm):
+    states = about_joint(arm, 0)
+    for name in ("joint_velocity", "joint_acceleration", "speed"):
+        assert not ratio(name, ac.Limits(), states).any()
+
+
+@pytest.mark.parametrize("name", ["sped", "joint_jerk", "joint_lower", "joint_deceleration"])
+def test_an_unknown_limit_is_refused(arm, refuses, name):
+    refuses(
+        lambda: quantity(name, about_joint(arm, 0)),
+        ac.InvalidInput,
+        repr(name),
+        "known are joint_velocity",
+    )
+
+
+def test_a_tool_without_orientation_does_not_turn(arm, refuses):
+    refuses(
+        lambda: quantity("angular_speed", about_joint(arm, 0)), ac.InvalidInput, "a point without"
+    )
