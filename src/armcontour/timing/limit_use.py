@@ -48,7 +48,7 @@ class States:
         return self.arm.tool_acceleration(self.q, self.dq, self.ddq)
 
 
-def oriented(arm: Arm) -> SerialArm:
+def require_orientation(arm: Arm) -> SerialArm:
     """The arm, if its tool has an orientation.
 
     Raises:
@@ -114,11 +114,11 @@ def _centripetal(states: States) -> FloatArray:
 
 
 def _angular_speed(states: States) -> FloatArray:
-    return _length(oriented(states.arm).tool_twist(states.q, states.dq)[:, 3:])
+    return _length(require_orientation(states.arm).tool_twist(states.q, states.dq)[:, 3:])
 
 
 def _angular_acceleration(states: States) -> FloatArray:
-    arm = oriented(states.arm)
+    arm = require_orientation(states.arm)
     return _length(arm.tool_twist_rate(states.q, states.dq, states.ddq)[:, 3:])
 
 

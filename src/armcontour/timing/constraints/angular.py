@@ -13,6 +13,7 @@ from armcontour.arms import Arm
 from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.sampled import Sampled, bulge, rise
 from armcontour.timing.grid import Grid
+from armcontour.timing.limit_use import require_orientation
 
 # The length of a vector in a plane is bounded by a polygon of twice as many sides: it lies within
 # the circle of the limit and at most 1 - cos(pi / 64), 0.12 %, inside it.
