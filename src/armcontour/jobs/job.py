@@ -150,11 +150,15 @@ class Published:
 class Job:
     """A path, an arm, a servo, and the runs to compare.
 
+    Its `program` is the path as a program, whichever was given. Its `objective` is the program with
+    what the process adds, corners not rounded; None where leads of automatic length are added,
+    which every run finds for itself.
+
     Args:
         name: Short name.
         title: For people.
         arm: The arm.
-        path: The objective path, or a program of several; `program` is either as a program.
+        path: The objective path, or a program of several.
         process: What is added to the contours of a program, such as leads.
         branch: Branch of the inverse kinematics of an arm in the plane; None is its first.
         start: For an arm in space: joint positions near to those to start in [rad], (dof,); None
@@ -165,9 +169,6 @@ class Job:
         published: Figures to compare with.
         certificate: What a certified plan of it has to hold.
         memory: What the program may take for it [bytes].
-        program: The path as a program.
-        objective: The program with what the process adds, corners not rounded; None where leads of
-            automatic length are added, which every run finds for itself.
 
     Raises:
         InvalidInput: No run, two of the same name, a name that is too long or not printable, a
