@@ -10,7 +10,7 @@ from typing import Any
 
 from armcontour._checks import LONGEST_NAME
 from armcontour._text import make_printable, shorten
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
 from armcontour.io.job_overrides import JobOverrides, override
@@ -68,7 +68,8 @@ def read_cell(
         title=_fitted(title, LONGEST_TITLE),
         path=dataclasses.replace(found.path, **drawn),
     )
-    return job_of(override(model, overrides), source, folder, reading, trust_xacro)
+    with locate_errors(source):
+        return job_of(override(model, overrides), folder, reading, trust_xacro)
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:
