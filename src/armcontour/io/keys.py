@@ -62,7 +62,7 @@ class Keys:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """Annotates a dictionary of those fields of a dataclass that a file gives; any may be `null`."""
+    """Annotates a dictionary of the fields of a dataclass that a file gives; any may be `null`."""
 
     of: type
     null: bool = False
