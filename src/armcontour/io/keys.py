@@ -108,7 +108,7 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
     described = {**descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
     for x in dataclasses.fields(of):
-        if x.name in form.omit:
+        if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
         if null or (_is_made(x) and x.default_factory not in (dict, list)):
