@@ -56,11 +56,8 @@ def read_cell(
     place = FilePath(drawing)
     found = read_model(CellModel, text, source)
     title = f"{place.name} on {found.title}" if found.title is not None else place.name
-    drawn = {
-        **dict.fromkeys(OWN_PATH),
-        **read_keys(Given(PathModel), path or {}, f"{source}: path"),
-        "file": str(place.absolute()),
-    }
+    given = read_keys(Given(PathModel), path or {}, f"{source}: path")
+    drawn = {**dict.fromkeys(OWN_PATH), **given, "file": str(place.absolute())}
     model = dataclasses.replace(
         found,
         # A name of a file may be longer than that of a job, and hold what is not printable.
