@@ -28,22 +28,14 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Words of which a text is one: annotates a str.
-
-    Args:
-        known: The words.
-    """
+    """Words of which a text is one: annotates a str."""
 
     known: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The least value of a whole number: annotates an int.
-
-    Args:
-        least: That value.
-    """
+    """The least value of a whole number: annotates an int."""
 
     least: int
 

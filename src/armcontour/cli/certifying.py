@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,6 @@ def certify_file(job_file: FilePath, x: CertifyOptions) -> None:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
             written then.
     """
-    from contextlib import nullcontext
-
     from armcontour._quantities import Length, Memory
     from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput

@@ -64,12 +64,11 @@ def run(
 ) -> None:
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
     from armcontour.cli.exporting import exports_of
-    from armcontour.cli.opening import open_job, read_overrides
+    from armcontour.cli.opening import open_job
     from armcontour.cli.running import run_job
 
-    overrides, trust_xacro = read_overrides(job_options), options.trust_xacro
     run_job(
-        lambda progress: open_job(job, options.cell, overrides, progress, trust_xacro=trust_xacro),
+        lambda progress: open_job(job, job_options, progress),
         out,
         force=options.force,
         open_report=options.open_report,

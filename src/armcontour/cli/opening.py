@@ -46,22 +46,13 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     )
 
 
-def open_job(
-    file: FilePath,
-    cell: str | None,
-    overrides: JobOverrides,
-    progress: Progress,
-    *,
-    trust_xacro: bool = False,
-) -> Job:
+def open_job(file: FilePath, x: JobOptions, progress: Progress) -> Job:
     """The job in a job file, or of a drawing in a cell.
 
     Args:
         file: A job file, or a drawing.
-        cell: The cell, for a drawing only.
-        overrides: What the command line says.
+        x: What the command line says of it; the cell is for a drawing only.
         progress: Called while the drawing is read, as by `read_path`.
-        trust_xacro: Whether the arm may be a .xacro file, which is a program.
 
     Raises:
         InvalidInput: A drawing without a cell, a job file with one, or what reading finds.
@@ -70,15 +61,16 @@ def open_job(
     from armcontour.io import read_job
     from armcontour.io.cell import YAML, cell_names, read_cell
 
+    overrides = read_overrides(x)
     if file.suffix.lower() in YAML or not file.suffix:
-        if cell is not None:
+        if x.cell is not None:
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
-        return read_job(file, overrides=overrides, reading=progress, trust_xacro=trust_xacro)
-    if cell is None:
+        return read_job(file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)
+    if x.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
-    return read_cell(cell, file, overrides=overrides, reading=progress, trust_xacro=trust_xacro)
+    return read_cell(x.cell, file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)

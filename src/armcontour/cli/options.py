@@ -60,14 +60,8 @@ Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """How a job is run, and where a drawing is."""
+    """How a job is run."""
 
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
-        ),
-    ] = None
     simulate: Annotated[
         bool,
         typer.Option(
@@ -76,13 +70,18 @@ class RunOptions:
     ] = True
     force: Force = False
     open_report: Open = False
-    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobOptions:
     """What the command line says of a job and its drawing in the place of the file."""
 
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
+        ),
+    ] = None
     units: Annotated[
         str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
     ] = None
@@ -117,6 +116,7 @@ class JobOptions:
         typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
     ] = None
     memory: Memory = None
+    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

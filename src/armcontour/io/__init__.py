@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armcontour.io.certificate import certificate_json, held_csv, sweep_json
     from armcontour.io.job_file import json_schema, parse_job, read_job
+    from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
     from armcontour.io.motion_csv import planned_csv, taught_csv, torque_csv
     from armcontour.io.results import ResultFolder
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 _HOME = {
     "certificate": ("certificate_json", "held_csv", "sweep_json"),
     "job_file": ("json_schema", "parse_job", "read_job"),
+    "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
     "motion_csv": ("planned_csv", "taught_csv", "torque_csv"),
     "results": ("ResultFolder",),
@@ -27,6 +29,7 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
+    "JobOverrides",
     "ResultFolder",
     "certificate_json",
     "held_csv",

@@ -11,7 +11,7 @@ from typing import Any
 from armcontour._checks import LONGEST_NAME
 from armcontour._progress import Progress
 from armcontour._text import make_printable, shorten
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
 from armcontour.io.job_overrides import JobOverrides, override
@@ -57,11 +57,8 @@ def read_cell(
     place = FilePath(drawing)
     found = read_model(CellModel, text, source)
     title = f"{place.name} on {found.title}" if found.title is not None else place.name
-    drawn = {
-        **dict.fromkeys(OWN_PATH),
-        **read_keys(Given(PathModel), path or {}, f"{source}: path"),
-        "file": str(place.absolute()),
-    }
+    given = read_keys(Given(PathModel), path or {}, f"{source}: path")
+    drawn = {**dict.fromkeys(OWN_PATH), **given, "file": str(place.absolute())}
     model = dataclasses.replace(
         found,
         # A name of a file may be longer than that of a job, and hold what is not printable.
@@ -69,7 +66,8 @@ def read_cell(
         title=_fitted(title, LONGEST_TITLE),
         path=dataclasses.replace(found.path, **drawn),
     )
-    return job_of(override(model, overrides), source, folder, reading, trust_xacro)
+    with locate_errors(source):
+        return job_of(override(model, overrides), folder, reading, trust_xacro)
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:

@@ -13,7 +13,7 @@ from armcontour._files import read_text
 from armcontour._progress import Progress
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_model import ExperimentModel, JobModel, PublishedModel, RunModel
 from armcontour.io.job_overrides import JobOverrides, override
@@ -91,7 +91,8 @@ def parse_job(
         InvalidInput: As in `read_job`.
     """
     model = override(read_model(JobModel, text, source), overrides)
-    return job_of(model, source, folder or FilePath(), reading, trust_xacro)
+    with locate_errors(source):
+        return job_of(model, folder or FilePath(), reading, trust_xacro)
 
 
 def read_model(of: type[Model], text: str, source: str) -> Model:
@@ -119,14 +120,11 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema_of(Keys(JobModel))}
 
 
-def job_of(
-    model: JobModel, source: str, folder: FilePath, reading: Progress | None, trust_xacro: bool
-) -> Job:
+def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacro: bool) -> Job:
     """The job that a file says.
 
     Args:
         model: What it says.
-        source: What to call it in errors.
         folder: Where its files are looked for.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
@@ -134,13 +132,6 @@ def job_of(
     Raises:
         InvalidInput: Values that do not make a job.
     """
-    try:
-        return _job(model, folder, reading, trust_xacro)
-    except InvalidInput as error:
-        raise InvalidInput(f"{source}: {error}") from None
-
-
-def _job(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacro: bool) -> Job:
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     path, process = with_process(
         path_of(model.path, folder, arm.dimension, reading), model.process, model.path
@@ -169,10 +160,8 @@ def _job(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacr
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
     """A servo with what differs of it, one value per joint."""
-    try:
+    with locate_errors(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
-    except InvalidInput as error:
-        raise InvalidInput(f"{key}: {error}") from None
 
 
 def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
@@ -216,10 +205,8 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
 
 def _limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:
     """Limits with some of them replaced or lifted, one value per joint."""
-    try:
+    with locate_errors(key):
         return limits.replace(**given).for_joints(arm.dof)
-    except InvalidInput as error:
-        raise InvalidInput(f"{key}: {error}") from None
 
 
 def _refuse_no_speed(where: str, corners: Rounding, limits: Limits) -> None:

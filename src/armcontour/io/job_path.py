@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
 from armcontour.geometry.placing import keeps_plane, lift_path
@@ -110,10 +110,8 @@ def _all_held(program: Program, how: OrientationModel) -> Program:
     for i, x in enumerate(moves):
         if not isinstance(x, Contour):
             continue
-        try:
+        with locate_errors(f"path.orientation, {contour_called(x, number)}"):
             moves[i] = dataclasses.replace(x, path=_held(x.path, how))
-        except InvalidInput as error:
-            raise InvalidInput(f"path.orientation, {contour_called(x, number)}: {error}") from None
         number += 1
     return dataclasses.replace(program, moves=tuple(moves))
 
@@ -181,10 +179,8 @@ def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
     if x.to is not None and all(y is None for y in around):
         if x.via is None:
             return Line(start=here, end=x.to, demand=demand)
-        try:
+        with locate_errors(key):
             return Arc.through(here, x.via, x.to, demand=demand)
-        except InvalidInput as error:
-            raise InvalidInput(f"{key}: {error}") from None
     if x.to is None and x.via is None and x.center is not None and x.angle is not None:
         return Arc(start=here, center=x.center, angle=x.angle, normal=x.normal, demand=demand)
     raise InvalidInput(

@@ -45,11 +45,7 @@ SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Annotates a dataclass that a mapping of keys gives.
-
-    Args:
-        of: The dataclass.
-    """
+    """Annotates a dataclass that a mapping of keys gives."""
 
     of: type
 
@@ -66,12 +62,7 @@ class Keys:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """Annotates a dictionary of those fields of a dataclass that a file gives.
-
-    Args:
-        of: The dataclass.
-        null: Whether any key may be null.
-    """
+    """Annotates a dictionary of the fields of a dataclass that a file gives; any may be `null`."""
 
     of: type
     null: bool = False
@@ -117,7 +108,7 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
     described = {**descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
     for x in dataclasses.fields(of):
-        if x.name in form.omit:
+        if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
         if null or (_is_made(x) and x.default_factory not in (dict, list)):

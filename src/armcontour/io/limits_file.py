@@ -9,7 +9,7 @@ from armcontour._files import read_text
 from armcontour._quantities import Angle, Length
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.keys import Given, read_keys
 
 
@@ -42,8 +42,6 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
         raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")
     given = read_keys(Given(LimitsFile), data, place.name)
     deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
-    try:
+    with locate_errors(place.name):
         limits = arm.limits.replace(**given).for_joints(arm.dof)
-    except InvalidInput as error:
-        raise InvalidInput(f"{place.name}: {error}") from None
     return limits, *deviations
