@@ -143,7 +143,8 @@ def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArra
     """Which results of a contour show its shape."""
     tool = execution.arm.forward(execution.q[begin:end])
     each = max(4, MOST_OF_PROGRAM // contours)
-    return begin + simplify([tool], each, even=max(1, each // 4))[0]
+    even = min(max(1, each // 4), MOST_PLACES)
+    return begin + simplify([tool], each, even=even)[0]
 
 
 def _coordinates(curves: list[FloatArray]) -> dict[str, list[Any]]:
