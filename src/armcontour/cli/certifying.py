@@ -13,6 +13,17 @@ if TYPE_CHECKING:
     from armcontour.jobs import Job
 
 
+CONTOURS = (
+    "contour",
+    "start [s]",
+    "motion [s]",
+    "cost [s]",
+    "error [mm]",
+    "allowed [mm]",
+    "left [mm]",
+)
+
+
 def certify_file(
     job_file: FilePath,
     run: str | None,
@@ -129,18 +140,25 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     console = Console()
     title = f"Certified: {found.job.title}, run {found.run.name}"
     console.show_table(["", ""], certified_rows(found), title=title)
+    if len(found.contours) > 1:
+        console.show_table(CONTOURS, contour_rows(found), title="Contours")
     console.say(f"Holds for: {found.model}.")
     if report is not None:
         console.say(f"Report: {report.resolve().as_uri()}")
 
 
 def certified_rows(found: Certificate) -> list[tuple[str, str]]:
-    """A certificate as names and values."""
-    budget, e = found.budget, found.evaluation
+    """A certificate as names and values; parts of the error are of the contour with least left."""
+    budget, e, worst = found.budget, found.evaluation, found.worst
     rows = [
         ("motion", f"{found.duration:.4f} s"),
         ("at rest after", f"{e.settled:.3f} s"),
         ("uncertified optimum", f"{found.uncertified.duration:.4f} s"),
+    ]
+    if len(found.contours) > 1:
+        rows.append(("contours", f"{len(found.contours)}, all certified"))
+        rows.append(("least left on", worst.name))
+    rows += [
         ("rounding", f"{budget.rounding * 1e3:.5f} mm"),
         ("servo", f"{budget.servo * 1e3:.5f} mm"),
         ("command interval", f"{budget.sampling * 1e3:.5f} mm"),
@@ -150,13 +168,31 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     rows += [
         ("left", f"{budget.left * 1e3:.5f} mm"),
         ("contour error, RMS", f"{e.contour_error.rms * 1e3:.5f} mm"),
-        ("acceleration held back, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
+        ("acceleration derated, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
         ("demand / limit", f"{e.demand_ratio.max():.6f}"),
         ("saturated", ", ".join(f"{x:.1%}" for x in e.saturated)),
     ]
+    if found.pauses > 0:
+        rows.append(("pauses after rapids", f"{found.pauses:.4f} s"))
     if found.experiment is not None:
         rows.append(("on rigid bodies, largest", _largest(found.experiment.evaluation)))
     return rows
+
+
+def contour_rows(found: Certificate) -> list[tuple[str, ...]]:
+    """The contours of a certificate, a row each."""
+    return [
+        (
+            x.name,
+            f"{x.t[0]:.3f}",
+            f"{x.duration:.4f}",
+            f"{x.duration - x.optimum:+.4f}",
+            f"{x.budget.executed * 1e3:.5f}",
+            f"{x.budget.servo_allowed * 1e3:.5g}",
+            f"{x.budget.left * 1e3:.5f}",
+        )
+        for x in found.contours
+    ]
 
 
 def _largest(e: Evaluation) -> str:

@@ -60,7 +60,8 @@ class Span:
     """The share that a move of a program has of its trajectory.
 
     Args:
-        move: Its index among the program's moves; None for a rapid that leads to the next one.
+        move: Its index among the program's moves; None for a rapid that leads to the next one, or
+            a pause before it.
         kind: "contour", "rapid" or "dwell".
         name: Of its contour; may be empty.
         t: Start and end [s].

@@ -225,6 +225,15 @@ class Program:
                 "The contours and rapids of a program must all be in the plane or all in space."
             )
 
+    @classmethod
+    def of(cls, path: Path | Program) -> Program:
+        """A program as it is; of a path, the program of one contour.
+
+        Args:
+            path: Path or program.
+        """
+        return path if isinstance(path, Program) else cls(moves=(Contour(path=path),))
+
     @property
     def contours(self) -> tuple[Contour, ...]:
         """The contours, in order."""

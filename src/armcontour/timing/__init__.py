@@ -5,6 +5,7 @@ from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.planner import (
     METHODS,
     assigned_time,
+    intervals_of,
     plan,
     refuse_endless,
     refuse_jerk,
@@ -18,6 +19,7 @@ __all__ = [
     "Shortfall",
     "assigned_time",
     "explain",
+    "intervals_of",
     "plan",
     "refuse_endless",
     "refuse_jerk",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from armcontour import _checks, _memory
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.motion import JointPath, Law, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.fastest_configuration import trace_fastest
@@ -121,20 +122,27 @@ def plan(
                 raise InvalidInput(
                     f"{name} is an option for one path: a program rests between its moves."
                 )
-        if method == "optimal" and len(path.contours) > MOST_BY_DEFAULT // DEFAULT_INTERVALS:
-            fewer = max(FEWEST_INTERVALS, MOST_BY_DEFAULT // len(path.contours))
-            options.setdefault("intervals", fewer)
+        if method == "optimal":
+            options.setdefault("intervals", intervals_of(path))
 
-    def timed(joint_path: JointPath) -> Trajectory:
+    def timed(joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         return _timed(joint_path, arm, kept, method, memory, options)
 
-    def rapid(joint_path: JointPath) -> Trajectory:
+    def rapid(joint_path: JointPath, before: Sequence[Law]) -> Trajectory:
         return plan_rapid(joint_path, arm, kept)
 
     if isinstance(path, Program):
         ways = Ways(arm=arm, limits=bounds, branch=branch, start=start, contour=timed, rapid=rapid)
         return _ending(plan_program(path, ways, progress))
     return _ending(timed(_joint_path(path, arm, bounds, branch, start)))
+
+
+def intervals_of(program: Program) -> int | None:
+    """Grid intervals of every contour of a program; None for those of a path by itself."""
+    count = len(program.contours)
+    if count <= MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+        return None
+    return max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count)
 
 
 def refuse_endless(path: Path | Program, limits: Limits) -> None:

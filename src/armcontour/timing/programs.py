@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +20,15 @@ from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.motion import JointPath, LapLaw, Law, Method, Span, TimedEvent, Trajectory
+from armcontour.motion import (
+    JointPath,
+    Law,
+    Method,
+    Span,
+    TimedEvent,
+    Trajectory,
+    stand_still,
+)
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
@@ -31,7 +41,10 @@ SAME_TIME = 1e-9
 # A rapid's grid: its limits change little along a straight line of the joints or of the tool.
 RAPID_INTERVALS = 200
 
-Plan = Callable[[JointPath], Trajectory]
+# Plans a joint path that follows some laws.
+Plan = Callable[[JointPath, Sequence[Law]], Trajectory]
+# How long the joints are to stand still after some laws, before the contour that follows [s].
+Pause = Callable[[Sequence[Law]], float]
 Progress = Callable[[int, int], None]
 
 
@@ -44,8 +57,11 @@ class Ways:
         limits: Of this arm, one value per joint.
         branch: As in `plan`.
         start: As in `plan`.
-        contour: Plans a contour along its joint path.
-        rapid: Plans a rapid along its joint path.
+        contour: Plans a contour along its joint path, after the moves before it.
+        rapid: Plans a rapid along its joint path, after the moves before it.
+        pause: Says how long to stand still between a rapid and its contour; None is not at all.
+        joint_paths: Of the moves by their indices, as far as they are traced. Tracing does not
+            depend on timing, so whoever plans a program again hands the same dictionary over.
     """
 
     arm: Arm
@@ -54,6 +70,8 @@ class Ways:
     start: npt.ArrayLike | None
     contour: Plan
     rapid: Plan
+    pause: Pause | None = None
+    joint_paths: dict[int, JointPath] = field(default_factory=dict)
 
 
 def plan_program(program: Program, ways: Ways, progress: Progress | None = None) -> Trajectory:
@@ -104,10 +122,12 @@ class _Chain:
 
     def contour(self, i: int, move: Contour, number: int) -> None:
         called = contour_called(move, number)
-        with locate_errors(called):
-            joint_path = self._traced(move.path)
+        alone = len(self.program.moves) == 1 and not move.name
+        with nullcontext() if alone else locate_errors(called):
+            joint_path = self._known(i, lambda: self._traced(move.path))
             self._bridge(joint_path(0.0))
-            planned = self.ways.contour(joint_path)
+            self._pause()
+            planned = self.ways.contour(joint_path, self.laws)
         self.method = planned.method
         begun, offset = self.t, self.length
         ends = (0.0, move.path.length) if move.work is None else move.work
@@ -135,9 +155,10 @@ class _Chain:
         path = self._held(i, move.path)
         with locate_errors(self._rapid_called(i)):
             first = self.q is None and self.ways.start is None
-            joint_path = self._led(i, path) if first else self._traced(path)
+            trace_move = partial(self._led, i) if first else self._traced
+            joint_path = self._known(i, lambda: trace_move(path))
             self._bridge(joint_path(0.0))
-            planned = self.ways.rapid(joint_path)
+            planned = self.ways.rapid(joint_path, self.laws)
         self._append_rapid(i, planned)
 
     def still(self, i: int, move: Event | Dwell) -> None:
@@ -184,6 +205,13 @@ class _Chain:
                 )
             last[x.name] = x
 
+    def _known(self, i: int, trace_move: Callable[[], JointPath]) -> JointPath:
+        """The joint path of move i, which is traced if it is not known yet."""
+        known = self.ways.joint_paths
+        if i not in known:
+            known[i] = trace_move()
+        return known[i]
+
     def _traced(self, path: Path) -> JointPath:
         """A path from the configuration that the joints are in, if that completes it."""
         if self.q is None or isinstance(self.ways.arm, PlanarTwoLink):
@@ -220,7 +248,7 @@ class _Chain:
         if np.abs(q - self.q).max() <= SAME_POSITION:
             return
         line = JointPath.spline([self.q, q])
-        self._append_rapid(None, self.ways.rapid(line))
+        self._append_rapid(None, self.ways.rapid(line, self.laws))
 
     def _append_rapid(self, i: int | None, planned: Trajectory) -> None:
         ends, s = (self.t, self.t + planned.duration), self.length
@@ -232,13 +260,20 @@ class _Chain:
         self.t = span.t[1]
         self.q = planned(planned.duration, side="left")
 
-    def _stand(self, i: int, move: Dwell) -> None:
+    def _stand(self, i: int | None, move: Dwell) -> None:
         assert self.q is not None
-        none, s = np.zeros((1, len(self.q))), self.length
-        ends = np.array([0.0, move.duration])
-        self.laws.append(LapLaw(breaks=ends, q=np.tile(self.q, (2, 1)), dq=none, ddq=none))
-        self.spans.append(Span(move=i, kind="dwell", t=(self.t, self.t + move.duration), s=(s, s)))
-        self.t += move.duration
+        ends, s = (self.t, self.t + move.duration), self.length
+        self.laws.append(stand_still(self.q, move.duration))
+        self.spans.append(Span(move=i, kind="dwell", t=ends, s=(s, s)))
+        self.t = ends[1]
+
+    def _pause(self) -> None:
+        """Stand still until the contour that follows may start."""
+        if self.ways.pause is None or not self.laws:
+            return
+        duration = self.ways.pause(self.laws)
+        if duration > 0:
+            self._stand(None, Dwell(duration=duration))
 
     def _switch(self, x: Event) -> None:
         """What is switched where the joints stand now."""
