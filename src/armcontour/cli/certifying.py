@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate
+    from armcontour.certification import Budget, Certificate
     from armcontour.evaluation import Evaluation
     from armcontour.jobs import Job
 
@@ -24,8 +25,8 @@ CONTOURS = (
 )
 
 
-def certify_file(
-    job_file: FilePath,
+def certify_job(
+    read: Callable[[Callable[[float], None]], Job],
     run: str | None,
     out: FilePath | None,
     *,
@@ -34,13 +35,11 @@ def certify_file(
     force: bool = False,
     open_report: bool = False,
     as_json: bool = False,
-    memory: str | None = None,
-    trust_xacro: bool = False,
 ) -> None:
     """Certify a job, print the certificate, and write it with its taught data.
 
     Args:
-        job_file: The job.
+        read: Gives the job; called with what is to be told of the share that is read.
         run: Name of the run; by default the certificate's.
         out: Folder for summary.json, report.html and the trajectories; None writes nothing.
         tolerance: Total tolerance as text with a unit, in the place of the job's.
@@ -48,8 +47,6 @@ def certify_file(
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
         as_json: Whether to print the summary and not a table.
-        memory: What the program may take, in the place of the job's.
-        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
 
     Raises:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
@@ -59,20 +56,21 @@ def certify_file(
 
     from armcontour.cli.progress import shown
     from armcontour.errors import InvalidInput
-    from armcontour.io import ResultFolder, read_job
+    from armcontour.io import ResultFolder
 
     if out is None and (open_report or force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
     lengths = {
-        "tolerance": _length("--total-tolerance", tolerance),
-        "servo": _length("--servo", servo),
+        "tolerance": length_of("--total-tolerance", tolerance),
+        "servo": length_of("--servo", servo),
     }
     overrides = {name: value for name, value in lengths.items() if value is not None}
     with nullcontext() if out is None else ResultFolder(out, force=force) as folder:
         from armcontour.certification import certify
 
         with shown("certifying") as progress:
+            progress("reading")
+            job = read(lambda share: progress(f"reading, {share:.0%}"))
             found = certify(job, run, progress=progress, **overrides)
         if folder is not None:
             _write(found, folder)
@@ -86,7 +84,7 @@ def certify_file(
         open_page(out / "report.html")
 
 
-def _length(option: str, text: str | None) -> float | None:
+def length_of(option: str, text: str | None) -> float | None:
     """The length that an option gives [m]; None without the option.
 
     Raises:
@@ -99,25 +97,6 @@ def _length(option: str, text: str | None) -> float | None:
         return None if text is None else parse(text, "m")
     except ValueError as error:
         raise InvalidInput(f"{option}: {error}.") from None
-
-
-def with_memory(job: Job, text: str | None) -> Job:
-    """The job with another bound of its memory, as text with a unit.
-
-    Raises:
-        InvalidInput: Text that is no amount of memory.
-    """
-    from dataclasses import replace
-
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import parse
-
-    if text is None:
-        return job
-    try:
-        return replace(job, memory=parse(text, "byte"))
-    except ValueError as error:
-        raise InvalidInput(f"--memory: {str(error).rstrip('.')}.") from None
 
 
 def _write(found: Certificate, folder: Any) -> None:
@@ -180,19 +159,27 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
 
 
 def contour_rows(found: Certificate) -> list[tuple[str, ...]]:
-    """The contours of a certificate, a row each."""
-    return [
+    """The contours of a certificate, a row each, and one for the whole."""
+    rows = [
         (
             x.name,
             f"{x.t[0]:.3f}",
             f"{x.duration:.4f}",
             f"{x.duration - x.optimum:+.4f}",
-            f"{x.budget.executed * 1e3:.5f}",
-            f"{x.budget.servo_allowed * 1e3:.5g}",
-            f"{x.budget.left * 1e3:.5f}",
+            *_errors(x.budget),
         )
         for x in found.contours
     ]
+    whole = ("whole program", "0.000", f"{found.duration:.4f}", f"{found.cost:+.4f}")
+    return [*rows, (*whole, *_errors(found.budget))]
+
+
+def _errors(budget: Budget) -> tuple[str, str, str]:
+    return (
+        f"{budget.executed * 1e3:.5f}",
+        f"{budget.servo_allowed * 1e3:.5g}",
+        f"{budget.left * 1e3:.5f}",
+    )
 
 
 def _largest(e: Evaluation) -> str:

@@ -32,6 +32,48 @@ TrustXacro = Annotated[
     ),
 ]
 
+JobOrDrawing = Annotated[
+    FilePath,
+    typer.Argument(
+        help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
+        "waypoints (.csv, .parquet), with --cell."
+    ),
+]
+Cell = Annotated[
+    str | None,
+    typer.Option(
+        "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
+    ),
+]
+Units = Annotated[str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")]
+Scale = Annotated[
+    float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
+]
+At = Annotated[
+    str | None, typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'.")
+]
+Turn = Annotated[
+    str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
+]
+Layer = Annotated[
+    list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
+]
+ContourName = Annotated[
+    list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
+]
+Flat = Annotated[bool, typer.Option("--flat", help="Leave z out.")]
+SkipUnknown = Annotated[
+    bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
+]
+Speed = Annotated[str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")]
+CornerTolerance = Annotated[
+    str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
+]
+FromS = Annotated[
+    str | None,
+    typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
+]
+
 
 def _version(value: bool) -> None:
     if value:
@@ -50,53 +92,20 @@ def _common(
 
 @app.command()
 def run(
-    job: Annotated[
-        FilePath,
-        typer.Argument(
-            help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
-            "waypoints (.csv, .parquet), with --cell."
-        ),
-    ],
+    job: JobOrDrawing,
     out: Out,
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
-        ),
-    ] = None,
-    units: Annotated[
-        str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
-    ] = None,
-    scale: Annotated[
-        float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
-    ] = None,
-    turn: Annotated[
-        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
-    ] = None,
-    layer: Annotated[
-        list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
-    ] = None,
-    contour: Annotated[
-        list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
-    ] = None,
-    flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False,
-    skip_unknown: Annotated[
-        bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
-    ] = False,
-    speed: Annotated[
-        str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
-    ] = None,
-    tolerance: Annotated[
-        str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
-    ] = None,
-    from_s: Annotated[
-        str | None,
-        typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
-    ] = None,
+    cell: Cell = None,
+    units: Units = None,
+    scale: Scale = None,
+    at: At = None,
+    turn: Turn = None,
+    layer: Layer = None,
+    contour: ContourName = None,
+    flat: Flat = False,
+    skip_unknown: SkipUnknown = False,
+    speed: Speed = None,
+    tolerance: CornerTolerance = None,
+    from_s: FromS = None,
     export: Annotated[
         list[str] | None,
         typer.Option(
@@ -219,28 +228,39 @@ def check(
 
 
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+ServoBudget = Annotated[
+    str | None,
+    typer.Option("--servo", help="Contour error of the execution, such as '2 um'; else the job's."),
+]
 
 
 @app.command()
 def certify(
-    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    job: JobOrDrawing,
     run_name: Name = None,
-    tolerance: Annotated[
+    total_tolerance: Annotated[
         str | None,
         typer.Option(
             "--total-tolerance",
             help="Tolerance of rounding and execution together, such as '1 mm'; else the job's.",
         ),
     ] = None,
-    servo: Annotated[
-        str | None,
-        typer.Option(
-            "--servo", help="Contour error of the execution, such as '2 um'; else the job's."
-        ),
-    ] = None,
+    servo: ServoBudget = None,
     out: Annotated[
         FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
     ] = None,
+    cell: Cell = None,
+    units: Units = None,
+    scale: Scale = None,
+    at: At = None,
+    turn: Turn = None,
+    layer: Layer = None,
+    contour: ContourName = None,
+    flat: Flat = False,
+    skip_unknown: SkipUnknown = False,
+    speed: Speed = None,
+    tolerance: CornerTolerance = None,
+    from_s: FromS = None,
     force: Force = False,
     open_report: Open = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
@@ -248,51 +268,91 @@ def certify(
     trust_xacro: TrustXacro = False,
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
-    from armcontour.cli.certifying import certify_file
+    from armcontour.cli.certifying import certify_job
+    from armcontour.cli.opening import Overrides, open_job
 
-    certify_file(
-        job,
+    overrides = Overrides(
+        units=units,
+        scale=scale,
+        at=at,
+        turn=turn,
+        layers=layer,
+        names=contour,
+        flat=flat,
+        skip=skip_unknown,
+        speed=speed,
+        tolerance=tolerance,
+        from_s=from_s,
+        memory=memory,
+    )
+    certify_job(
+        lambda told: open_job(job, cell, overrides, told, trust_xacro=trust_xacro),
         run_name,
         out,
-        tolerance=tolerance,
+        tolerance=total_tolerance,
         servo=servo,
         force=force,
         open_report=open_report,
         as_json=as_json,
-        memory=memory,
-        trust_xacro=trust_xacro,
     )
 
 
 @app.command()
 def sweep(
-    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    job: JobOrDrawing,
     out: Out,
     run_name: Name = None,
+    servo: ServoBudget = None,
     tolerances: Annotated[
         str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
     ] = None,
     speeds: Annotated[
         str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")
     ] = None,
+    cell: Cell = None,
+    units: Units = None,
+    scale: Scale = None,
+    at: At = None,
+    turn: Turn = None,
+    layer: Layer = None,
+    contour: ContourName = None,
+    flat: Flat = False,
+    skip_unknown: SkipUnknown = False,
+    speed: Speed = None,
+    tolerance: CornerTolerance = None,
+    from_s: FromS = None,
     memory: Memory = None,
     force: Force = False,
     open_report: Open = False,
     trust_xacro: TrustXacro = False,
 ) -> None:
     """Plot certified times against corner tolerance and against assigned velocity."""
-    from armcontour.cli.sweeping import sweep_file
+    from armcontour.cli.opening import Overrides, open_job
+    from armcontour.cli.sweeping import sweep_job
 
-    sweep_file(
-        job,
+    overrides = Overrides(
+        units=units,
+        scale=scale,
+        at=at,
+        turn=turn,
+        layers=layer,
+        names=contour,
+        flat=flat,
+        skip=skip_unknown,
+        speed=speed,
+        tolerance=tolerance,
+        from_s=from_s,
+        memory=memory,
+    )
+    sweep_job(
+        lambda told: open_job(job, cell, overrides, told, trust_xacro=trust_xacro),
         run_name,
         out,
         tolerances=tolerances,
         speeds=speeds,
-        memory=memory,
+        servo=servo,
         force=force,
         open_report=open_report,
-        trust_xacro=trust_xacro,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -9,48 +10,50 @@ from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
     from armcontour.certification import Sweep, SweepPoint
+    from armcontour.jobs import Job
 
 
-def sweep_file(
-    job_file: FilePath,
+def sweep_job(
+    read: Callable[[Callable[[float], None]], Job],
     run: str | None,
     out: FilePath,
     *,
     tolerances: str | None = None,
     speeds: str | None = None,
-    memory: str | None = None,
+    servo: str | None = None,
     force: bool = False,
     open_report: bool = False,
-    trust_xacro: bool = False,
 ) -> None:
     """Sweep a job, print its points, and write them with their plot.
 
     Args:
-        job_file: The job.
+        read: Gives the job; called with what is to be told of the share that is read.
         run: Name of the run; by default the certificate's.
         out: Folder for summary.json and report.html.
         tolerances: Corner tolerances as text with units, separated by commas.
         speeds: Assigned velocities as text with units, separated by commas.
-        memory: What the program may take, in the place of the job's.
+        servo: Budget of the servo as text with a unit, in the place of the job's.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
-        trust_xacro: Whether the job's arm may be a .xacro file, which is a program.
 
     Raises:
         ArmContourError: A job that cannot be used; nothing is written then.
     """
-    from armcontour.cli.certifying import with_memory
+    from armcontour.cli.certifying import length_of
     from armcontour.cli.progress import shown
-    from armcontour.io import ResultFolder, read_job, sweep_json
+    from armcontour.io import ResultFolder, sweep_json
 
-    job = with_memory(read_job(job_file, trust_xacro=trust_xacro), memory)
+    budget = length_of("--servo", servo)
+    overrides = {} if budget is None else {"servo": budget}
     asked, fast = _listed("tolerances", tolerances, "m"), _listed("speeds", speeds, "m/s")
     with ResultFolder(out, force=force) as folder:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
         with shown("sweeping") as progress:
-            found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress)
+            progress("reading")
+            job = read(lambda share: progress(f"reading, {share:.0%}"))
+            found = sweep(job, run, tolerances=asked, speeds=fast, progress=progress, **overrides)
         folder.write("report.html", render_sweep(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()
