@@ -344,7 +344,9 @@ class Search:
         if uses.box is not None:
             use = moment.largest(uses.box) / tight["box"]
             cap = np.where(
-                use > 1, np.minimum(cap, speed * np.maximum(1 / use, LARGEST_STEP) ** 2), cap
+                use > 1,
+                np.minimum(cap, speed * np.maximum(1 / np.maximum(use, 1.0), LARGEST_STEP) ** 2),
+                cap,
             )
         return replace(held, share=share, cap=cap)
 

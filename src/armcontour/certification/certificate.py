@@ -131,7 +131,9 @@ class ContourCertificate:
     @property
     def headroom(self) -> FloatArray:
         """Share of every joint's acceleration limit that is derated, mean along the path."""
-        return np.asarray(1.0 - np.average(self.held.share, axis=0, weights=self.held.width))
+        left = np.average(self.held.share, axis=0, weights=self.held.width)
+        # Rounding of a mean of ones is no derating.
+        return np.maximum(1.0 - left, 0.0)
 
     @property
     def largest_headroom(self) -> FloatArray:

@@ -24,8 +24,7 @@ from armcontour.execution import execute
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.programs import program_of, rounded
-from armcontour.jobs.study import on_bodies, rounding_of
+from armcontour.jobs.study import on_bodies, programs_of
 from armcontour.motion import JointPath, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import worst_corner
@@ -316,15 +315,6 @@ class _Found:
     def duration(self) -> float:
         """Of the plan [s]."""
         return self.whole.trajectory.duration
-
-
-def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
-    """The program of a run before and after its corners are rounded, also of a job of one path."""
-    rounding = rounding_of(this)
-    if isinstance(job.path, Program):
-        return program_of(job, this, rounding)
-    objective = Program.of(job.path)
-    return objective, rounded(objective, rounding)
 
 
 def plan_fastest(

@@ -8,10 +8,11 @@ from typing import Any
 
 from armcontour import _checks
 from armcontour.certification._search import Progress
-from armcontour.certification.certifying import certify, goal_of, programs_of, run_of
+from armcontour.certification.certifying import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
+from armcontour.jobs.study import programs_of
 from armcontour.timing import plan
 
 # What a sweep looks at by default, as multiples of what the job has.

@@ -67,7 +67,7 @@ def check_file(
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits, read_trajectory
-    from armcontour.jobs import path_of
+    from armcontour.jobs import programs_of
 
     job = None if job_file is None else read_job(job_file, trust_xacro=trust_xacro)
     if arm_name is not None:
@@ -86,7 +86,7 @@ def check_file(
     path = None
     if job is not None:
         run = _run(job, run_name, limited=limits_file is None)
-        path, limits = path_of(job, run), run.limits
+        path, limits = programs_of(job, run)[1], run.limits
         if run.ignore_jerk:
             limits = limits.replace(joint_jerk=None)
     if limits_file is not None:

@@ -139,7 +139,7 @@ def _contour(x: ContourCertificate) -> dict[str, Any]:
 
 
 def _budget(x: Budget) -> dict[str, Any]:
-    return asdict(x) | {"total": x.total, "left": x.left}
+    return asdict(x) | {"executed": x.executed, "total": x.total, "left": x.left}
 
 
 def _goal(goal: Goal) -> dict[str, Any]:

@@ -203,6 +203,6 @@ class Job:
             return self.path
         raise InvalidInput(
             f"The job {self.name} is a program of {len(self.path.contours)} "
-            f"contour{'s' if len(self.path.contours) != 1 else ''} with what belongs to it: "
-            "certify, sweep and check --path take a job of a single path, without leads or events."
+            f"contour{'s' if len(self.path.contours) != 1 else ''} with what belongs to it, and "
+            "not one path: take its program."
         )

@@ -14,10 +14,10 @@ from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
-from armcontour.geometry import Path, round_corners
+from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import planned, program_of, slow_ends
+from armcontour.jobs.programs import planned, program_of, rounded, slow_ends
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -188,11 +188,22 @@ def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
 
 
-def path_of(job: Job, this: Run) -> Path:
-    """The path that the tool is to follow in one run: with its corners rounded, if they are."""
+def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
+    """The program of a run before and after its corners are rounded, also of a job of one path."""
     rounding = rounding_of(this)
-    path = job.single_path
-    return path if rounding is None else round_corners(path, **rounding)
+    if isinstance(job.path, Program):
+        return program_of(job, this, rounding)
+    objective = Program.of(job.path)
+    return objective, rounded(objective, rounding)
+
+
+def path_of(job: Job, this: Run) -> Path:
+    """The path that the tool is to follow in one run: with its corners rounded, if they are.
+
+    Raises:
+        InvalidInput: The job is a program of several contours.
+    """
+    return programs_of(job, this)[1].path
 
 
 def rounding_of(this: Run) -> dict[str, Any] | None:
