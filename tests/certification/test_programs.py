@@ -8,6 +8,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.io import certificate_json, held_csv, parse_job
+from armcontour.jobs import Goal
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program
 from armcontour.report import render_report
 from armcontour.robustness.monte_carlo import Box, spread
@@ -35,6 +36,12 @@ LEADS = Process(
 def job(method="inverse", moves=MOVES, process=LEADS):
     found = parse_job(JOB.replace("METHOD", method))
     return replace(found, path=Program(moves=moves), process=process)
+
+
+def quick(process=LEADS):
+    """A job that is certified without a search: the plan at the full limit holds 0.1 mm."""
+    goal = Goal(servo=0.1e-3, saturation="report")
+    return replace(job("pole_placement", process=process), certificate=goal)
 
 
 @pytest.fixture(scope="module")
@@ -138,12 +145,12 @@ def test_a_refusal_names_the_contour(refuses):
 
 
 def test_a_total_tolerance_holds_for_all_contours_alike():
-    found = ac.certify(job(process=Process()), tolerance=1e-3, servo=2e-5)
+    found = ac.certify(quick(process=Process()), tolerance=1e-3, servo=0.1e-3)
     _, result = executed(found)
     assert result.objective_error.max <= 1e-3
     bend, line = found.contours
-    assert 0.99e-3 < bend.budget.rounding < 1e-3 and line.budget.rounding == 0.0
-    assert bend.budget.servo_allowed == line.budget.servo_allowed < 2e-5
+    assert 0.85e-3 < bend.budget.rounding < 1e-3 and line.budget.rounding == 0.0
+    assert bend.budget.servo_allowed == line.budget.servo_allowed <= 0.1e-3
     assert found.worst is bend
 
 
@@ -164,9 +171,9 @@ def test_one_contour_of_many_is_named(certified, refuses):
     refuses(lambda: certified.windows, ac.InvalidInput, "2 contours")
 
 
-def test_a_sweep_of_a_program_is_what_certify_finds(certified):
-    swept = ac.sweep(job(), tolerances=[1e-3], speeds=[], servo=2e-6)
-    (point,) = swept.tolerances
-    assert point.duration == certified.duration
-    assert point.contour_error == certified.budget.executed
-    assert point.optimum == certified.uncertified.duration
+def test_a_sweep_of_a_program_is_what_certify_finds():
+    (point,) = ac.sweep(quick(), tolerances=[1e-3], speeds=[]).tolerances
+    found = ac.certify(quick())
+    assert point.duration == found.duration
+    assert point.contour_error == found.budget.executed <= 0.1e-3
+    assert point.optimum == found.uncertified.duration
