@@ -3,6 +3,7 @@
 import json
 import signal
 import sys
+from pathlib import Path as FilePath
 
 import pytest
 
@@ -76,6 +77,33 @@ def test_a_refusal_has_its_exit_code_and_writes_nothing(command, job, tmp_path):
     assert code == 4
     assert errors.startswith("Error: ") and "contour error comes down to" in errors
     assert not out.exists()
+
+
+def test_a_drawing_of_many_contours_is_certified_in_one_command(command, tmp_path):
+    out = tmp_path / "gasket"
+    drawing = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
+    given = ("--cell", "pmk3s", "--servo", "0.1 mm")
+    code, shown, errors = command("certify", drawing, *given, "--out", out)
+    assert code == 0, errors
+    data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    found, run = data["certificate"], data["runs"]["taught"]
+    assert len(found["contours"]) == 10 and "whole program" in shown
+    moves = [x for x in run["moves"] if x["kind"] == "contour"]
+    for x, row in zip(found["contours"], moves, strict=True):
+        assert x["name"] in shown
+        assert x["contour_error"]["max"] == row["contour_error"]["max"] <= 1e-4
+        assert x["budget"]["left"] == pytest.approx(1e-4 - x["contour_error"]["max"], rel=1e-9)
+    assert max(run["demand_ratio"]) <= 1 + 1e-6 and not any(run["saturated"])
+    # 1 % at most, of which rapids take most.
+    assert 0 < found["cost"] < 0.01 * found["duration"]
+
+
+def test_a_drawing_needs_what_is_to_be_held(command):
+    drawing = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
+    code, _, errors = command("certify", drawing, "--cell", "pmk3s")
+    assert code == 2 and "needs a tolerance" in errors
+    code, _, errors = command("certify", drawing, "--servo", "0.1 mm")
+    assert code == 2 and "--cell" in errors
 
 
 def test_sweep_writes_its_points_and_their_plot(command, job, tmp_path):
