@@ -106,6 +106,30 @@ def test_a_drawing_needs_what_is_to_be_held(command):
     assert code == 2 and "--cell" in errors
 
 
+def test_what_a_run_of_a_program_writes_can_be_checked(command, tmp_path):
+    points = "contour,x [mm],y [mm]\na,0,0\na,30,0\nb,30,30\nb,0,30\n"
+    (tmp_path / "parts.csv").write_text(points, encoding="utf-8")
+    text = JOB.replace(
+        "path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}",
+        "path: {file: parts.csv, frame: {position: [0.3, 0.1, 0]}}\n"
+        "process: {lead_in: {length: 3 mm}, lead_out: {length: 3 mm}}",
+    )
+    job, out = tmp_path / "parts.yaml", tmp_path / "out"
+    job.write_text(text, encoding="utf-8")
+    code, _, errors = command("run", job, "--out", out, "--no-simulation")
+    assert code == 0, errors
+    motion = out / "only" / "planned.csv"
+    code, shown, errors = command("check", motion, "--path", job, "--json")
+    assert code == 0, errors
+    found = json.loads(shown)
+    assert found["path_deviation"]["distance"] < 1e-6
+    # Without its last contour the motion is not that of the job.
+    rows = motion.read_text(encoding="utf-8").splitlines(keepends=True)
+    motion.write_text("".join(rows[: 2 * len(rows) // 3]), encoding="utf-8")
+    code, _, errors = command("check", motion, "--path", job)
+    assert code == 2 and "contour b" in errors
+
+
 def test_sweep_writes_its_points_and_their_plot(command, job, tmp_path):
     out = tmp_path / "swept"
     asked = ("--tolerances", "2 mm", "--speeds", "50 mm/s, 0.15 m/s")
