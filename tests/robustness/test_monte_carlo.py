@@ -80,9 +80,11 @@ def test_errors_between_two_times(taught, rounded, arm, limits, servo, since, un
     )
     for i in range(4):
         plant = ac.ServoPlant(arm, found.servo(i, servo), limits)
-        executed = ac.execute(taught, plant, resolution=1e-4)
+        # Looked at as often as the spread is: between that, errors of micrometres differ by more.
+        executed = ac.execute(taught, plant, resolution=2e-3)
         off = rounded.project(executed.tool).distance
-        t = np.append(np.arange(since, until, 1e-4), until)
+        inside = executed.t[(executed.t > since) & (executed.t < until)]
+        t = np.concatenate([[since], inside, [until]])
         error = np.interp(t, executed.t, off)
         assert found.max[i] == pytest.approx(error.max(), rel=1e-3)
         rms = np.sqrt(np.trapezoid(error**2, t) / (until - since))

@@ -298,11 +298,13 @@ def _add(
     h = clock.period / clock.steps
     dx, dy, dz = x - e.x, y - e.y, z - e.z
     end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
-    if t <= clock.begin:
+    # A result when errors start to count is before that, whatever the rounding of its time says.
+    begin = clock.begin + SNAP * h
+    if t <= begin:
         # Errors do not count yet.
         return Errors(0.0, d2, 0.0, x, y, z, dx, dy, dz, end, end_integral, end_peak)
     square, width = e.square, h
-    if t - h <= clock.begin:
+    if t - h <= begin:
         # The first trapezoid begins between two results.
         width = t - clock.begin
         d = width / h * math.sqrt(e.square) + (1 - width / h) * math.sqrt(d2)
