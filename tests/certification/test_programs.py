@@ -116,6 +116,16 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     assert np.linalg.norm(execution.tool[at] - found.contours[1].path(0.0)) > 0.1e-3
 
 
+def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
+    found = ac.certify(job(process=Process()), servo=3e-3, saturation="report")
+    _, result = executed(found)
+    assert result.saturated.max() > 0.1
+    assert max(x.max for x in result.contours) <= 3e-3
+    # What the inverse leaves after a saturated contour or rapid has died out before the next one.
+    for x, error in zip(found.contours, result.contours, strict=True):
+        assert x.budget.executed == pytest.approx(error.max, rel=1e-9)
+
+
 def test_robots_of_a_box_hold_the_goal_on_every_contour():
     box = Box(gains=0.05)
     found = ac.certify(job(), servo=0.5e-3, box=box, samples=100)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,8 +49,8 @@ class Derated:
 def fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) -> Derated:
     """The fastest rapid found that asks no joint of any robot of the box for more than it has.
 
-    A joint that saturates in a rapid would be late where the contour starts, so rapids never do,
-    even where the contours may.
+    A joint that saturates in a rapid would be late where the contour starts. So no rapid saturates
+    a joint by itself, even where contours may; there the rapid is executed from rest.
 
     Args:
         joint_path: The way of the joints.
@@ -60,7 +60,9 @@ def fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) ->
     Raises:
         NotRealizable: There is none.
     """
-    approach = Approach.of(before, robot)
+    approach = Approach.of(() if robot.saturated else before, robot)
+    # On a plant that saturates demands grow out of all proportion.
+    robot = replace(robot, saturated=False)
     found = [
         x
         for multiples in WINDOWS
