@@ -20,13 +20,13 @@ def outside(drawing: str, cell: str) -> list[str]:
     found = ac.certify(job, servo=SERVO)
     arm, limits = job.arm, found.run.limits
     executed = ac.execute(
-        found.taught, ac.ServoPlant(arm, job.plant_servo, limits), resolution=5e-5
+        found.taught, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
     )
     result = ac.evaluate(executed, found.path, objective=found.objective, limits=limits)
     said = [
         f"{x.name}: contour error {error.max:.3g} m"
         for x, error in zip(found.contours, result.contours, strict=True)
-        if error.max > SERVO or abs(error.max - x.error.max) > 1e-2 * x.error.max
+        if error.max > SERVO or abs(error.max - x.error.max) > 1e-6 * x.error.max
     ]
     if not (result.demand_ratio <= 1 + 1e-6).all() or result.saturated.any():
         said.append(f"demands of {result.demand_ratio.max():.9g} of the limits")
