@@ -29,6 +29,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.check
+	$(BIN)/python -m soak.certificates
 	$(BIN)/python -m soak.numbers
 	$(BIN)/python -m soak.interrupts
 	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto

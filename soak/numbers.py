@@ -89,6 +89,7 @@ BESIDE = {
     ("sweep", "--speeds"): ("--tolerances", "1 mm"),
     ("sweep", "--tolerances"): ("--speeds", "0.1 m/s"),
 }
+BESIDE_ALL = {"sweep": ("--tolerances", "1 mm", "--speeds", "0.1 m/s")}
 
 
 def _of_options() -> Iterator[Case]:
@@ -98,7 +99,7 @@ def _of_options() -> Iterator[Case]:
         for word, value in HOSTILE.items():
             number = str(value) if isinstance(value, str) else f"{value:g}"
             given = form.replace("#", number)
-            beside = BESIDE.get((command, option), ())
+            beside = BESIDE.get((command, option), BESIDE_ALL.get(command, ()))
             call = (command, source, f"{option}={given}", *beside, "--out", "{out}")
             yield Case(f"{command} {option} '{given}' ({word})", text, call)
 

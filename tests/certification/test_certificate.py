@@ -238,13 +238,17 @@ def test_the_summary_repeats_it(certified):
     rows = held_csv(certified).splitlines()[1:]
     values = [[float(x) if x else np.inf for x in row.split(",")] for row in rows]
     table = np.array(values)
+    assert (table[:, 0] == 1).all()
+    table = table[:, 1:]
     held = Held(cells=np.append(table[:, 0], table[-1, 1]), share=table[:, 2:-1], cap=table[:, -1])
     repeat = data["repeat"]
     given = {name: x for name, x in repeat["limits"].items() if x is not None}
     path = ac.round_corners(certified.job.path, tolerance=repeat["rounding"]["tolerance"])
     joint_path = ac.trace(path, certified.job.arm)
     arm = ac.load_arm("pmk3s")
-    _, again = held_plan(joint_path, arm, ac.Limits(**given), held, tuple(repeat["windows"]))
+    _, again = held_plan(
+        joint_path, arm, ac.Limits(**given), held, tuple(data["contours"][0]["windows"])
+    )
     assert again.duration == certified.duration
     servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})
     taught = ac.compensate(again, servo, method=repeat["compensation"], period=repeat["period"])

@@ -3,6 +3,7 @@
 import json
 import signal
 import sys
+from pathlib import Path as FilePath
 
 import pytest
 
@@ -76,6 +77,57 @@ def test_a_refusal_has_its_exit_code_and_writes_nothing(command, job, tmp_path):
     assert code == 4
     assert errors.startswith("Error: ") and "contour error comes down to" in errors
     assert not out.exists()
+
+
+def test_a_drawing_of_many_contours_is_certified_in_one_command(command, tmp_path):
+    out = tmp_path / "gasket"
+    drawing = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
+    given = ("--cell", "pmk3s", "--servo", "0.1 mm")
+    code, shown, errors = command("certify", drawing, *given, "--out", out)
+    assert code == 0, errors
+    data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    found, run = data["certificate"], data["runs"]["taught"]
+    assert len(found["contours"]) == 10 and "whole program" in shown
+    moves = [x for x in run["moves"] if x["kind"] == "contour"]
+    for x, row in zip(found["contours"], moves, strict=True):
+        assert x["name"] in shown
+        assert x["contour_error"]["max"] == row["contour_error"]["max"] <= 1e-4
+        assert x["budget"]["left"] == pytest.approx(1e-4 - x["contour_error"]["max"], rel=1e-9)
+    assert max(run["demand_ratio"]) <= 1 + 1e-6 and not any(run["saturated"])
+    # 1 % at most, of which rapids take most.
+    assert 0 < found["cost"] < 0.01 * found["duration"]
+
+
+def test_a_drawing_needs_what_is_to_be_held(command):
+    drawing = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
+    code, _, errors = command("certify", drawing, "--cell", "pmk3s")
+    assert code == 2 and "needs a tolerance" in errors
+    code, _, errors = command("certify", drawing, "--servo", "0.1 mm")
+    assert code == 2 and "--cell" in errors
+
+
+def test_what_a_run_of_a_program_writes_can_be_checked(command, tmp_path):
+    points = "contour,x [mm],y [mm]\na,0,0\na,30,0\nb,30,30\nb,0,30\n"
+    (tmp_path / "parts.csv").write_text(points, encoding="utf-8")
+    text = JOB.replace(
+        "path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}",
+        "path: {file: parts.csv, frame: {position: [0.3, 0.1, 0]}}\n"
+        "process: {lead_in: {length: 3 mm}, lead_out: {length: 3 mm}}",
+    )
+    job, out = tmp_path / "parts.yaml", tmp_path / "out"
+    job.write_text(text, encoding="utf-8")
+    code, _, errors = command("run", job, "--out", out, "--no-simulation")
+    assert code == 0, errors
+    motion = out / "only" / "planned.csv"
+    code, shown, errors = command("check", motion, "--path", job, "--json")
+    assert code == 0, errors
+    found = json.loads(shown)
+    assert found["path_deviation"]["distance"] < 1e-6
+    # Without its last contour the motion is not that of the job.
+    rows = motion.read_text(encoding="utf-8").splitlines(keepends=True)
+    motion.write_text("".join(rows[: 2 * len(rows) // 3]), encoding="utf-8")
+    code, _, errors = command("check", motion, "--path", job)
+    assert code == 2 and "contour b" in errors
 
 
 def test_sweep_writes_its_points_and_their_plot(command, job, tmp_path):

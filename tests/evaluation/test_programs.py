@@ -214,14 +214,16 @@ def test_check_judges_tool_limits_on_contours_and_joints_on_every_move():
     assert any(a <= slower["speed"].t <= b for a, b in contours)
 
 
-def test_check_and_trace_take_a_path_and_no_program(refuses):
+def test_trace_takes_a_path_and_no_program_and_check_takes_both(refuses):
     arm = ac.load_arm("pmk3s")
     path = ac.Path.polyline([(0.30, 0.10), (0.33, 0.10)])
     program = ac.Program(moves=(ac.Contour(path=path),))
     planned = ac.plan(program, arm, arm.limits.replace(speed=0.02))
     refuses(lambda: ac.trace(program, arm), ac.InvalidInput, "trace takes a Path, not a Program")
+    found = [ac.check(planned, arm, arm.limits, x).path_deviation for x in (program, path)]
+    assert found[0] == found[1]
     refuses(
-        lambda: ac.check(planned, arm, arm.limits, program),
+        lambda: ac.check(planned, arm, arm.limits, "path"),
         ac.InvalidInput,
-        "check compares with a Path, not with a Program",
+        "check compares with a Path or a Program, not with a str",
     )

@@ -106,6 +106,7 @@ def held_plan(
     held: Held,
     windows: tuple[float, ...] = (),
     factors: Mapping[str, float] = MappingProxyType({}),
+    intervals: int | None = None,
 ) -> tuple[Trajectory, Trajectory]:
     """The fastest motion within what is left of the limits, and the same smoothed.
 
@@ -116,6 +117,7 @@ def held_plan(
         held: What is held back, place by place.
         windows: Of the moving averages [s]; without, both are the same.
         factors: What is left of other limits everywhere, by their names.
+        intervals: Of the grid; by default those of `plan`.
 
     Raises:
         NotRealizable: There is no such motion.
@@ -126,5 +128,5 @@ def held_plan(
     constraints: list[Constraint] = [Cap(held)]
     if limits.joint_acceleration is not None:
         constraints.append(HeldAcceleration(*limits.acceleration_bounds(arm.dof), held))
-    found = plan_optimal(joint_path, arm, rest, constraints=constraints)
+    found = plan_optimal(joint_path, arm, rest, intervals=intervals, constraints=constraints)
     return found, smooth(found, *windows) if windows else found

@@ -14,15 +14,15 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
+from armcontour.certification._approach import Approach
 from armcontour.certification._derating import Held, held_plan
 from armcontour.certification._uses import Setting, Uses, run, uses_of
-from armcontour.compensation import compensate
 from armcontour.evaluation import Check, check
+from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Run
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
-from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
+from armcontour.robustness.monte_carlo import Spread
 
 # Lengths of the moving averages in command intervals, the likeliest fastest first.
 WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {
@@ -40,6 +40,9 @@ ACCELERATION_GOAL = 1 - 3e-6
 SPEED_GOAL = 1 - 2e-9
 # Errors are aimed at this share of the budget.
 ERROR_GOAL = 0.995
+# Robots drawn from the box may be worse than its corners: a search is made again, and aims lower,
+# so often at most. Each of them aims at least by a ratio of ERROR_GOAL lower.
+MOST_DRAWS = 10
 # An error goes at least with this power of speed and acceleration; in one step they are slowed down
 # to this share at most.
 ERROR_POWER = 1 / 3
@@ -74,8 +77,7 @@ class Trial:
         factors: What was left of other limits.
         plan: Before smoothing.
         trajectory: The plan after smoothing.
-        taught: Its taught data.
-        execution: On the robot of the certificate.
+        taught: Its taught data, after that of what leads to it.
         uses: Of all limits over time.
     """
 
@@ -85,7 +87,6 @@ class Trial:
     plan: Trajectory
     trajectory: Trajectory
     taught: TaughtData
-    execution: Execution
     uses: Uses
 
 
@@ -95,33 +96,39 @@ class Kept:
 
     Args:
         trial: The trial.
+        execution: On the robot, as often as errors are looked at; None once it is not needed.
+        error: Its contour error.
         check: Of the plan against all of its limits.
         spread: Robots drawn from the box, if there is one and the plan is the best.
         corners: The corners of the box, if there is one.
     """
 
     trial: Trial
+    execution: Execution | None
+    error: ErrorProfile
     check: Check
     spread: Spread | None
     corners: Spread | None
 
     @property
     def worst(self) -> float:
-        """Largest contour error of any robot of the box that was executed; 0 without a box [m]."""
+        """Largest contour error of the nominal robot and of those of the box [m]."""
         judged = [x for x in (self.spread, self.corners) if x is not None]
-        return max((float(x.max.max()) for x in judged), default=0.0)
+        return max([self.error.max, *(float(x.max.max()) for x in judged)])
 
 
 @dataclass(slots=True)
 class Search:
-    """Finds the fastest plan for one path.
+    """Finds the fastest plan for one contour.
 
     Args:
         setting: What is fixed.
         joint_path: The path.
-        this: The run: its method of compensation and command interval.
+        approach: What the joints do before.
         goal: What is to be held.
-        progress: Called with a few words before each trial.
+        progress: Called with a step before each trial.
+        intervals: Of the path's grid; by default those of `plan`.
+        margin: At which share of what trials else aim at they aim.
 
     Attributes:
         optimum: Duration of the plan that holds nothing back [s]; set by the first trial.
@@ -137,9 +144,11 @@ class Search:
 
     setting: Setting
     joint_path: JointPath
-    this: Run
+    approach: Approach
     goal: Goal
     progress: Progress
+    intervals: int | None = None
+    margin: float = 1.0
     optimum: float = np.nan
     trials: int = 0
     reached: float = np.inf
@@ -150,9 +159,29 @@ class Search:
     tightness: dict[str, float] = field(default_factory=dict)
 
     def fastest(self) -> Kept | None:
-        """The fastest plan that holds the goal, of all windows; None if there is none."""
+        """The fastest plan that holds the goal; None if there is none.
+
+        Corners of the box need not be the worst of it where robots saturate, so robots drawn from
+        it judge the best plan. If one is outside, the search is made again and aims lower.
+        """
+        for _ in range(MOST_DRAWS):
+            best = self._best_of_windows()
+            if best is None or self.setting.box is None:
+                return best
+            self.progress(Step((f"{self.goal.samples} robots of the box",)))
+            drawn = self.setting.execute_drawn(best.trial.taught, self.goal.samples, self.goal.seed)
+            worst = float(drawn.max.max())
+            if worst <= self.setting.budget:
+                return replace(best, spread=drawn)
+            self.binds = ("box", worst / self.setting.budget)
+            self.box_goal *= ERROR_GOAL * self.setting.budget / worst
+            self.best = None
+        return None
+
+    def _best_of_windows(self) -> Kept | None:
+        """The fastest plan that holds the goal on the corners of the box, of all windows."""
         for multiples in WINDOWS[self.goal.saturation]:
-            windows = tuple(x * self.this.period for x in multiples)
+            windows = tuple(x * self.setting.run.period for x in multiples)
             # The plan without anything held back is a bound of the time with these windows.
             if self.best is not None and self.optimum + sum(windows) >= self.best_time:
                 continue
@@ -160,28 +189,7 @@ class Search:
             found = settle(windows)
             if found is not None and found.trial.trajectory.duration < self.best_time:
                 self.best = found
-        if self.best is None or self.setting.box is None:
-            return self.best
-        return self._drawn(self.best)
-
-    def _drawn(self, best: Kept) -> Kept | None:
-        """The best plan with the robots drawn from the box that judge it; slower if one is outside.
-
-        Corners of the box need not be the worst of it where robots saturate.
-        """
-        setting, goal = self.setting, self.goal
-        assert setting.box is not None
-        shared = (best.trial.taught, setting.path, setting.arm, setting.servo, setting.limits)
-        drawn = spread(
-            *shared, setting.box, samples=goal.samples, seed=goal.seed, memory=setting.memory
-        )
-        worst = float(drawn.max.max())
-        self.progress(Step((f"{goal.samples} robots of the box",)))
-        if worst <= setting.budget:
-            return replace(best, spread=drawn)
-        self.box_goal *= ERROR_GOAL * setting.budget / worst
-        self.best = None
-        return self.fastest()
+        return self.best
 
     @property
     def best_time(self) -> float:
@@ -209,11 +217,12 @@ class Search:
             windows: Of the moving averages [s].
             share: What is left of accelerations from the beginning.
         """
-        nothing = Held.nothing(self.joint_path)
+        nothing = Held.nothing(self.joint_path, self.intervals)
         held = replace(nothing, share=share * nothing.share)
         factors: Mapping[str, float] = {}
         self.tightness = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL}
         self.tightness |= {"error": ERROR_GOAL, "box": self.box_goal}
+        self.tightness = {name: x * self.margin for name, x in self.tightness.items()}
         for number in range(MOST_TRIALS):
             trial = self._trial(windows, held, factors)
             if np.isnan(self.optimum):
@@ -239,19 +248,11 @@ class Search:
         self.trials += 1
         shown = " + ".join(f"{x * 1e3:.3g} ms" for x in windows) or "no smoothing"
         self.progress(Step((f"{shown}, trial {self.trials}",)))
-        setting, this = self.setting, self.this
+        setting = self.setting
         plan, trajectory = held_plan(
-            self.joint_path, setting.arm, setting.limits, held, windows, factors
+            self.joint_path, setting.arm, setting.limits, held, windows, factors, self.intervals
         )
-        taught = compensate(
-            trajectory,
-            setting.model,
-            method=this.compensation,
-            period=this.period,
-            memory=setting.memory,
-            **this.compensation_options,
-        )
-        execution = run(setting, taught)
+        taught = self.approach.teach(trajectory, setting)
         return Trial(
             windows=windows,
             held=held,
@@ -259,8 +260,7 @@ class Search:
             plan=plan,
             trajectory=trajectory,
             taught=taught,
-            execution=execution,
-            uses=uses_of(setting, taught, execution),
+            uses=uses_of(setting, taught, run(setting, taught)),
         )
 
     def _judged(self, trial: Trial) -> Kept | dict[str, float] | None:
@@ -281,30 +281,26 @@ class Search:
                 factors[name] = factors.get(name, 1.0) / (ratio * (1 + KEPT))
         if over:
             return factors
-        error = self._fine_error(trial)
+        executed = execute(
+            trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
+        )
+        profile = setting.contour_error(executed)
+        error = max(profile.max / setting.budget, profile.rms / (setting.rms or np.inf))
         if error > 1.0:
             self.tightness["error"] *= ERROR_GOAL / error
             self.binds = ("error", error)
             return None if setting.saturated else factors
+        kept = Kept(
+            trial=trial, execution=executed, error=profile, check=found, spread=None, corners=None
+        )
         if setting.box is None:
-            return Kept(trial=trial, check=found, spread=None, corners=None)
-        shared = (trial.taught, setting.path, setting.arm, setting.servo, setting.limits)
-        corners = worst_corner(*shared, setting.box)
+            return kept
+        corners = setting.execute_corners(trial.taught)
         worst = float(corners.max.max())
         if worst <= setting.budget:
-            return Kept(trial=trial, check=found, spread=None, corners=corners)
+            return replace(kept, corners=corners)
         self.tightness["box"] *= ERROR_GOAL * setting.budget / worst
         return factors
-
-    def _fine_error(self, trial: Trial) -> float:
-        """Largest contour error of the budget, or RMS of its largest, at a fine resolution."""
-        setting = self.setting
-        executed = execute(
-            trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
-        )
-        off = setting.path.project(executed.tool).distance
-        rms = float(np.sqrt(np.trapezoid(off**2, executed.t) / np.ptp(executed.t)))
-        return max(float(off.max()) / setting.budget, rms / (setting.rms or np.inf))
 
     def _remember(self, trial: Trial, worst: dict[str, float]) -> None:
         kind = max(worst, key=lambda x: worst[x])
@@ -348,7 +344,9 @@ class Search:
         if uses.box is not None:
             use = moment.largest(uses.box) / tight["box"]
             cap = np.where(
-                use > 1, np.minimum(cap, speed * np.maximum(1 / use, LARGEST_STEP) ** 2), cap
+                use > 1,
+                np.minimum(cap, speed * np.maximum(1 / np.maximum(use, 1.0), LARGEST_STEP) ** 2),
+                cap,
             )
         return replace(held, share=share, cap=cap)
 

@@ -11,13 +11,17 @@ import numpy as np
 from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.compensation import compensate
+from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.execution import ServoPlant, execute
-from armcontour.execution.plant import refuse_too_long
+from armcontour.execution.plant import intervals, refuse_too_long
 from armcontour.geometry import Path
+from armcontour.jobs.job import Run
 from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
 from armcontour.motion.laws import path_states
-from armcontour.robustness.monte_carlo import Box
+from armcontour.robustness.monte_carlo import Box, Spread, spread, worst_corner
 from armcontour.servo import ServoModel
+from armcontour.servo.simulation import Simulation
 from armcontour.timing.limit_use import States, quantity, ratio
 
 # Executions are looked at this often per command interval, but not more often than this [s].
@@ -34,40 +38,111 @@ DIRECTIONS = 16
 # Half of the ratio that a command outside a joint's range counts as: no speed brings it back
 # exactly, but each round of a search slows down there.
 OUTSIDE = 1.1
+# Shares of limits, and phases of a command interval, that differ by less than this are the same.
+SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
-    """What is fixed while one plan is searched for.
+class Robot:
+    """What is the same for all moves of a program: the robot, and how it is taught.
 
     Args:
         arm: The arm.
-        path: The tool path, rounded.
         limits: With values per joint.
         model: The servo that compensation knows.
         servo: The servo that executes.
         saturated: Whether it may saturate.
-        budget: Largest contour error, over the box if there is one [m].
-        rms: Its largest root mean square, without the box [m].
         box: How far the robot may be from its model.
+        run: The run: its method of compensation and command interval.
         memory: What the program may take [bytes].
     """
 
     arm: Arm
-    path: Path
     limits: Limits
     model: ServoModel
     servo: ServoModel
     saturated: bool
-    budget: float
-    rms: float | None
     box: Box | None
+    run: Run
     memory: float = _memory.DEFAULT
 
     def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> ServoPlant:
         """The robot, or one that never saturates."""
         saturation = "none" if ideal or self.servo.order == "first" else None
         return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
+
+    def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
+        """Taught data of a plan, every `period` or command interval of the run [s]."""
+        return compensate(
+            plan,
+            self.model,
+            method=self.run.compensation,
+            period=self.run.period if period is None else period,
+            memory=self.memory,
+            **self.run.compensation_options,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting(Robot):
+    """What is fixed while the plan of one contour is searched for.
+
+    Args:
+        path: The tool path, rounded.
+        work: Between which places of the path errors count [m]; None is at all times, from the
+            first set-point until rest.
+        budget: Largest contour error, over the box if there is one [m].
+        rms: Its largest root mean square, without the box [m].
+    """
+
+    path: Path
+    work: tuple[float, float] | None
+    budget: float
+    rms: float | None
+
+    def window(self, plan: Trajectory) -> tuple[float, float] | None:
+        """Between which times of the plan of the contour errors count [s]; None is all times."""
+        if self.work is None:
+            return None
+        begin, end = plan.time_at(self.work).tolist()
+        return begin, end
+
+    def contour_error(self, executed: Execution) -> ErrorProfile:
+        """Distance of the tool from the path while errors count."""
+        which, until = self.judged(executed)
+        found = self.path.project(self.arm.forward(executed.q[which]))
+        return ErrorProfile.over_time(executed.t[which], found.distance, found.s, until)
+
+    def execute_corners(self, taught: TaughtData) -> Spread:
+        """Taught data in the corners of the box."""
+        since, until = self.window(taught.trajectory) or (None, None)
+        own = taught, self.path, self.arm, self.servo, self.limits
+        assert self.box is not None
+        return worst_corner(*own, self.box, since=since, until=until)
+
+    def execute_drawn(self, taught: TaughtData, samples: int, seed: int) -> Spread:
+        """Taught data on so many robots drawn from the box."""
+        since, until = self.window(taught.trajectory) or (None, None)
+        own = taught, self.path, self.arm, self.servo, self.limits
+        assert self.box is not None
+        return spread(
+            *own,
+            self.box,
+            samples=samples,
+            seed=seed,
+            since=since,
+            until=until,
+            memory=self.memory,
+        )
+
+    def judged(self, executed: Execution) -> tuple[slice, float]:
+        """The times of an execution at which errors count, and when they end to count [s]."""
+        t, window = executed.t, self.window(executed.taught.trajectory)
+        if window is None:
+            return slice(0, len(t)), float(t[-1])
+        begin, end = (int(x) for x in np.searchsorted(t, window))
+        # One result at least, however short the contour is.
+        return slice(min(begin, len(t) - 2), max(end, begin + 2)), window[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,44 +181,83 @@ class Uses:
         }
 
 
-def run(setting: Setting, taught: TaughtData, resolution: float | None = None) -> Execution:
+def run(robot: Robot, taught: TaughtData, resolution: float | None = None) -> Execution:
     """Execute on the robot; on one that never saturates where saturation is refused."""
     every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
-    plant = setting.plant(ideal=not setting.saturated)
-    return execute(taught, plant, resolution=resolution or every, memory=setting.memory)
+    plant = robot.plant(ideal=not robot.saturated)
+    return execute(taught, plant, resolution=resolution or every, memory=robot.memory)
 
 
 def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
-    """The uses of a plan, its command and its execution."""
+    """The uses of a plan, its command and its execution.
+
+    Of a contour of a program, from the time on at which the contour starts: what comes before is
+    executed, and used by another move.
+    """
     plan = taught.trajectory
     t = executed.t
     low, high = setting.limits.acceleration_bounds(setting.arm.dof)
     s, planned, pace = _planned(setting, plan, t)
-    groups = [] if setting.box is None else _over_box(setting, taught)
+    groups = [] if setting.box is None else execute_over_box(setting, taught)
     joints, peak = planned, np.zeros(setting.arm.dof)
     if not setting.saturated and setting.servo.order == "second":
-        for x in [executed, *(x for group in groups for x in group.runs)]:
+        robots = [(setting.servo, executed)]
+        robots += [x for group in groups for x in zip(group.servos, group.runs, strict=True)]
+        for servo, x in robots:
             asked = np.maximum(x.demand / high, x.demand / low)
             joints = np.maximum(joints, _at(t, x.t, asked))
-            least, most = x.demand_range
+            least, most = peak_demands(x, servo, since=0.0 if setting.work else None)
             peak = np.maximum(peak, np.maximum(least / low, most / high))
     pace = np.maximum(pace, _command(setting, taught, t))
     speed = setting.limits.speed
     if speed is not None:
         pace = np.maximum(pace, (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2)
     off = _distances(setting.path, executed)
-    rms = float(np.sqrt(np.trapezoid(off**2, t) / (t[-1] - t[0])))
+    counts, until = setting.judged(executed)
+    now = slice(0 if setting.work is None else int(np.searchsorted(t, 0.0)), len(t))
+    profile = ErrorProfile.over_time(t[counts], off[counts], s[counts], until)
+    error, worst = np.zeros(len(t)), None
+    error[counts] = off[counts] / setting.budget
+    if groups:
+        worst = np.zeros(len(t))
+        worst[counts] = _worst(setting, groups, taught, t)[counts] / setting.budget
+        worst = worst[now]
     return Uses(
-        t=t,
-        s=s,
-        joints=joints,
-        pace=pace,
-        error=off / setting.budget,
-        box=_worst(setting, groups, taught, t) / setting.budget if groups else None,
+        t=t[now],
+        s=s[now],
+        joints=joints[now],
+        pace=pace[now],
+        error=error[now],
+        box=worst,
         peak=peak,
-        rms=0.0 if setting.rms is None else rms / setting.rms,
-        largest=float(off.max()),
+        rms=0.0 if setting.rms is None else profile.rms / setting.rms,
+        largest=profile.max,
     )
+
+
+def peak_demands(
+    executed: Execution, servo: ServoModel, since: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """The lowest and the highest demand of every joint at any time, (dof,) each [rad/s²].
+
+    Args:
+        executed: On a plant that never saturates.
+        servo: Its servo.
+        since: The demand counts from the first set-point at or after this time on [s]; None is from
+            the start.
+    """
+    taught = executed.taught
+    if since is None:
+        return executed.demand_range[0], executed.demand_range[1]
+    begin = max(0, int(np.ceil((since - taught.start_time) / taught.period - SAME)))
+    end = intervals(taught, servo)
+    if begin >= end:
+        return executed.demand[-1], executed.demand[-1]
+    row = begin * round(taught.period / float(executed.t[1] - executed.t[0]))
+    again = Simulation(taught.q, taught.period, servo).run(
+        begin, end, executed.q[row], executed.dq[row]
+    )
+    return again.lowest, again.highest
 
 
 def motion(
@@ -240,11 +354,12 @@ def _distances(path: Path, executed: Execution) -> FloatArray:
 class _Group:
     """Executions in corners of the box, all joints in the same one, and how late they all are."""
 
+    servos: list[ServoModel]
     runs: list[Execution]
     late: float
 
 
-def _over_box(setting: Setting, taught: TaughtData) -> list[_Group]:
+def execute_over_box(setting: Robot, taught: TaughtData) -> list[_Group]:
     """Executions in the corners of the box; a group for either end of a shared dead time.
 
     Where saturation is refused they do not saturate: what they ask for is a use like others.
@@ -258,16 +373,14 @@ def _over_box(setting: Setting, taught: TaughtData) -> list[_Group]:
     found = []
     for common in (-1.0, 1.0) if shared else (0.0,):
         moved = np.maximum(servo.dead_time + common * late, 0.0)
-        plants = [
-            setting.plant(x, ideal=not setting.saturated)
-            for x in _variants(servo, moved, box, apart)
-        ]
+        servos = _variants(servo, moved, box, apart)
+        plants = [setting.plant(x, ideal=not setting.saturated) for x in servos]
         # All of them are there at once.
         span = (len(taught.q) - 1) * taught.period
         others = 2 * len(plants) * plants[0].memory(span, taught.period, resolution)
         refuse_too_long(plants[0], span, taught.period, resolution, setting.memory, others)
         runs = [execute(taught, x, resolution=resolution, memory=setting.memory) for x in plants]
-        found.append(_Group(runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
+        found.append(_Group(servos, runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
     return found
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from armcontour import _checks
 from armcontour._progress import Progress, under
-from armcontour.certification.certificate import certify, goal_of, run_of
+from armcontour.certification.certifying import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.study import path_of, traced
+from armcontour.jobs.study import programs_of
 from armcontour.timing import plan
 
 # What a sweep looks at by default, as multiples of what the job has.
@@ -85,7 +85,6 @@ def sweep(
         InvalidInput: Nothing to sweep, or as `certify` raises it. A plan that cannot be certified
             is a point that says why.
     """
-    _ = job.single_path  # a program is refused before anything is tried
     goal = goal_of(job, overrides)
     this = run_of(job, goal.run if run is None else run)
     own = goal.tolerance
@@ -170,8 +169,15 @@ class _Point:
     def _optimum(self, job: Job, this: Run) -> float | None:
         """Duration of the plan that is not certified, if there is one."""
         try:
-            path = path_of(job, this)
-            joint_path = traced(job, this, path)
-            return plan(joint_path, job.arm, this.limits, ignore_jerk=this.ignore_jerk).duration
+            program = programs_of(job, this)[1]
+            found = plan(
+                program,
+                job.arm,
+                this.limits,
+                branch=job.branch,
+                start=job.start,
+                ignore_jerk=this.ignore_jerk,
+            )
+            return found.duration
         except ArmContourError:
             return None

@@ -6,45 +6,57 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.quantities import read_option
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate
-    from armcontour.cli.options import CertifyOptions
+    from armcontour.certification import Budget, Certificate
+    from armcontour.cli.options import CertifyOptions, JobOptions
     from armcontour.evaluation import Evaluation
 
 
-def certify_file(job_file: FilePath, x: CertifyOptions) -> None:
+CONTOURS = (
+    "contour",
+    "start [s]",
+    "motion [s]",
+    "cost [s]",
+    "error [mm]",
+    "allowed [mm]",
+    "left [mm]",
+)
+
+
+def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> None:
     """Certify a job, print the certificate, and write it with its taught data.
 
     Args:
-        job_file: The job.
+        file: A job file, or a drawing.
+        job_options: What the command line says of the job.
         x: What is certified; its folder gets summary.json, report.html and the trajectories.
 
     Raises:
         ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
             written then.
     """
-    from armcontour._quantities import Length, Memory
+    from armcontour._quantities import Length
+    from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
-    from armcontour.io import ResultFolder, certificate_json, read_job
-    from armcontour.io.job_overrides import JobOverrides
+    from armcontour.io import ResultFolder, certificate_json
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     lengths = {
-        "tolerance": read_option("--total-tolerance", x.tolerance, Length),
+        "tolerance": read_option("--total-tolerance", x.total_tolerance, Length),
         "servo": read_option("--servo", x.servo, Length),
     }
     overrides = {name: value for name, value in lengths.items() if value is not None}
-    memory = JobOverrides(memory=read_option("--memory", x.memory, Memory))
-    job = read_job(job_file, overrides=memory, trust_xacro=x.trust_xacro)
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         from armcontour.certification import certify
 
         with search_progress("certifying") as progress:
+            job = open_job(file, job_options, under(progress, "reading"))
             found = certify(job, x.run_name, progress=progress, **overrides)
         if folder is not None:
             _write(found, folder)
@@ -72,18 +84,25 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     console = Console()
     title = f"Certified: {found.job.title}, run {found.run.name}"
     console.show_table(["", ""], certified_rows(found), title=title)
+    if len(found.contours) > 1:
+        console.show_table(CONTOURS, contour_rows(found), title="Contours")
     console.say(f"Holds for: {found.model}.")
     if report is not None:
         console.say(f"Report: {report.resolve().as_uri()}")
 
 
 def certified_rows(found: Certificate) -> list[tuple[str, str]]:
-    """A certificate as names and values."""
-    budget, e = found.budget, found.evaluation
+    """A certificate as names and values; parts of the error are of the contour with least left."""
+    budget, e, worst = found.budget, found.evaluation, found.worst
     rows = [
         ("motion", f"{found.duration:.4f} s"),
         ("at rest after", f"{e.settled:.3f} s"),
         ("uncertified optimum", f"{found.uncertified.duration:.4f} s"),
+    ]
+    if len(found.contours) > 1:
+        rows.append(("contours", f"{len(found.contours)}, all certified"))
+        rows.append(("least left on", worst.name))
+    rows += [
         ("rounding", f"{budget.rounding * 1e3:.5f} mm"),
         ("servo", f"{budget.servo * 1e3:.5f} mm"),
         ("command interval", f"{budget.sampling * 1e3:.5f} mm"),
@@ -93,13 +112,39 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     rows += [
         ("left", f"{budget.left * 1e3:.5f} mm"),
         ("contour error, RMS", f"{e.contour_error.rms * 1e3:.5f} mm"),
-        ("acceleration held back, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
+        ("acceleration derated, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
         ("demand / limit", f"{e.demand_ratio.max():.6f}"),
         ("saturated", ", ".join(f"{x:.1%}" for x in e.saturated)),
     ]
+    if found.pauses > 0:
+        rows.append(("pauses after rapids", f"{found.pauses:.4f} s"))
     if found.experiment is not None:
         rows.append(("on rigid bodies, largest", _largest(found.experiment.evaluation)))
     return rows
+
+
+def contour_rows(found: Certificate) -> list[tuple[str, ...]]:
+    """The contours of a certificate, a row each, and one for the whole."""
+    rows = [
+        (
+            x.name,
+            f"{x.t[0]:.3f}",
+            f"{x.duration:.4f}",
+            f"{x.duration - x.optimum:+.4f}",
+            *_errors(x.budget),
+        )
+        for x in found.contours
+    ]
+    whole = ("whole program", "0.000", f"{found.duration:.4f}", f"{found.cost:+.4f}")
+    return [*rows, (*whole, *_errors(found.budget))]
+
+
+def _errors(budget: Budget) -> tuple[str, str, str]:
+    return (
+        f"{budget.executed * 1e3:.5f}",
+        f"{budget.servo_allowed * 1e3:.5g}",
+        f"{budget.left * 1e3:.5f}",
+    )
 
 
 def _largest(e: Evaluation) -> str:

@@ -43,14 +43,14 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits
-    from armcontour.jobs import path_of
+    from armcontour.jobs import programs_of
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
     arm = _arm(x, job)
     path, limits, deviation, turned = None, arm.limits, None, None
     if job is not None:
         run = _run(job, x.run_name, limited=x.limits is None)
-        path = path_of(job, run)
+        path = programs_of(job, run)[1]
         limits = run.limits.replace(joint_jerk=None) if run.ignore_jerk else run.limits
     if x.limits is not None:
         limits, deviation, turned = read_limits(x.limits, arm)

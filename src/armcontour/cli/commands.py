@@ -22,6 +22,14 @@ from armcontour.cli.options import (
     grouped,
 )
 
+JobOrDrawing = Annotated[
+    FilePath,
+    typer.Argument(
+        help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
+        "waypoints (.csv, .parquet), with --cell."
+    ),
+]
+
 app = typer.Typer(
     name="armcontour",
     help="Contouring with industrial robot arms: as fast as the limits allow, within the error.",
@@ -50,13 +58,7 @@ def _common(
 @app.command()
 @grouped
 def run(
-    job: Annotated[
-        FilePath,
-        typer.Argument(
-            help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
-            "waypoints (.csv, .parquet), with --cell."
-        ),
-    ],
+    job: JobOrDrawing,
     out: Out,
     options: RunOptions,
     job_options: JobOptions,
@@ -104,25 +106,28 @@ def check(
 @app.command()
 @grouped
 def certify(
-    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")], options: CertifyOptions
+    job: JobOrDrawing,
+    job_options: JobOptions,
+    options: CertifyOptions,
 ) -> None:
     """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
 
-    certify_file(job, options)
+    certify_file(job, job_options, options)
 
 
 @app.command()
 @grouped
 def sweep(
-    job: Annotated[FilePath, typer.Argument(help="Job file (YAML).")],
+    job: JobOrDrawing,
     out: Out,
+    job_options: JobOptions,
     options: SweepOptions,
 ) -> None:
     """Plot certified times against corner tolerance and against assigned velocity."""
     from armcontour.cli.sweeping import sweep_file
 
-    sweep_file(job, out, options)
+    sweep_file(job, out, job_options, options)
 
 
 @app.command()

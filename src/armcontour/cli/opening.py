@@ -1,4 +1,4 @@
-"""What `armcontour run` is given: a job file, or a drawing and a cell to put it in."""
+"""What commands are given: a job file, or a drawing and a cell to put it in."""
 
 from __future__ import annotations
 

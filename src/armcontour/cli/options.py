@@ -56,6 +56,10 @@ TrustXacro = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
+ServoBudget = Annotated[
+    str | None,
+    typer.Option("--servo", help="Contour error of the execution, such as '2 um'; else the job's."),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,27 +217,20 @@ class CertifyOptions:
     """What is certified of a job, and what is written of it."""
 
     run_name: Name = None
-    tolerance: Annotated[
+    total_tolerance: Annotated[
         str | None,
         typer.Option(
             "--total-tolerance",
             help="Tolerance of rounding and execution together, such as '1 mm'; else the job's.",
         ),
     ] = None
-    servo: Annotated[
-        str | None,
-        typer.Option(
-            "--servo", help="Contour error of the execution, such as '2 um'; else the job's."
-        ),
-    ] = None
+    servo: ServoBudget = None
     out: Annotated[
         FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
     ] = None
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False
-    memory: Memory = None
-    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,13 +238,12 @@ class SweepOptions:
     """What a job is swept over."""
 
     run_name: Name = None
+    servo: ServoBudget = None
     tolerances: Annotated[
         str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
     ] = None
     speeds: Annotated[str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")] = (
         None
     )
-    memory: Memory = None
     force: Force = False
     open_report: Open = False
-    trust_xacro: TrustXacro = False

@@ -5,40 +5,45 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
     from armcontour.certification import Sweep, SweepPoint
-    from armcontour.cli.options import SweepOptions
+    from armcontour.cli.options import JobOptions, SweepOptions
 
 
-def sweep_file(job_file: FilePath, out: FilePath, x: SweepOptions) -> None:
+def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepOptions) -> None:
     """Sweep a job, print its points, and write them with their plot.
 
     Args:
-        job_file: The job.
+        file: A job file, or a drawing.
         out: Folder for summary.json and report.html.
+        job_options: What the command line says of the job.
         x: What is swept.
 
     Raises:
         ArmContourError: A job that cannot be used; nothing is written then.
     """
-    from armcontour._quantities import Length, Memory, Speed
+    from armcontour._quantities import Length, Speed
+    from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
-    from armcontour.io import ResultFolder, read_job, sweep_json
-    from armcontour.io.job_overrides import JobOverrides
+    from armcontour.io import ResultFolder, sweep_json
 
     corners = read_option_list("--tolerances", x.tolerances, Length)
     speeds = read_option_list("--speeds", x.speeds, Speed)
-    memory = JobOverrides(memory=read_option("--memory", x.memory, Memory))
-    job = read_job(job_file, overrides=memory, trust_xacro=x.trust_xacro)
+    servo = read_option("--servo", x.servo, Length)
+    goal = {} if servo is None else {"servo": servo}
     with ResultFolder(out, force=x.force) as folder:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
         with search_progress("sweeping") as progress:
-            found = sweep(job, x.run_name, tolerances=corners, speeds=speeds, progress=progress)
+            job = open_job(file, job_options, under(progress, "reading"))
+            found = sweep(
+                job, x.run_name, tolerances=corners, speeds=speeds, progress=progress, **goal
+            )
         folder.write("report.html", render_sweep(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -27,16 +27,19 @@ from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_samples import Log, judge_samples
+from armcontour.evaluation.contour_windows import find_windows
 from armcontour.evaluation.tally import (
     CANNOT_TELL,
     KEPT,
     VERDICTS,
     VIOLATED,
     LimitUse,
+    Occurrence,
     Tally,
     merge_uses,
 )
 from armcontour.geometry import Path
+from armcontour.program import Program
 
 # A computed number is trusted to this many units in its last binary place, and no further.
 ULPS = 4
@@ -132,7 +135,7 @@ def check(
     samples: TimeSamples | Law,
     arm: Arm,
     limits: Limits | None = None,
-    path: Path | None = None,
+    path: Path | Program | None = None,
     *,
     deviation: float | None = None,
     orientation_deviation: float | None = None,
@@ -144,8 +147,10 @@ def check(
 ) -> Check:
     """Judge a joint trajectory, whoever made it.
 
-    Of the trajectory of a program, limits of the tool are judged along its contours and not along
-    its rapids, those of the joints on every move.
+    Of the trajectory of a program, or samples that are compared with a program, limits of the tool
+    are judged along its contours with their leads and not along its rapids, those of the joints on
+    every move. Samples do not say when which contour is: of all ways to find the contours in them
+    in order, the one counts in which the tool stays nearest.
 
     A law, such as a `Trajectory`, is looked at on both sides of every break and at random places
     between all breaks. Of samples, what they say themselves is judged, and between them what every
@@ -162,7 +167,7 @@ def check(
             `law(t, order, side=...)`, with `duration` and `breaks`.
         arm: The arm that moves.
         limits: By default the arm's own.
-        path: The path the tool was to follow.
+        path: The path that the tool was to follow, or the program as it was planned.
         deviation: Largest distance of the tool from it [m].
         orientation_deviation: Largest angle between the tool and how the path has it held at its
             nearest place [rad]; between axes, where only these count.
@@ -176,15 +181,37 @@ def check(
     Raises:
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
-    if path is not None and not isinstance(path, Path):
-        raise InvalidInput(
-            f"check compares with a Path, not with a {type(path).__name__}: give the path of one "
-            "contour, or none."
-        )
-    spans: Any = getattr(samples, "spans", ())
-    if path is None and any(x.kind != "contour" for x in spans):
-        more: dict[str, Any] = {"velocity_step": velocity_step, "points": points, "seed": seed}
-        return _of_program(samples, arm, limits, tolerance=tolerance, **more)
+    options: dict[str, Any] = {
+        "tolerance": tolerance,
+        "velocity_step": velocity_step,
+        "points": points,
+        "seed": seed,
+        "resolution": resolution,
+    }
+    program = None if path is None else Program.of(path, "check compares with a Path or a Program")
+    between = any(x.kind != "contour" for x in getattr(samples, "spans", ()))
+    if (between and program is None) or (program is not None and len(program.moves) > 1):
+        allowed = {"deviation": deviation, "orientation_deviation": orientation_deviation}
+        return _of_parts(samples, arm, limits, program, allowed=allowed, **options)
+    single_path = None if program is None else program.path
+    return _of_one(samples, arm, limits, single_path, deviation, orientation_deviation, **options)
+
+
+def _of_one(
+    samples: TimeSamples | Law,
+    arm: Arm,
+    limits: Limits | None,
+    path: Path | None,
+    deviation: float | None,
+    orientation_deviation: float | None,
+    *,
+    tolerance: float,
+    velocity_step: float,
+    points: int,
+    seed: int,
+    resolution: Mapping[str, npt.ArrayLike] | None,
+) -> Check:
+    """All limits along one path, or everywhere where no path is given; arguments as of `check`."""
     dof = arm.dof
     _refuse_path(arm, path, deviation, orientation_deviation)
     bounds = (arm.limits if limits is None else limits).for_joints(dof)
@@ -206,24 +233,124 @@ def check(
     )
 
 
-def _of_program(law: Any, arm: Arm, limits: Limits | None, **options: Any) -> Check:
-    """Limits of the joints all along, and those of the tool contour by contour."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Part:
+    """A part of a motion on one contour.
+
+    Args:
+        motion: A law or samples.
+        path: What the tool was to follow, if it is known.
+        t: What is added to its times [s].
+        s: What is added to its places [m].
+    """
+
+    motion: Any
+    path: Path | None
+    t: float
+    s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Samples:
+    """A part of samples."""
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray | None
+    ddq: FloatArray | None
+    resolution: Mapping[str, npt.ArrayLike] | None
+
+
+def _parts(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
+    """What a motion does on every contour.
+
+    Raises:
+        InvalidInput: A law that is not of the program, or samples that do not follow its contours.
+    """
+    paths: list[Path | None] = [] if program is None else [x.path for x in program.contours]
+    starts = [0.0] if program is None else program.breaks.tolist()
+    if callable(samples):
+        spans = getattr(samples, "contour_spans", ())
+        paths = paths or [None] * len(spans)
+        if len(spans) != len(paths):
+            raise InvalidInput(
+                f"The trajectory has {len(spans)} contours, and the program {len(paths)}: check it "
+                "with the program that was planned."
+            )
+        return [
+            _Part(motion=x.trajectory, path=path, t=x.t[0], s=x.s[0])
+            for x, path in zip(spans, paths, strict=True)
+        ]
+    assert program is not None
+    log = _log(samples, arm.dof, None)
+    resolution = getattr(samples, "resolution", None)
+    found = []
+    windows = find_windows(arm.forward(log.q), program)
+    for (first, last), path, start in zip(windows, paths, starts[:-1], strict=True):
+        here = slice(first, last + 1)
+        motion = _Samples(
+            t=log.t[here],
+            q=log.q[here],
+            dq=None if log.dq is None else log.dq[here],
+            ddq=None if log.ddq is None else log.ddq[here],
+            resolution=resolution,
+        )
+        found.append(_Part(motion=motion, path=path, t=0.0, s=start))
+    return found
+
+
+def _of_parts(
+    motion: Any,
+    arm: Arm,
+    limits: Limits | None,
+    program: Program | None,
+    *,
+    allowed: Mapping[str, Any],
+    **options: Any,
+) -> Check:
+    """Limits of the joints all along, and those of the tool contour by contour.
+
+    Args:
+        motion: A law with spans, or samples.
+        arm: The arm that moves.
+        limits: As in `check`.
+        program: What the tool was to follow; None leaves its distance out.
+        allowed: Largest deviations, as in `check`.
+        options: More arguments of `check`.
+    """
+    for contour in () if program is None else program.contours:
+        _refuse_path(arm, contour.path, **allowed)
+    parts = _parts(motion, arm, program)
+    if callable(motion):
+        # Its parts are judged by themselves.
+        motion = replace(cast("Any", motion), spans=())
     bounds = arm.limits if limits is None else limits
     joints = bounds.replace(**dict.fromkeys(TOOL_LIMITS, None))
     tool = bounds.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))
-    whole = check(replace(law, spans=()), arm, joints, **options)
+    whole = check(motion, arm, joints, **options)
     uses = {x.name: x for x in whole.uses}
     left = dict.fromkeys(whole.not_judged)
+    farthest = None
     limited = any(getattr(tool, name) is not None for name in TOOL_LIMITS)
-    for span in law.contour_spans if limited else ():
-        found = check(span.trajectory, arm, tool, **options)
+    for part in parts if limited or program is not None else ():
+        found = check(part.motion, arm, tool, part.path, **allowed, **options)
         left |= dict.fromkeys(found.not_judged)
         for use in found.uses:
-            highest = replace(use.highest, t=span.t[0] + use.highest.t)
-            placed = replace(use, t=span.t[0] + use.t, highest=highest)
+            highest = replace(use.highest, **_placed(use.highest, part))
+            placed = replace(use, highest=highest, **_placed(use, part))
             known = uses.get(use.name)
             uses[use.name] = placed if known is None else merge_uses(known, placed)
-    return replace(whole, uses=tuple(uses.values()), not_judged=tuple(left))
+        far = found.path_deviation
+        if far is not None and (farthest is None or far.distance > farthest.distance):
+            farthest = replace(far, t=part.t + far.t, s=part.s + far.s)
+    return replace(
+        whole, uses=tuple(uses.values()), not_judged=tuple(left), path_deviation=farthest
+    )
+
+
+def _placed(x: Occurrence, part: _Part) -> dict[str, Any]:
+    """When and where something of a part is in the whole."""
+    return {"t": part.t + x.t, "s": None if x.s is None else part.s + x.s}
 
 
 def _of_law(law: Law, tally: Tally, points: int, seed: int, velocity_step: float) -> dict[str, Any]:

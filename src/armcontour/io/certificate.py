@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.certification import Certificate, Sweep
+from armcontour.certification import Budget, Certificate, ContourCertificate, Sweep
 from armcontour.io.summary import UNITS, plain, run_summary
 from armcontour.jobs import Goal
 from armcontour.robustness.monte_carlo import Spread
@@ -18,6 +18,11 @@ from armcontour.robustness.monte_carlo import Spread
 CERTIFICATE_UNITS = {
     "cost": "s",
     "windows": "s",
+    "t": "s",
+    "work": "s",
+    "t_max": "s",
+    "length": "m",
+    "pauses": "s",
     "headroom": "share of the limit",
     "budget": "m",
     "tolerance": "m",
@@ -47,16 +52,17 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
 
 
 def held_csv(certificate: Certificate) -> str:
-    """What was held back, a row for every stretch of the path in which it is the same."""
-    held = certificate.held
+    """What is left of limits, a row for every part of a contour in which it is the same."""
     names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
-    rows = np.column_stack([held.share, held.cap])
-    first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
-    begin, end = held.cells[:-1][first], np.append(held.cells[:-1][first][1:], held.cells[-1])
-    lines = [",".join(["from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
-    for a, b, row in zip(begin, end, rows[first], strict=True):
-        cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
-        lines.append(",".join([repr(float(a)), repr(float(b)), *cells]))
+    lines = [",".join(["contour", "from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
+    for number, contour in enumerate(certificate.contours, start=1):
+        held = contour.held
+        rows = np.column_stack([held.share, held.cap])
+        first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
+        begin, end = held.cells[:-1][first], np.append(held.cells[:-1][first][1:], held.cells[-1])
+        for a, b, row in zip(begin, end, rows[first], strict=True):
+            cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
+            lines.append(",".join([str(number), repr(float(a)), repr(float(b)), *cells]))
     return "\n".join(lines) + "\n"
 
 
@@ -85,8 +91,9 @@ def _certificate(c: Certificate) -> dict[str, Any]:
         "run": c.run.name,
         "duration": c.duration,
         "cost": c.cost,
-        "budget": asdict(c.budget) | {"total": c.budget.total, "left": c.budget.left},
-        "headroom": {"mean": c.headroom, "largest": c.largest_headroom, "others": c.factors},
+        "budget": _budget(c.budget),
+        "headroom": {"mean": c.headroom, "largest": c.largest_headroom},
+        "contours": [_contour(x) for x in c.contours],
         "uncertified": {
             "duration": unsure.duration,
             "contour_error": {"max": unsure.contour_error[0], "rms": unsure.contour_error[1]},
@@ -95,13 +102,12 @@ def _certificate(c: Certificate) -> dict[str, Any]:
         },
         "limits_used": {x.name: x.ratio for x in c.check.uses},
         "not_judged": c.check.not_judged,
-        "corners": None if c.corners is None else _spread(c.corners),
-        "spread": None if c.spread is None else _spread(c.spread),
+        "pauses": c.pauses,
         "trials": c.trials,
         "repeat": {
             "timing": "optimal",
-            "windows": c.windows,
             "held": "held.csv",
+            "rapids": [{"windows": x.windows, "left": x.factors} for x in c.rapids],
             "compensation": c.run.compensation,
             "compensation_options": dict(c.run.compensation_options),
             "period": c.run.period,
@@ -112,6 +118,28 @@ def _certificate(c: Certificate) -> dict[str, Any]:
             "start": c.trajectory(0.0),
         },
     }
+
+
+def _contour(x: ContourCertificate) -> dict[str, Any]:
+    return {
+        "name": x.name,
+        "t": x.t,
+        "work": x.work,
+        "duration": x.duration,
+        "optimum": x.optimum,
+        "length": x.path.length,
+        "contour_error": {"max": x.error.max, "rms": x.error.rms, "t_max": x.error.t_max},
+        "budget": _budget(x.budget),
+        "windows": x.windows,
+        "headroom": {"mean": x.headroom, "largest": x.largest_headroom, "others": x.factors},
+        "corners": None if x.corners is None else _spread(x.corners),
+        "spread": None if x.spread is None else _spread(x.spread),
+        "trials": x.trials,
+    }
+
+
+def _budget(x: Budget) -> dict[str, Any]:
+    return asdict(x) | {"executed": x.executed, "total": x.total, "left": x.left}
 
 
 def _goal(goal: Goal) -> dict[str, Any]:

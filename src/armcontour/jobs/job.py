@@ -231,7 +231,6 @@ class Job:
             return single_path
         count = len(self.program.contours)
         raise InvalidInput(
-            f"The job {self.name} is a program of {count} "
-            f"contour{'s' if count != 1 else ''} with what belongs to it: "
-            "certify, sweep and check --path take a job of a single path, without leads or events."
+            f"The job {self.name} is a program of {count} contour{'s' if count != 1 else ''} with "
+            "what belongs to it, and not one path: take its program."
         )

@@ -15,7 +15,7 @@ from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
-from armcontour.geometry import Path, round_corners
+from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import program_of, slow_ends, timed, trace_run
@@ -180,11 +180,18 @@ def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
 
 
+def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
+    """The program of a run before and after its corners are rounded."""
+    return program_of(job, this, rounding_of(this))
+
+
 def path_of(job: Job, this: Run) -> Path:
-    """The path that the tool is to follow in one run: with its corners rounded, if they are."""
-    rounding = rounding_of(this)
-    path = job.single_path
-    return path if rounding is None else round_corners(path, **rounding)
+    """The path that the tool is to follow in one run: with its corners rounded, if they are.
+
+    Raises:
+        InvalidInput: The job is a program of several contours.
+    """
+    return programs_of(job, this)[1].path
 
 
 def rounding_of(this: Run) -> dict[str, Any] | None:
@@ -290,7 +297,7 @@ def _traced(
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
             return x.objective, x.path, x.traced
     progress(Step(("rounding",)))
-    objective, path = program_of(job, this, rounding_of(this))
+    objective, path = programs_of(job, this)
     progress(Step(("tracing",)))
     return objective, path, trace_run(job, this, path, progress)
 

@@ -10,6 +10,7 @@ from armcontour.motion.laws import (
     PathLaw,
     Rates,
     interval_times,
+    stand_still,
 )
 from armcontour.motion.smoothing import SmoothedLaw, smooth
 from armcontour.motion.taught import TaughtData, check_interval
@@ -36,4 +37,5 @@ __all__ = [
     "interval_times",
     "quintic",
     "smooth",
+    "stand_still",
 ]

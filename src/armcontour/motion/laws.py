@@ -104,6 +104,17 @@ class LapLaw(Law):
         return np.asarray(self.ddq[i])
 
 
+def stand_still(q: FloatArray, duration: float) -> LapLaw:
+    """The law of joints that stand still.
+
+    Args:
+        q: Where they stand [rad], (dof,).
+        duration: For so long [s].
+    """
+    rest = np.zeros((1, len(q)))
+    return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(q, (2, 1)), dq=rest, ddq=rest)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineLaw(LapLaw, LawAlongPath):
     """Laps along a straight line of the tool path.

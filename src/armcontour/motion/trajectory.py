@@ -60,7 +60,8 @@ class Span:
     """The part of a program's trajectory that belongs to one move.
 
     Args:
-        move: Index of the move in the program; None for a rapid that leads to the next move.
+        move: Index of the move in the program; None for a rapid that leads to the
+            next move, or a pause before it.
         kind: "contour", "rapid" or "dwell".
         name: Name of the contour; may be empty.
         t: Times of start and end [s].

@@ -52,9 +52,9 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
     if certificate is not None and certificate.spread is not None:
         allowed = certificate.budget.servo_allowed
         drawn, corners = certificate.spread, certificate.corners
-        found.insert(
-            1, sections.robustness(drawn, corners, budget=allowed, run=certificate.run.name)
-        )
+        several = len(certificate.contours) > 1
+        run = certificate.worst.name if several else certificate.run.name
+        found.insert(1, sections.robustness(drawn, corners, budget=allowed, run=run))
     return [x for x in found if x is not None]
 
 

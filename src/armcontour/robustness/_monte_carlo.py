@@ -62,6 +62,7 @@ class Clock(NamedTuple):
     start: float
     period: float
     steps: int
+    begin: float
     finish: float
     fixed: bool
 
@@ -389,14 +390,26 @@ def _add(
     h = clock.period / clock.steps
     dx, dy, dz = x - e.x, y - e.y, z - e.z
     end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
+    # A result when errors start to count is before that, whatever the rounding of its time says.
+    begin = clock.begin + SNAP * h
+    if t <= begin:
+        # Errors do not count yet.
+        return Errors(0.0, d2, 0.0, x, y, z, dx, dy, dz, end, end_integral, end_peak)
+    square, width = e.square, h
+    if t - h <= begin:
+        # The first trapezoid begins between two results.
+        width = t - clock.begin
+        d = width / h * math.sqrt(e.square) + (1 - width / h) * math.sqrt(d2)
+        square = d * d
+        peak = max(peak, square)
     if t - h < clock.finish <= t:
         # The last trapezoid ends between two results.
-        share = (clock.finish - (t - h)) / h
-        d = (1 - share) * math.sqrt(e.square) + share * math.sqrt(d2)
+        share = (clock.finish - (t - width)) / width
+        d = (1 - share) * math.sqrt(square) + share * math.sqrt(d2)
         end = clock.finish
-        end_integral = e.integral + 0.5 * share * h * (e.square + d * d)
-        end_peak = max(e.peak, d * d)
-    integral = e.integral + 0.5 * h * (e.square + d2)
+        end_integral = e.integral + 0.5 * share * width * (square + d * d)
+        end_peak = max(e.peak, square, d * d)
+    integral = e.integral + 0.5 * width * (square + d2)
     moving = dx * dx + dy * dy + dz * dz > (REST_SPEED * h) ** 2
     if moving and t > clock.finish and not clock.fixed:
         end, end_integral, end_peak = t, integral, peak
@@ -594,7 +607,7 @@ def run(
     anchors[:, :2], anchors[:, 2] = 0.0, 1.0
     for i in range(len(samples.kp)):
         e, status = _execute(i, robot, line, clock, drive, rest, samples, states, anchors)
-        found.rms[i] = math.sqrt(e.end_integral / e.end)
+        found.rms[i] = math.sqrt(e.end_integral / (e.end - max(clock.begin, 0.0)))
         found.max[i] = math.sqrt(e.end_peak)
         found.until[i] = e.end
         found.saturated[i] = states.saturated.max() / e.end

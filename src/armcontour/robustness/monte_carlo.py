@@ -221,6 +221,7 @@ def spread(
     *,
     samples: int = 1000,
     seed: int = 0,
+    since: float | None = None,
     until: float | None = None,
     threads: int | None = None,
     memory: float = _memory.DEFAULT,
@@ -238,8 +239,11 @@ def spread(
         box: Largest errors of the parameters.
         samples: Number of executions.
         seed: Seed of the random numbers.
-        until: End of the time over which contour errors are evaluated [s]; by default when the
-            planned motion has ended and the tool is at rest.
+        since: Start of the time over which contour errors are evaluated [s]; by default the first
+            set-point. Taught data of one contour of a program may start before it, with what
+            leads to it.
+        until: End of that time [s]; by default when the planned motion has ended and the tool is
+            at rest.
         threads: Number of threads; by default the number of processors.
         memory: Bound on the program's memory [bytes].
 
@@ -256,7 +260,7 @@ def spread(
         "take fewer samples",
     )
     started = _checks.whole("seed", seed, 0, 2**63 - 1)
-    model = _Model(taught, path, arm, servo, limits, box, until)
+    model = _Model(taught, path, arm, servo, limits, box, since, until)
     unit = np.random.default_rng(started).uniform(-1, 1, size=(number, 3 * arm.dof + 1))
     return model.executed(unit, started, _threads(threads))
 
@@ -269,6 +273,7 @@ def worst_corner(
     limits: Limits | None,
     box: Box,
     *,
+    since: float | None = None,
     until: float | None = None,
     threads: int | None = None,
 ) -> Spread:
@@ -280,7 +285,7 @@ def worst_corner(
 
     Arguments and exceptions are those of `spread`.
     """
-    model = _Model(taught, path, arm, servo, limits, box, until)
+    model = _Model(taught, path, arm, servo, limits, box, since, until)
     use = _threads(threads)
     k = int(model.varies.sum())
     if 2**k <= MOST_CORNERS:
@@ -320,6 +325,7 @@ class _Model:
         servo: ServoModel,
         limits: Limits | None,
         box: Box,
+        since: float | None,
         until: float | None,
     ) -> None:
         dof = arm.dof
@@ -346,7 +352,13 @@ class _Model:
         patience = max(PATIENCE, PATIENCE_IN_DURATIONS * len(taught.q) * taught.period)
         steps = self._steps()
         last = taught.start_time + len(taught.q) * taught.period
-        self.clock = Clock(taught.start_time, taught.period, steps, end, until is not None)
+        begin = taught.start_time if since is None else _checks.number("since", since, "s")
+        if not begin < end:
+            raise InvalidInput(
+                f"Errors cover no time: they start at {begin:g} s and end at {end:g} s."
+            )
+        fixed = until is not None
+        self.clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed)
         self.rest = Rest(reach, last + patience)
         self.line = _line(path, taught, arm, self._lag())
         straight = servo.interpolation != "cubic"

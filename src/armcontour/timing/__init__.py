@@ -5,6 +5,7 @@ from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.methods import METHODS
 from armcontour.timing.planner import (
     assigned_time,
+    intervals_of,
     plan,
     refuse_endless,
     refuse_jerk,
@@ -20,6 +21,7 @@ __all__ = [
     "Tracing",
     "assigned_time",
     "explain",
+    "intervals_of",
     "plan",
     "refuse_endless",
     "refuse_jerk",

@@ -160,10 +160,18 @@ def _fit_options(program: Program, method: str, options: Mapping[str, Any]) -> d
             raise InvalidInput(
                 f"{name} is an option for one path: a program rests between its moves."
             )
-    count = len(program.contours)
-    if method == Method.OPTIMAL and count > MOST_BY_DEFAULT // DEFAULT_INTERVALS:
-        return {"intervals": max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count), **options}
+    fewer = intervals_of(program)
+    if method == Method.OPTIMAL and fewer is not None:
+        return {"intervals": fewer, **options}
     return dict(options)
+
+
+def intervals_of(program: Program) -> int | None:
+    """Grid intervals of every contour of a program; None for those of a path by itself."""
+    count = len(program.contours)
+    if count <= MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+        return None
+    return max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count)
 
 
 def refuse_endless(program: Program, limits: Limits) -> None:

@@ -10,16 +10,18 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.motion import JointPath, LapLaw, Law, Span, TimedEvent, Trajectory
+from armcontour.motion import JointPath, Law, Span, TimedEvent, Trajectory, stand_still
 from armcontour.program import Contour, Dwell, Event
-from armcontour.timing.methods import Timing
+from armcontour.timing.methods import MoveTiming
 from armcontour.timing.program_tracing import TracedMove, Tracing, ends_of
 
 # Events nearer in time than this are at once [s].
 SAME_TIME = 1e-9
 
 
-def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
+def time_program(
+    traced: Tracing, timing: MoveTiming, progress: Progress | None = None
+) -> Trajectory:
     """One trajectory of all moves of a program, at rest between any two of them.
 
     Limits of the tool hold along contours; rapids have those of the joints.
@@ -53,7 +55,7 @@ class _Chain:
     """Moves timed so far, each beginning where the one before ended."""
 
     traced: Tracing
-    timing: Timing
+    timing: MoveTiming
     t: float = 0.0
     length: float = 0.0
     done: JointPath | None = None
@@ -66,7 +68,8 @@ class _Chain:
         """A contour, with what is switched along it."""
         assert step.joint_path is not None
         with step.named():
-            planned = self.timing.contour(step.joint_path)
+            self._pause()
+            planned = self.timing.contour(step.joint_path, self.laws)
         begun, end = self.t, self.t + planned.duration
         work = (begun, end)
         if move.work is not None:
@@ -93,7 +96,7 @@ class _Chain:
         """A rapid, along its path or along a straight line of the joints."""
         assert step.joint_path is not None
         with step.named():
-            planned = self.timing.rapid(step.joint_path)
+            planned = self.timing.rapid(step.joint_path, self.laws)
         t, s = (self.t, self.t + planned.duration), (self.length, self.length)
         span = Span(move=step.move, kind="rapid", t=t, s=s, trajectory=planned)
         self._append(step.joint_path, span)
@@ -101,7 +104,7 @@ class _Chain:
     def still(self, step: TracedMove, move: Event | Dwell) -> None:
         """What comes where the joints stand."""
         if isinstance(move, Dwell):
-            self._stand(step, move)
+            self._stand(step.move, move.duration)
         else:
             self._switch(move)
 
@@ -158,13 +161,18 @@ class _Chain:
             return ends_of(self.traced.joint_paths[0])[0]
         return ends_of(self.done)[1]
 
-    def _stand(self, step: TracedMove, move: Dwell) -> None:
-        q, s = self._q, self.length
-        none, ends = np.zeros((1, len(q))), np.array([0.0, move.duration])
-        self.laws.append(LapLaw(breaks=ends, q=np.tile(q, (2, 1)), dq=none, ddq=none))
-        t = (self.t, self.t + move.duration)
-        self.spans.append(Span(move=step.move, kind="dwell", t=t, s=(s, s)))
+    def _stand(self, move: int | None, duration: float) -> None:
+        """Stand still for a dwell of the program, or for a pause that is none of its moves."""
+        t, s = (self.t, self.t + duration), self.length
+        self.laws.append(stand_still(self._q, duration))
+        self.spans.append(Span(move=move, kind="dwell", t=t, s=(s, s)))
         self.t = t[1]
+
+    def _pause(self) -> None:
+        """Stand still until the contour that follows may start."""
+        duration = self.timing.pause(self.laws) if self.laws else 0.0
+        if duration > 0:
+            self._stand(None, duration)
 
     def _switch(self, x: Event) -> None:
         """What is switched where the joints stand now."""

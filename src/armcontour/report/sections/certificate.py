@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour.certification import Certificate
 from armcontour.report.section import Section, Table, Tile
+from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -21,19 +22,35 @@ from armcontour.report.style import (
 
 
 def certificate(found: Certificate) -> Section:
-    """Its parts, its cost, and where acceleration was held back."""
+    """Its parts, its cost, and where limits were derated."""
     return Section(
         key="certificate",
         title="Certificate",
         text=(
             f"The fastest plan found whose execution holds the tolerance. It holds for "
             f"{found.model}. It says nothing of collisions, of flexibility, or of any other model."
+            + (_SEVERAL if _several(found) else "")
         ),
         tiles=((found.run.name, _tiles(found)),),
-        tables=(_budget(found), _compared(found)),
-        figures=(_parts(found), _held(found), _error(found)),
+        tables=(_budget(found), _compared(found), *([_contours(found)] if _several(found) else [])),
+        figures=(
+            *([_against_budget(found)] if _several(found) else []),
+            _parts(found),
+            _derating(found),
+            _error(found),
+        ),
         notes=_notes(found),
     )
+
+
+_SEVERAL = (
+    " Every contour is judged while the process is at work on it, in the execution of the whole; "
+    "rapids are judged by the limits of the joints alone."
+)
+
+
+def _several(found: Certificate) -> bool:
+    return len(found.contours) > 1
 
 
 def _tiles(found: Certificate) -> tuple[Tile, ...]:
@@ -48,7 +65,7 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
         Tile(
             label="contour error, largest",
             value=f"{budget.executed * 1e3:.5f} mm",
-            note="servo, command interval and box",
+            note=f"on {found.worst.name}" if _several(found) else "servo, command interval and box",
         ),
         Tile(
             label="left of the tolerance",
@@ -61,17 +78,29 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
             note="saturated " + ", ".join(f"{x:.1%}" for x in e.saturated) + " of the time",
         ),
         Tile(
-            label="acceleration held back",
+            label="acceleration derated",
             value=", ".join(f"{x:.2%}" for x in found.headroom),
             note="mean; at most " + ", ".join(f"{x:.1%}" for x in found.largest_headroom),
         ),
-        Tile(
-            label="smoothing",
-            value=" + ".join(f"{x * 1e3:.3g}" for x in found.windows) + " ms"
-            if found.windows
-            else "none",
-            note=f"moving averages of s(t); {found.trials} plans tried",
-        ),
+        _work(found) if _several(found) else _smoothing(found),
+    )
+
+
+def _smoothing(found: Certificate) -> Tile:
+    windows = " + ".join(f"{x * 1e3:.3g}" for x in found.windows)
+    return Tile(
+        label="smoothing",
+        value=f"{windows} ms" if windows else "none",
+        note=f"moving averages of s(t); {found.trials} plans tried",
+    )
+
+
+def _work(found: Certificate) -> Tile:
+    pauses = f"; pauses {found.pauses * 1e3:.3g} ms" if found.pauses > 0 else ""
+    return Tile(
+        label="contours certified",
+        value=f"{len(found.contours)}",
+        note=f"{found.trials} plans tried{pauses}",
     )
 
 
@@ -85,7 +114,81 @@ def _budget(found: Certificate) -> Table:
     if found.corners is not None:
         rows.append(("worst robot of the box", _mm(budget.box)))
     rows += [("sum", _mm(budget.total)), ("left", _mm(budget.left))]
-    return Table(header=("part of the contour error", "largest"), rows=tuple(rows))
+    caption = f"On {found.worst.name}, which has the least left" if _several(found) else ""
+    header = ("part of the contour error", "largest")
+    return Table(header=header, rows=tuple(rows), caption=caption)
+
+
+def _contours(found: Certificate) -> Table:
+    """A row for every contour, or for those with the least left, and one for the whole."""
+    contours, optimum = list(found.contours), found.uncertified.duration
+    caption = "Contours in order"
+    if len(contours) > MOST_ROWS:
+        contours = sorted(contours, key=lambda x: x.budget.left)[:MOST_ROWS]
+        caption = (
+            f"The {MOST_ROWS} of {len(found.contours)} contours with the least left; all are in "
+            "summary.json"
+        )
+    rows = [
+        (
+            x.name,
+            f"{x.t[0]:.3f} s",
+            f"{x.duration:.4f} s",
+            f"{(x.duration - x.optimum) * 1e3:+.1f} ms",
+            _mm(x.budget.executed),
+            _mm(x.error.rms),
+            _mm(x.budget.left),
+            " + ".join(f"{w * 1e3:.3g}" for w in x.windows) + " ms" if x.windows else "none",
+            f"{x.headroom.max():.2%}",
+        )
+        for x in contours
+    ]
+    error = found.evaluation.contour_error
+    rows.append(
+        (
+            "whole program",
+            "0.000 s",
+            f"{found.duration:.4f} s",
+            f"{(found.duration - optimum) * 1e3:+.1f} ms",
+            _mm(found.budget.executed),
+            _mm(error.rms),
+            _mm(found.budget.left),
+            "",
+            f"{found.headroom.max():.2%}",
+        )
+    )
+    header = (
+        *("contour", "start", "motion", "to the optimum", "largest error", "RMS error", "left"),
+        *("smoothing", "derated, mean"),
+    )
+    return Table(header=header, rows=tuple(rows), caption=caption)
+
+
+def _against_budget(found: Certificate) -> Any:
+    """The largest error of every contour, below what is allowed."""
+    import plotly.graph_objects as go
+
+    contours = found.contours
+    number = np.arange(1, len(contours) + 1)
+    figure = go.Figure(
+        go.Bar(
+            x=number,
+            y=[x.budget.executed * 1e3 for x in contours],
+            name="certified",
+            marker={"color": EXECUTED_COLOUR},
+            customdata=[x.name for x in contours],
+            hovertemplate="%{customdata}: %{y:.5g} mm<extra></extra>",
+        )
+    )
+    ends = [0.5, len(contours) + 0.5]
+    allowed = found.budget.servo_allowed * 1e3
+    figure.add_trace(line(ends, [allowed] * 2, "allowed", LIMIT_COLOUR, dash="dash", width=1.5))
+    figure.update_xaxes(title="contour")
+    if len(contours) <= MOST_ROWS:
+        names = [x.name.removeprefix("contour ") for x in contours]
+        figure.update_xaxes(tickvals=number, ticktext=names)
+    figure.update_yaxes(type="log", title="largest contour error [mm]")
+    return finish(figure, title="Contours against what is allowed", height=360)
 
 
 def _compared(found: Certificate) -> Table:
@@ -151,18 +254,27 @@ def _parts(found: Certificate) -> Any:
     return finish(figure, title="Parts of the contour error", height=360)
 
 
-def _held(found: Certificate) -> Any:
-    """What is left of every joint's acceleration limit along the path."""
+def _derating(found: Certificate) -> Any:
+    """What is left of every joint's acceleration limit along the contours, one after the other."""
     import plotly.graph_objects as go
 
-    held, figure = found.held, go.Figure()
-    middle = (held.cells[:-1] + held.cells[1:]) / 2
+    figure = go.Figure()
+    starts = np.cumsum([0.0, *(x.path.length for x in found.contours)])
+    helds = [x.held for x in found.contours]
+    # A gap after every contour.
+    places = [
+        np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
+        for start, x in zip(starts[:-1], helds, strict=True)
+    ]
     for j, name in enumerate(found.job.arm.joint_names):
-        s, left = thin(middle, held.share[:, j])
+        shares = [np.append(x.share[:, j], np.nan) for x in helds]
+        s, left = thin(np.concatenate(places), np.concatenate(shares))
         figure.add_trace(line(s, left * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
-    figure.update_xaxes(title="arc length [m]")
+    figure.update_xaxes(
+        title="arc length of the contours [m]" if _several(found) else "arc length [m]"
+    )
     figure.update_yaxes(title="acceleration limit left [%]")
-    return finish(figure, title="What was held back", height=360)
+    return finish(figure, title="How limits are derated", height=360)
 
 
 def _error(found: Certificate) -> Any:
@@ -187,9 +299,10 @@ def _notes(found: Certificate) -> tuple[str, ...]:
     notes = []
     if found.spread is not None:
         drawn = found.spread
+        where = f", {found.worst.name}" if _several(found) else ""
         notes.append(
-            f"{len(drawn)} robots drawn from the box (seed {drawn.seed}): the worst has a contour "
-            f"error of {_mm(drawn.max.max())}."
+            f"{len(drawn)} robots drawn from the box (seed {drawn.seed}){where}: the worst has a "
+            f"contour error of {_mm(drawn.max.max())}."
         )
     if found.corners is not None:
         notes.append(

@@ -1,0 +1,117 @@
+"""What the joints do before a motion, as far back as the servo still feels it.
+
+The response of a servo to what was before dies out, so a motion is executed with as much of it as
+makes a difference, and not with the whole program. Set-points come at the same phase of the command
+interval as in the whole program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour.certification._uses import Robot
+from armcontour.motion import Law, Span, TaughtData, Trajectory, stand_still
+from armcontour.servo import ServoModel
+
+# What is left of a motion after so many of the servo's slowest time constants is 2e-9 of it: of
+# errors of millimetres, picometres.
+FORGOTTEN = 20.0
+# A phase of the command interval that is below this share of it is none.
+SAME_PHASE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Approach:
+    """Laws before a motion, the first of which starts from rest.
+
+    Args:
+        laws: The laws; none for the first motion of a program.
+    """
+
+    laws: tuple[Law, ...]
+
+    @classmethod
+    def of(cls, before: Sequence[Law], robot: Robot) -> Approach:
+        """The last laws that the servo still feels when they have ended.
+
+        Joints rest between any two laws of a program. The first position before the laws is held
+        for what brings the set-points to their phase in the whole program.
+
+        Args:
+            before: All laws from the start of the program on.
+            robot: The robot and its command interval.
+        """
+        lasts, k = 0.0, len(before)
+        while k > 0 and lasts < memory(robot):
+            k -= 1
+            lasts += before[k].breaks[-1]
+        laws = tuple(before[k:])
+        period = robot.run.period
+        phase = float(sum(x.breaks[-1] for x in before[:k])) / period
+        standing = (phase - np.floor(phase)) * period
+        if SAME_PHASE * period < standing < (1 - SAME_PHASE) * period:
+            first = laws[0].on_interval(np.zeros(1, dtype=np.intp), np.zeros(1), 0)[0]
+            laws = (stand_still(first, float(standing)), *laws)
+        return cls(laws=laws)
+
+    @property
+    def duration(self) -> float:
+        """Of all laws [s]."""
+        return float(sum(x.breaks[-1] for x in self.laws))
+
+    def teach(self, plan: Trajectory, robot: Robot, period: float | None = None) -> TaughtData:
+        """Taught data of a plan that starts with what leads to it, before the time 0.
+
+        Args:
+            plan: The plan, which starts where the laws end.
+            robot: The robot.
+            period: Time between set-points; by default the command interval [s].
+        """
+        if not self.laws:
+            return robot.teach(plan, period)
+        taught = robot.teach(Trajectory(laws=(*self.laws, *plan.laws), method=plan.method), period)
+        return TaughtData(
+            period=taught.period,
+            q=taught.q,
+            trajectory=plan,
+            method=taught.method,
+            start_time=taught.start_time - self.duration,
+        )
+
+
+def approaches(plan: Trajectory, robot: Robot) -> Iterator[tuple[Span, Approach]]:
+    """The contours of a plan, each with what comes before.
+
+    Args:
+        plan: The plan of a program.
+        robot: The robot.
+    """
+    count = 0
+    for span in plan.spans:
+        if span.kind == "contour":
+            yield span, Approach.of(plan.laws[:count], robot)
+        count += 1 if span.trajectory is None else len(span.trajectory.laws)
+
+
+def memory(robot: Robot) -> float:
+    """Time after which the servo, or the compensator, has forgotten a motion [s]."""
+    box, servo = robot.box, robot.servo
+    dof = robot.arm.dof
+    gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
+    late = servo.dead_time
+    slow = ServoModel(
+        kp=servo.kp * (1 - gains[0]),
+        kv=None if servo.kv is None else servo.kv * (1 - gains[1]),
+        order=servo.order,
+    )
+    rates = [slow.slowest]
+    poles = robot.run.compensation_options.get("poles")
+    if poles is not None:
+        rates.append(float(np.abs(np.real(np.asarray(poles, dtype=np.complex128))).min()))
+    if box is not None:
+        late = late + _checks.per_joint("dead_time of the box", box.dead_time, dof, "s")
+    return FORGOTTEN / min(rates) + float(late.max())

@@ -1,0 +1,136 @@
+"""Rapids of a certified program: as fast as no joint is asked for more than it has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
+from armcontour.certification._approach import Approach
+from armcontour.certification._uses import (
+    OUTSIDE,
+    Robot,
+    execute_over_box,
+    peak_demands,
+    run,
+)
+from armcontour.errors import NotRealizable
+from armcontour.evaluation import check
+from armcontour.motion import Execution, JointPath, Law, TaughtData, Trajectory, smooth
+from armcontour.servo import ServoModel
+from armcontour.timing.methods import plan_rapid
+
+# Lengths of the moving averages in command intervals, of which the fastest is taken.
+WINDOWS = ((0.5, 0.5), (1.0,), (1.0, 1.0))
+# Plans with the same windows; each takes what the last one exceeded off its limits.
+MOST_TRIALS = 12
+# Limits are aimed at with this share of them, so that the contour after a rapid finds none used up.
+GOAL = 1 - 1e-5
+POINTS = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Derated:
+    """A rapid that keeps its limits when it is executed.
+
+    Args:
+        windows: Of the moving averages [s].
+        factors: What is left of limits along it, by their names.
+        trajectory: The plan.
+    """
+
+    windows: tuple[float, ...]
+    factors: dict[str, float]
+    trajectory: Trajectory
+
+
+def fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) -> Derated:
+    """The fastest rapid found that asks no joint of any robot of the box for more than it has.
+
+    A joint that saturates in a rapid would be late where the contour starts. So no rapid saturates
+    a joint by itself, even where contours may; there the rapid is executed from rest.
+
+    Args:
+        joint_path: The way of the joints.
+        before: What they do before.
+        robot: The robot.
+
+    Raises:
+        NotRealizable: There is none.
+    """
+    approach = Approach.of(() if robot.saturated else before, robot)
+    # On a plant that saturates demands grow out of all proportion.
+    robot = replace(robot, saturated=False)
+    found = [
+        x
+        for multiples in WINDOWS
+        if (x := _settled(joint_path, approach, robot, multiples)) is not None
+    ]
+    if not found:
+        raise NotRealizable(
+            f"No rapid keeps its limits when it is executed, after {MOST_TRIALS} plans of it: its "
+            f"set-points come every {robot.run.period * 1e3:g} ms; take a shorter command "
+            "interval, or linear interpolation.",
+            limit="joint_acceleration",
+        )
+    return min(found, key=lambda x: x.trajectory.duration)
+
+
+def _settled(
+    joint_path: JointPath, approach: Approach, robot: Robot, multiples: tuple[float, ...]
+) -> Derated | None:
+    windows = tuple(x * robot.run.period for x in multiples)
+    factors: dict[str, float] = {}
+    for _ in range(MOST_TRIALS):
+        left = {name: getattr(robot.limits, name) * share for name, share in factors.items()}
+        plan = plan_rapid(joint_path, robot.arm, robot.limits.replace(**left))
+        plan = smooth(plan, *windows)
+        over = {name: x for name, x in _uses(plan, approach, robot).items() if x > 1}
+        if not over:
+            return Derated(windows=windows, factors=factors, trajectory=plan)
+        for name, ratio in over.items():
+            factors[name] = factors.get(name, 1.0) * GOAL / ratio
+    return None
+
+
+def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float]:
+    """The largest shares of limits that a rapid takes, its set-points and its executions."""
+    free = robot.limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
+    found = {x.name: x.ratio for x in check(plan, robot.arm, free, points=POINTS).uses}
+    known = type(free).__dataclass_fields__
+    uses = {name: ratio for name, ratio in found.items() if name in known}
+    taught = approach.teach(plan, robot)
+    robots = [(robot.servo, run(robot, taught))]
+    if robot.box is not None:
+        groups = execute_over_box(robot, taught)
+        robots += [x for group in groups for x in zip(group.servos, group.runs, strict=True)]
+    since = 0.0 if approach.laws else None
+    demand = max(_demand(robot, x, servo, since) for servo, x in robots)
+    for name in ("joint_acceleration", "joint_deceleration"):
+        if getattr(free, name) is not None:
+            uses[name] = max(uses.get(name, 0.0), demand)
+    if free.joint_velocity is not None:
+        uses["joint_velocity"] = max(uses.get("joint_velocity", 0.0), _command(robot, taught))
+    return uses
+
+
+def _demand(robot: Robot, executed: Execution, servo: ServoModel, since: float | None) -> float:
+    """The largest demand of a joint over its limit."""
+    if servo.order == "first":
+        return 0.0
+    low, high = robot.limits.acceleration_bounds(robot.arm.dof)
+    least, most = peak_demands(executed, servo, since)
+    return float(np.maximum(least / low, most / high).max())
+
+
+def _command(robot: Robot, taught: TaughtData) -> float:
+    """The largest share of joint velocities that set-points take; above 1 out of joints' ranges."""
+    dof = robot.arm.dof
+    now = taught.q[np.searchsorted(taught.t, 0.0) :]
+    rate = np.abs(np.diff(now, axis=0)) / taught.period
+    share = (rate / or_unlimited(robot.limits.joint_velocity, dof)).max(initial=0.0)
+    lower, upper = robot.limits.joint_range(dof)
+    outside = bool(((now < lower) | (now > upper)).any())
+    return max(float(share), OUTSIDE if outside else 0.0)

@@ -1,0 +1,59 @@
+"""The refusal of a certificate: what binds, and what would mend it."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from armcontour.certification._search import Search
+from armcontour.errors import NotRealizable
+
+
+def refuse(search: Search) -> NoReturn:
+    """Say what binds, by how much, and what would mend it."""
+    setting, goal = search.setting, search.goal
+    kind, ratio = search.binds
+    slow = f"within {goal.slowest:g} times the {search.optimum:.4g} s of the uncertified optimum"
+    longer = "a larger slowest"
+    hold = setting.servo.interpolation == "step"
+    shorter = "linear interpolation" if hold else "a shorter command interval"
+    if not kind:
+        raise NotRealizable(
+            f"No plan {slow} is certified: smoothing over the command interval alone takes longer; "
+            f"take {longer}.",
+            limit="slowest",
+            allowed=goal.slowest,
+        )
+    if kind == "acceleration":
+        raise NotRealizable(
+            f"No plan {slow} is certified: its set-points ask a joint for {ratio:.4g} times the "
+            f"acceleration that it has, as they come every {search.setting.run.period * 1e3:g} ms"
+            f"{' and are held' if hold else ''}: take {shorter}, saturation: report, or {longer}.",
+            limit="joint_acceleration",
+            needed=ratio,
+            allowed=1.0,
+        )
+    if kind == "speed":
+        raise NotRealizable(
+            f"No plan {slow} is certified: a bound of its speed, or a command outside a joint's "
+            f"range, is exceeded by {ratio - 1:.2g} of it: raise the limit, keep the path further "
+            f"from the ends of the joints' ranges, or take {longer}.",
+            limit="speed",
+            needed=ratio,
+            allowed=1.0,
+        )
+    # Of trials that came nearer, something else was beyond its limit.
+    reached = search.reached if search.reached > setting.budget else ratio * setting.budget
+    over = " of the worst robot of the box" if kind == "box" else ""
+    mend = (
+        "know the robot more closely (a smaller box), slow down the assigned velocity"
+        if kind == "box"
+        else f"take {shorter}"
+    )
+    raise NotRealizable(
+        f"No plan {slow} is certified: the largest contour error{over} comes down to "
+        f"{reached * 1e3:.4g} mm, and {setting.budget * 1e3:.4g} mm is allowed: {mend}, "
+        f"take {longer}, or allow more.",
+        limit="contour error",
+        needed=reached,
+        allowed=setting.budget,
+    )

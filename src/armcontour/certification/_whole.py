@@ -1,0 +1,368 @@
+"""A program put together of certified contours, executed and judged as one.
+
+Moves are planned in their order. What a servo does on a contour depends on what it did before, and
+on nothing that comes later; so every contour is searched for as it will be executed: after the
+moves before it, with its set-points at their phase of the command interval. The whole is then
+executed once, and judged once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from armcontour._progress import Progress, Step, under
+from armcontour.arms import Arm
+from armcontour.certification._approach import Approach
+from armcontour.certification._rapids import Derated, fastest_rapid
+from armcontour.certification._refusal import refuse
+from armcontour.certification._search import (
+    KEPT,
+    POINTS,
+    RESOLUTION,
+    Kept,
+    Search,
+)
+from armcontour.certification._uses import SAME, Robot, Setting, execute_over_box, run
+from armcontour.errors import NotRealizable
+from armcontour.evaluation import Check, check
+from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.pieces import pieces_of
+from armcontour.execution import execute
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Job
+from armcontour.motion import Execution, JointPath, Law, Span, TaughtData, Trajectory
+from armcontour.program import Program, contour_called
+from armcontour.timing import intervals_of
+from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.programs import time_program
+
+# What is left of a rapid where the contour after it starts may take this share of the budget.
+ENTRY = 0.25
+# The whole is judged at more times than the trials were. If a contour of it is outside, that
+# contour and those after it are searched for again, with goals this much closer, so often at most.
+MOST_ROUNDS = 4
+CLOSER = 0.99
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlannedContour:
+    """The plan of a contour, and what it was found by.
+
+    Args:
+        setting: What was fixed.
+        joint_path: The path.
+        approach: What the joints do before.
+        kept: The plan.
+        trials: How many were made.
+    """
+
+    setting: Setting
+    joint_path: JointPath
+    approach: Approach
+    kept: Kept
+    trials: int
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The plan, from 0."""
+        return self.kept.trial.trajectory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Whole:
+    """A program whose contours all hold their goal.
+
+    Args:
+        robot: The robot.
+        objective: The program before its corners were rounded.
+        program: The program that was planned.
+        trajectory: Its plan.
+        spans: When its contours are, in order.
+        taught: Its taught data.
+        execution: On the robot.
+        errors: Contour errors of that, contour by contour.
+        check: Of the plan against all of its limits.
+        contours: How the contours were found.
+        rapids: How the rapids were.
+        traced: What the joints follow along its moves.
+    """
+
+    robot: Robot
+    objective: Program
+    program: Program
+    trajectory: Trajectory
+    spans: tuple[Span, ...]
+    taught: TaughtData
+    execution: Execution
+    errors: tuple[ErrorProfile, ...]
+    check: Check
+    contours: tuple[PlannedContour, ...]
+    rapids: tuple[Derated, ...]
+    traced: Tracing
+
+    @property
+    def worst(self) -> float:
+        """Largest contour error, over the box if there is one [m]."""
+        return max([x.kept.worst for x in self.contours] + [x.max for x in self.errors])
+
+
+Planned = PlannedContour | Derated | float
+
+
+@dataclass(slots=True, kw_only=True)
+class Assembly:
+    """Plans the moves of a program in order, each after those before it.
+
+    Args:
+        job: The job.
+        robot: The robot.
+        goal: What every contour is to hold.
+        budget: Largest contour error, over the box if there is one [m].
+        objective: The program before its corners were rounded.
+        program: The program to plan.
+        progress: Called with a step before each trial.
+
+    Attributes:
+        trials: How many plans of contours were made.
+    """
+
+    job: Job
+    robot: Robot
+    goal: Goal
+    budget: float
+    objective: Program
+    program: Program
+    progress: Progress
+    trials: int = 0
+    # Tracing does not depend on timing: all rounds share it.
+    _traced: Tracing | None = None
+    # What is planned, in the order in which it is needed, and how much of it this round has used.
+    _done: list[Planned] = field(default_factory=list)
+    _used: int = 0
+    # At which share of their goals the trials of a contour aim.
+    _margins: dict[int, float] = field(default_factory=dict)
+
+    def whole(self) -> Whole:
+        """The program, every contour of which holds the goal when all of it is executed.
+
+        Raises:
+            NotRealizable: There is none; the sentence names the contour.
+            ArmContourError: As tracing and planning raise it.
+        """
+        outside: Outside | None = None
+        for _ in range(MOST_ROUNDS):
+            found = self._put_together()
+            outside = _first_outside(found, self.goal, self.budget)
+            if outside is None:
+                return found
+            number = outside.number
+            self._margins[number] = self._margins.get(number, 1.0) * CLOSER
+            # Moves before that contour do not depend on it.
+            where = [k for k, x in enumerate(self._done) if isinstance(x, PlannedContour)]
+            del self._done[where[number] :]
+        assert outside is not None
+        raise NotRealizable(
+            f"{contour_called(self.program.contours[outside.number], outside.number)}: in the "
+            f"whole program {outside.said}, though its plan was searched for {MOST_ROUNDS} times "
+            "with closer goals: allow more, or give the program a dwell before that contour.",
+            limit=outside.limit,
+            needed=outside.needed,
+            allowed=outside.allowed,
+        )
+
+    def _put_together(self) -> Whole:
+        self._used = 0
+        if self._traced is None:
+            self._traced = trace_program(
+                self.program,
+                self.robot.arm,
+                self.robot.limits,
+                branch=self.job.branch,
+                start=self.job.start,
+            )
+        trajectory = time_program(self._traced, self)
+        contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
+        spans = trajectory.contour_spans
+        taught, execution, errors, checked = self._executed(trajectory, contours)
+        return Whole(
+            robot=self.robot,
+            objective=self.objective,
+            program=self.program,
+            trajectory=trajectory,
+            spans=spans,
+            taught=taught,
+            execution=execution,
+            errors=errors,
+            check=checked,
+            contours=contours,
+            rapids=tuple(x for x in self._done if isinstance(x, Derated)),
+            traced=self._traced,
+        )
+
+    def _executed(
+        self, trajectory: Trajectory, contours: Sequence[PlannedContour]
+    ) -> tuple[TaughtData, Execution, tuple[ErrorProfile, ...], Check]:
+        """The taught data of the whole, its execution, contour errors and check."""
+        robot = self.robot
+        if len(trajectory.spans) < 2:
+            # The only contour was executed as the whole is.
+            kept = contours[0].kept
+            assert kept.execution is not None
+            taught = replace(kept.trial.taught, trajectory=trajectory)
+            return taught, replace(kept.execution, taught=taught), (kept.error,), kept.check
+        self.progress(Step(("the whole program",)))
+        taught = robot.teach(trajectory)
+        executed = execute(taught, robot.plant(), resolution=RESOLUTION, memory=robot.memory)
+        pieces = pieces_of(executed, self.program, None, trajectory.duration)
+        errors = tuple(x.contour_error for x in pieces)
+        return taught, executed, errors, check(trajectory, robot.arm, robot.limits, points=POINTS)
+
+    @property
+    def arm(self) -> Arm:
+        """The arm that moves."""
+        return self.robot.arm
+
+    def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
+        """The fastest motion along the next contour that holds the goal."""
+        found = self._recalled(lambda: self._searched(joint_path, before))
+        assert isinstance(found, PlannedContour)
+        return found.trajectory
+
+    def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
+        """The fastest rapid that asks no joint for more than it has."""
+        found = self._recalled(lambda: fastest_rapid(joint_path, before, self.robot))
+        assert isinstance(found, Derated)
+        return found.trajectory
+
+    def pause(self, before: Sequence[Law]) -> float:
+        """How long the joints stand still until little enough is left of a rapid [s]."""
+        found = self._recalled(lambda: _settling(before, self.robot, ENTRY * self.budget))
+        assert isinstance(found, float)
+        return found
+
+    def _recalled(self, plan: Callable[[], Planned]) -> Planned:
+        """What an earlier round has planned, or else a new plan."""
+        if self._used == len(self._done):
+            self._done.append(plan())
+        self._used += 1
+        return self._done[self._used - 1]
+
+    def _searched(self, joint_path: JointPath, before: Sequence[Law]) -> PlannedContour:
+        """The fastest plan of the next contour that holds the goal.
+
+        Raises:
+            NotRealizable: There is none.
+        """
+        program = self.program
+        number = sum(1 for x in self._done if isinstance(x, PlannedContour))
+        contour, count = program.contours[number], len(program.contours)
+        alone = len(program.moves) == 1
+        whole_path = (0.0, contour.path.length)
+        setting = Setting(
+            **{x.name: getattr(self.robot, x.name) for x in fields(Robot)},
+            path=contour.path,
+            work=contour.work if alone else contour.work or whole_path,
+            budget=self.budget,
+            rms=self.goal.rms,
+        )
+        names = (f"contour {number + 1} of {count}",) if count > 1 else ()
+        search = Search(
+            setting,
+            joint_path,
+            Approach.of(before, self.robot),
+            self.goal,
+            under(self.progress, *names),
+            intervals=intervals_of(program),
+            margin=self._margins.get(number, 1.0),
+        )
+        kept = search.fastest()
+        self.trials += search.trials
+        if kept is None:
+            refuse(search)
+        if not alone:
+            # Its results are those of the whole: what a program of many would keep is too much.
+            kept = replace(kept, execution=None)
+        return PlannedContour(
+            setting=setting,
+            joint_path=joint_path,
+            approach=search.approach,
+            kept=kept,
+            trials=search.trials,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outside:
+    """What a contour does not hold in the whole program.
+
+    Args:
+        number: Of the contour, from 0.
+        said: In words.
+        limit: What is exceeded.
+        needed: Its value.
+        allowed: The largest that is allowed.
+    """
+
+    number: int
+    said: str
+    limit: str
+    needed: float
+    allowed: float
+
+
+def _first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | None:
+    """The first contour that does not hold its goal in the whole; None if all do."""
+    for k, error in enumerate(whole.errors):
+        for words, value, allowed in (
+            ("largest contour error", error.max, budget),
+            ("RMS contour error", error.rms, goal.rms or np.inf),
+        ):
+            if value > allowed:
+                said = f"its {words} is {value * 1e3:.5g} mm, and {allowed * 1e3:.5g} mm is allowed"
+                return Outside(
+                    number=k, said=said, limit="contour error", needed=value, allowed=allowed
+                )
+    over = [(x.t, x.name, x.ratio) for x in whole.check.uses if x.ratio > 1 + KEPT]
+    over += _demands(whole)
+    if not over:
+        return None
+    t, name, ratio = min(over)
+    number = max(0, sum(1 for x in whole.spans if x.t[0] <= t) - 1)
+    said = f"a motion up to its end takes {ratio:.9g} times its {name.replace('_', ' ')}"
+    return Outside(number=number, said=said, limit=name, needed=ratio, allowed=1.0)
+
+
+def _demands(whole: Whole) -> list[tuple[float, str, float]]:
+    """Where joints are asked for more acceleration than they have, if that is refused."""
+    robot, executed = whole.robot, whole.execution
+    if robot.saturated or robot.servo.order == "first":
+        return []
+    low, high = robot.limits.acceleration_bounds(robot.arm.dof)
+    least, most = executed.demand_range
+    ratio = float(np.maximum(least / low, most / high).max())
+    if ratio <= 1 + SAME:
+        return []
+    share = np.maximum(executed.demand / high, executed.demand / low).max(axis=1)
+    return [(float(executed.t[np.argmax(share)]), "joint_acceleration", ratio)]
+
+
+def _settling(before: Sequence[Law], robot: Robot, near: float) -> float:
+    """How long the tool needs after some laws until it stays near to where they end [s].
+
+    Args:
+        before: All laws from the start of the program on.
+        robot: The robot; with a box, the slowest of its corners counts.
+        near: Largest distance [m].
+    """
+    approach = Approach.of(before, robot)
+    plan = Trajectory(laws=approach.laws, method="approach")
+    taught = robot.teach(plan)
+    runs = [run(robot, taught)]
+    if robot.box is not None:
+        runs += [x for group in execute_over_box(robot, taught) for x in group.runs]
+    goal = robot.arm.forward(plan(plan.duration, side="left"))
+    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > near] for x in runs]
+    return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])

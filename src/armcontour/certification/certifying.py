@@ -1,0 +1,389 @@
+"""A certificate: the fastest plan whose execution holds a tolerance, on the model it names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from armcontour._progress import Progress, Step, under
+from armcontour.certification._approach import approaches
+from armcontour.certification._search import RESOLUTION
+from armcontour.certification._uses import Robot
+from armcontour.certification._uses import run as run_on
+from armcontour.certification._whole import Assembly, PlannedContour, Whole
+from armcontour.certification.certificate import (
+    Budget,
+    Certificate,
+    ContourCertificate,
+    Uncertified,
+)
+from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
+from armcontour.evaluation import evaluate
+from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.pieces import pieces_of
+from armcontour.execution import execute
+from armcontour.geometry import Path, RoundedPath
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Job, Rounding, Run
+from armcontour.jobs.study import on_bodies, programs_of
+from armcontour.motion import Method, Trajectory
+from armcontour.program import Program, contour_called
+from armcontour.robustness.monte_carlo import worst_corner
+from armcontour.timing import intervals_of, refuse_jerk
+from armcontour.timing.methods import Timing
+from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.programs import time_program
+
+# A command interval this many times shorter is taken for none, but not below this time [s].
+CONTINUOUS = 20
+SHORTEST = 1e-4
+# Of a total tolerance without a budget for the servo, the servo gets these shares, one after the
+# other until one will do, and on while that makes a plan faster whose error comes near to its
+# budget; what it does not need is given back.
+SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
+NEAR = 0.9
+# When it is given back, the servo keeps this much more than it needed: the plan changes a little.
+KEPT_FOR_SERVO = 1.5
+# Corners are not rounded again for less than this share of the tolerance.
+LEAST_GAIN = 1e-3
+
+
+def certify(
+    job: Job, run: str | None = None, *, progress: Progress | None = None, **overrides: Any
+) -> Certificate:
+    """The fastest plan of a job whose execution holds its tolerance.
+
+    Whatever method of timing the run names, the plan is an optimal one, smoothed and held back
+    where that is needed; compensation, command interval and limits are the run's. It holds for the
+    real servo that the job names, and for no other model.
+
+    Args:
+        job: The job; what is to be held is its certificate.
+        run: Name of the run; by default the certificate's.
+        progress: Called with a step, which has a few words for its name, before every trial.
+        overrides: Of the certificate's `Goal`, or all of it where the job has none.
+
+    Raises:
+        InvalidInput: Nothing to hold, or a run that is not to be found.
+        NotRealizable: No plan holds it; the sentence says what binds and what would mend it.
+        ArmContourError: As the steps raise it.
+    """
+    goal = goal_of(job, overrides)
+    this = run_of(job, goal.run if run is None else run)
+    refuse_jerk(this.limits, this.ignore_jerk)
+    search = _Certifying(job, this, goal, under(progress))
+    return search.certificate()
+
+
+def goal_of(job: Job, overrides: dict[str, Any]) -> Goal:
+    """What is to be held: the job's certificate, with some of it replaced.
+
+    Raises:
+        InvalidInput: Nothing to hold, or an unknown name.
+    """
+    known = Goal.__dataclass_fields__
+    for name in overrides:
+        if name not in known:
+            raise InvalidInput(f"certify knows no {name!r}: it takes {', '.join(known)}.")
+    if job.certificate is None:
+        return Goal(**overrides)
+    return replace(job.certificate, **overrides)
+
+
+def run_of(job: Job, name: str | None) -> Run:
+    """The run of that name, or else the only optimal one.
+
+    Raises:
+        InvalidInput: There is no such run, or more than one.
+    """
+    if name is not None:
+        for x in job.runs:
+            if x.name == name:
+                return x
+        names = ", ".join(x.name for x in job.runs)
+        raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+    able = [x for x in job.runs if x.timing == "optimal"]
+    if len(able) != 1:
+        names = ", ".join(x.name for x in able or job.runs)
+        raise InvalidInput(f"Say which run of the job {job.name} is to be certified: {names}.")
+    return able[0]
+
+
+class _Certifying:
+    """One call of `certify`."""
+
+    def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
+        self.job, self.this, self.goal, self.progress = job, this, goal, progress
+        self.trials = 0
+        # Where nothing is rounded the whole tolerance is the servo's.
+        self.rounds = False
+        if goal.tolerance is not None:
+            rounded_by_all = programs_of(job, _rounded(this, goal.tolerance))[1]
+            self.rounds = max(rounding_part(x.path) for x in rounded_by_all.contours) > 0
+
+    def certificate(self) -> Certificate:
+        """The certificate, or a refusal."""
+        goal = self.goal
+        if goal.tolerance is None or not self.rounds:
+            budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
+            assert budget is not None
+            return self._finished(self._searched(self.this, budget))
+        shares = SERVO_SHARES if goal.servo is None else (goal.servo / goal.tolerance,)
+        best: _Found | None = None
+        for share in shares:
+            budget = share * goal.tolerance
+            this = _rounded(self.this, goal.tolerance - budget)
+            last = share == shares[-1] and best is None
+            found = self._searched(this, budget) if last else self._tried(this, budget)
+            if best is not None and (found is None or found.duration >= best.duration):
+                break
+            best = found
+            if best is not None and best.whole.worst < NEAR * budget:
+                break
+        assert best is not None  # the last share refuses by itself
+        return self._finished(self._given_back(best))
+
+    def _given_back(self, found: _Found) -> _Found:
+        """The same with corners that take what the servo did not need, if that is faster."""
+        assert self.goal.tolerance is not None
+        needed = KEPT_FOR_SERVO * found.whole.worst
+        if needed > found.budget - LEAST_GAIN * self.goal.tolerance:
+            return found
+        better = self._tried(_rounded(self.this, self.goal.tolerance - needed), needed)
+        return found if better is None or better.duration >= found.duration else better
+
+    def _tried(self, this: Run, budget: float) -> _Found | None:
+        """The fastest plan with one rounding, or None."""
+        try:
+            return self._searched(this, budget)
+        except NotRealizable:
+            return None
+
+    def _searched(self, this: Run, budget: float) -> _Found:
+        """The fastest plan with one rounding."""
+        job, goal = self.job, self.goal
+        self.progress(Step(("tracing",)))
+        objective, program = programs_of(job, this)
+        dof = job.arm.dof
+        robot = Robot(
+            arm=job.arm,
+            limits=this.limits.for_joints(dof),
+            model=job.servo.for_joints(dof),
+            servo=job.plant_servo.for_joints(dof),
+            saturated=goal.saturation == "report",
+            box=goal.box,
+            run=this,
+            memory=job.memory,
+        )
+        assembly = Assembly(
+            job=job,
+            robot=robot,
+            goal=goal,
+            budget=budget,
+            objective=objective,
+            program=program,
+            progress=self.progress,
+        )
+        try:
+            return _Found(this, budget, assembly.whole())
+        finally:
+            self.trials += assembly.trials
+
+    def _finished(self, found: _Found) -> Certificate:
+        """The certificate of the plan that was found, judged once more as a whole."""
+        job, this, whole = self.job, found.this, found.whole
+        self.progress(Step(("evaluation",)))
+        objective, path = whole.objective, whole.program
+        result = evaluate(
+            whole.execution,
+            path,
+            objective=objective,
+            limits=whole.robot.limits,
+            until=this.until,
+        )
+        experiment, failure = None, None
+        if this.experiment is not None:
+            self.progress(Step(("experiment",)))
+            try:
+                experiment = on_bodies(job, this, whole.taught, path, objective)
+            except ExecutionError as error:
+                failure = error
+        fastest, uncertified = self._uncertified(found)
+        spans = fastest.contour_spans
+        return Certificate(
+            job=job,
+            run=this,
+            goal=self.goal,
+            model=model_of(whole.robot),
+            objective=objective,
+            path=path,
+            trajectory=whole.trajectory,
+            taught=whole.taught,
+            execution=whole.execution,
+            evaluation=result,
+            check=whole.check,
+            contours=tuple(
+                self._contour(found, k, span.t[1] - span.t[0]) for k, span in enumerate(spans)
+            ),
+            rapids=whole.rapids,
+            uncertified=uncertified,
+            trials=self.trials,
+            experiment=experiment,
+            failure=failure,
+        )
+
+    def _contour(self, found: _Found, k: int, optimum: float) -> ContourCertificate:
+        """What holds for one contour of the whole."""
+        whole = found.whole
+        planned, span, error = whole.contours[k], whole.spans[k], whole.errors[k]
+        kept = planned.kept
+        assert span.work is not None
+        return ContourCertificate(
+            name=contour_called(whole.program.contours[k], k),
+            t=span.t,
+            work=span.work,
+            path=planned.setting.path,
+            joint_path=planned.joint_path,
+            windows=kept.trial.windows,
+            held=kept.trial.held,
+            factors=dict(kept.trial.factors),
+            trajectory=planned.trajectory,
+            taught=kept.trial.taught,
+            error=error,
+            budget=self._budget(found, planned, error.max),
+            optimum=optimum,
+            corners=kept.corners,
+            spread=kept.spread,
+            trials=planned.trials,
+        )
+
+    def _budget(self, found: _Found, planned: PlannedContour, nominal: float) -> Budget:
+        """The parts of the contour error of one contour, which is `nominal` without a box [m]."""
+        setting, kept = planned.setting, planned.kept
+        own = setting.run.period
+        period = max(own / CONTINUOUS, min(SHORTEST, own))
+        smooth = planned.approach.teach(planned.trajectory, setting, period)
+        executed = run_on(setting, smooth, max(period, RESOLUTION))
+        servo = setting.contour_error(executed).max
+        return Budget(
+            rounding=rounding_part(setting.path),
+            servo=servo,
+            sampling=nominal - servo,
+            box=0.0 if setting.box is None else max(kept.worst - nominal, 0.0),
+            allowed=self.goal.tolerance,
+            servo_allowed=found.budget,
+        )
+
+    def _uncertified(self, found: _Found) -> tuple[Trajectory, Uncertified]:
+        """The plan with nothing derated, of the program that the whole tolerance rounds."""
+        job, this, whole = self.job, found.this, found.whole
+        traced: Tracing | None = whole.traced
+        program, robot = whole.program, whole.robot
+        if self.rounds:
+            program = programs_of(job, _rounded(this, self.goal.tolerance))[1]
+            traced = None
+        fastest = plan_fastest(job, robot, program, traced)
+        taught = robot.teach(fastest)
+        executed = execute(
+            taught,
+            robot.plant(),
+            resolution=min(1e-3, this.period),
+            memory=robot.memory,
+        )
+        t = executed.t
+        pieces = pieces_of(executed, program, None, float(t[-1]))
+        error = ErrorProfile.join([x.contour_error for x in pieces])
+        return fastest, Uncertified(
+            duration=fastest.duration,
+            contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
+            contour_error=(error.max, error.rms),
+            saturated=executed.saturated_time / (t[-1] - t[0]),
+            box=None if robot.box is None else _worst_of_box(robot, program, fastest),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A program that holds everything, and the run and the budget that it is of."""
+
+    this: Run
+    budget: float
+    whole: Whole
+
+    @property
+    def duration(self) -> float:
+        """Of the plan [s]."""
+        return self.whole.trajectory.duration
+
+
+def plan_fastest(
+    job: Job, robot: Robot, program: Program, traced: Tracing | None = None
+) -> Trajectory:
+    """The plan of a program with nothing derated.
+
+    Args:
+        job: The job, for its branch or start.
+        robot: The robot.
+        program: The program.
+        traced: What the joints follow along it, if it is traced already.
+    """
+    if traced is None:
+        traced = trace_program(program, robot.arm, robot.limits, branch=job.branch, start=job.start)
+    options = {"intervals": intervals_of(program)}
+    timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options, robot.memory)
+    return time_program(traced, timing)
+
+
+def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
+    """Largest contour error of a plan in the corners of the box [m]."""
+    assert robot.box is not None
+    worst = 0.0
+    for contour, (span, approach) in zip(program.contours, approaches(plan, robot), strict=True):
+        assert span.trajectory is not None and span.work is not None
+        found = worst_corner(
+            approach.teach(span.trajectory, robot),
+            contour.path,
+            robot.arm,
+            robot.servo,
+            robot.limits,
+            robot.box,
+            since=None if len(program.moves) == 1 else span.work[0] - span.t[0],
+            until=None if len(program.moves) == 1 else span.work[1] - span.t[0],
+        )
+        worst = max(worst, float(found.max.max()))
+    return worst
+
+
+def rounding_part(path: Path) -> float:
+    """Largest corner error of a path [m]; 0 if no corner of it is rounded."""
+    if not isinstance(path, RoundedPath) or not len(path.corners):
+        return 0.0
+    return float(path.corners.error.max())
+
+
+def model_of(robot: Robot) -> str:
+    """The model that a certificate holds for, in words."""
+    servo = robot.servo
+    parts = [
+        f"independent joint servos of order {servo.order} with kp {servo.kp.tolist()} 1/s"
+        + ("" if servo.kv is None else f" and kv {servo.kv.tolist()} 1/s"),
+        f"set-points every {robot.run.period * 1e3:g} ms, "
+        + {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}[
+            servo.interpolation
+        ],
+    ]
+    if servo.dead_time.any():
+        parts.append(f"dead time {(servo.dead_time * 1e3).tolist()} ms")
+    if servo.order == "second":
+        parts.append("accelerations that saturate at the joints' limits")
+    if robot.box is not None:
+        parts.append("and every such robot of the box that was executed")
+    return "; ".join(parts)
+
+
+def _rounded(this: Run, tolerance: float | None) -> Run:
+    """The run with another corner error, where it rounds corners."""
+    if this.rounding is None or tolerance is None:
+        return this
+    rounding: Rounding = replace(this.rounding, tolerance=tolerance)
+    return replace(this, rounding=rounding)
