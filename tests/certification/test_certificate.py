@@ -53,7 +53,7 @@ def judged(found):
     arm, limits = found.job.arm, found.run.limits
     plant = ac.ServoPlant(arm, found.job.plant_servo, limits)
     executed = ac.execute(found.taught, plant, resolution=1e-4)
-    evaluation = ac.evaluate(executed, found.path, objective=found.job.path, limits=limits)
+    evaluation = ac.evaluate(executed, found.path.path, objective=found.job.path, limits=limits)
     check = ac.check(found.trajectory, arm, limits, points=20, seed=1)
     assert not check.violated
     return executed, evaluation
@@ -81,7 +81,7 @@ def test_the_parts_of_the_budget_are_what_they_say(certified):
     often = ac.compensate(found.trajectory, found.job.servo, method="inverse", period=2e-4)
     ideal = ac.ServoPlant(found.job.arm, found.job.servo, saturation="none")
     tool = ac.execute(often, ideal, resolution=2e-4).tool
-    assert budget.servo == pytest.approx(found.path.project(tool).distance.max(), rel=1e-6)
+    assert budget.servo == pytest.approx(found.path.path.project(tool).distance.max(), rel=1e-6)
     assert 0 < found.headroom.max() < found.largest_headroom.max() < 1
 
 
@@ -123,7 +123,7 @@ def test_gains_ten_percent_off():
     found = ac.certify(job(), servo=1e-3, box=box, samples=2000)
     assert found.duration <= 5.55
     assert found.uncertified.box > 5e-3
-    shared = (found.taught, found.path, found.job.arm, found.job.plant_servo, found.run.limits)
+    shared = (found.taught, found.path.path, found.job.arm, found.job.plant_servo, found.run.limits)
     # Other robots of the box than those that the certificate was made with.
     drawn = spread(*shared, box, samples=500, seed=7)
     assert drawn.max.max() <= 1e-3
@@ -163,7 +163,7 @@ def test_a_total_tolerance_is_split_and_given_back():
     assert budget.total <= 5e-3 and result.objective_error.max <= 5e-3
     # Hardly anything is left: the corners got what the servo did not need.
     assert budget.rounding > 4.99e-3
-    assert found.path.corners.error.max() == budget.rounding
+    assert found.path.path.corners.error.max() == budget.rounding
     assert found.duration <= 5.36
 
 

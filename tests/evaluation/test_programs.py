@@ -225,5 +225,5 @@ def test_trace_takes_a_path_and_no_program_and_check_takes_both(refuses):
     refuses(
         lambda: ac.check(planned, arm, arm.limits, "path"),
         ac.InvalidInput,
-        "check compares with a Path or a Program, not with a str",
+        "check compares with a Path or a Program, not str",
     )

@@ -588,7 +588,7 @@ def test_a_traced_program_is_timed_again_without_tracing(
 
 
 def test_tracing_tells_how_many_contours_are_done() -> None:
-    told: list[tuple[int, int]] = []
+    told: list[Step] = []
     program = Program(moves=(Contour(path=BEND), Rapid(), Contour(path=SQUARE)))
-    trace_program(program, PMK3S, IN_PLANE, progress=lambda *x: told.append(x))
-    assert told == [(1, 2), (2, 2)]
+    trace_program(program, PMK3S, IN_PLANE, progress=told.append)
+    assert told == [Step(("tracing",), 0.5), Step(("tracing",), 1.0)]
