@@ -84,8 +84,10 @@ def finish(figure: Any, *, title: str, height: int = 460) -> Any:
         legend={"orientation": "h", "yref": "container", "yanchor": "bottom", "y": 0, "x": 0},
         hovermode="closest",
     )
-    figure.update_xaxes(showline=True, linecolor="#444444", ticks="outside", zeroline=False)
-    figure.update_yaxes(showline=True, linecolor="#444444", ticks="outside", zeroline=False)
+    axes = {"showline": True, "linecolor": "#444444", "ticks": "outside", "zeroline": False}
+    # Ticks such as 100µ on an axis in mm would be read as µm.
+    figure.update_xaxes(**axes, exponentformat="power")
+    figure.update_yaxes(**axes, exponentformat="power")
     return figure
 
 
