@@ -77,7 +77,7 @@ def test_a_tolerance_goes_before_others_but_rounds_no_sharp_corner() -> None:
 def test_memory_and_where_to_resume() -> None:
     job = parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(memory=3e9, from_s=0.01))
     assert job.memory == 3e9
-    assert isinstance(job.path, Path) and job.path.length == pytest.approx(0.06)
+    assert job.objective is not None and job.objective.length == pytest.approx(0.06)
     with pytest.raises(InvalidInput, match="memory must be from"):
         parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(memory=1.0))
 
@@ -92,9 +92,7 @@ def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(
 
     def read(**changes: Any) -> Path:
         x = JobOverrides(layers=("a",), **changes)
-        job = read_cell(tmp_path / "cell.yaml", tmp_path / "part.csv", overrides=x)
-        assert isinstance(job.path, Path)
-        return job.path
+        return read_cell(tmp_path / "cell.yaml", tmp_path / "part.csv", overrides=x).single_path
 
     np.testing.assert_allclose(read().vertices, [[0.3, 0.2], [0.34, 0.2]])
     assert read().speeds.tolist() == [0.02]

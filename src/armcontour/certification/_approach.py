@@ -15,7 +15,6 @@ import numpy as np
 from armcontour import _checks
 from armcontour.certification._uses import Robot
 from armcontour.motion import Law, Span, TaughtData, Trajectory, stand_still
-from armcontour.servo import ServoModel
 
 # What is left of a motion after so many of the servo's slowest time constants is 2e-9 of it: of
 # errors of millimetres, picometres.
@@ -103,10 +102,9 @@ def memory(robot: Robot) -> float:
     dof = robot.arm.dof
     gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
     late = servo.dead_time
-    slow = ServoModel(
+    slow = servo.replace(
         kp=servo.kp * (1 - gains[0]),
         kv=None if servo.kv is None else servo.kv * (1 - gains[1]),
-        order=servo.order,
     )
     rates = [slow.slowest]
     poles = robot.run.compensation_options.get("poles")

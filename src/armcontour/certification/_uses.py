@@ -412,12 +412,10 @@ def _variants(
         for x in (gains[0], gains[1] if servo.kv is not None else np.zeros(1), apart)
     ]
     return [
-        ServoModel(
+        servo.replace(
             kp=servo.kp * (1 + p * gains[0]),
             kv=None if servo.kv is None else servo.kv * (1 + v * gains[1]),
-            interpolation=servo.interpolation,
             dead_time=np.maximum(dead_time + d * apart, 0.0),
-            order=servo.order,
         )
         for p, v, d in product(*signs)
     ]

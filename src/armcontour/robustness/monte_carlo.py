@@ -174,12 +174,10 @@ class Spread:
             i: Index of the execution.
             like: The servo that gives interpolation and order.
         """
-        return ServoModel(
+        return like.replace(
             kp=self.kp[i],
             kv=None if self.kv is None else self.kv[i],
-            interpolation=like.interpolation,
             dead_time=self.dead_time[i],
-            order=like.order,
         )
 
     def quantile(self, share: float) -> float:

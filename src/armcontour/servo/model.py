@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -106,13 +106,26 @@ class ServoModel:
         Raises:
             InvalidInput: The number of gains or dead times is not 1 or `dof`.
         """
-        return ServoModel(
+        return self.replace(
             kp=_checks.per_joint("servo gain kp", self.kp, dof, "1/s"),
             kv=None if self.kv is None else _checks.per_joint("servo gain kv", self.kv, dof, "1/s"),
-            interpolation=self.interpolation,
             dead_time=_checks.per_joint("dead_time", self.dead_time, dof, "s"),
-            order=self.order,
         )
+
+    def replace(self, **changes: Any) -> ServoModel:
+        """The same servo with other values of some parameters.
+
+        Args:
+            changes: New values by the names of the constructor's parameters.
+
+        Raises:
+            InvalidInput: As the constructor raises it, or an unknown name.
+        """
+        own = {x.name: getattr(self, x.name) for x in fields(self)}
+        unknown = sorted(set(changes) - set(own))
+        if unknown:
+            raise InvalidInput(f"A servo has no {unknown[0]}: it has {', '.join(own)}.")
+        return ServoModel(**{**own, **changes})
 
     @property
     def slowest(self) -> float:
