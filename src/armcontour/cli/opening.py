@@ -26,6 +26,7 @@ class Overrides:
         names: Contours to run.
         flat: Leave z out.
         skip: Skip what the reader does not know.
+        skip_words: Words and codes of G-code to leave out, such as "T,M6".
         speed: Assigned velocity where the drawing gives none, of runs with one of their own too.
         tolerance: Largest corner error where the drawing gives none, of runs with one of their own
             too; runs without rounding keep sharp corners.
@@ -41,6 +42,7 @@ class Overrides:
     names: list[str] | None = None
     flat: bool = False
     skip: bool = False
+    skip_words: list[str] | None = None
     speed: str | None = None
     tolerance: str | None = None
     from_s: str | None = None
@@ -135,13 +137,18 @@ def _changed_runs(data: dict[str, Any], x: Overrides) -> dict[str, Any]:
     return {"runs": changed}
 
 
+def _words(given: list[str]) -> list[str]:
+    """Words that are separated by commas, or given by several options."""
+    return [x.strip() for text in given for x in text.split(",") if x.strip()]
+
+
 def _path_keys(x: Overrides, path: Any) -> dict[str, Any]:
     keys: dict[str, Any] = {
         "units": x.units,
         "scale": x.scale,
         "names": x.names,
         "flat": x.flat or None,
-        "unknown": "skip" if x.skip else None,
+        "unknown": {"skip": _words(x.skip_words)} if x.skip_words else "skip" if x.skip else None,
     }
     if x.layers:
         own = path.get("layers") if isinstance(path, dict) else None

@@ -143,6 +143,12 @@ class LayerModel(Model):
     tolerance: Distance | None = Field(default=None, description="largest corner error")
 
 
+class SkipModel(Model):
+    """Words of G-code to leave out."""
+
+    skip: list[str] = Field(description="codes and letters of G-code, such as M6 or T")
+
+
 class PathModel(Model):
     """One of `points` of a polyline, `start` and `segments`, `spline`, and a `file`.
 
@@ -174,7 +180,14 @@ class PathModel(Model):
     join_tolerance: Distance = Field(
         default=1e-5, description="ends nearer than this are one point"
     )
-    unknown: Literal["refuse", "skip"] = "refuse"
+    unknown: Literal["refuse", "skip"] | SkipModel = Field(
+        default="refuse", description="what the reader does not know; of G-code, words to leave out"
+    )
+    offsets: Literal["file", "zero"] = Field(
+        default="file",
+        description="offsets of G-code that are in the table of the controller: only those that "
+        "the file gives, or all zero",
+    )
     orientation: OrientationModel | list[OrientationModel] | None = Field(
         default=None,
         description="in space: once for the whole path, or one per waypoint; of a file, in the "

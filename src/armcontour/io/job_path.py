@@ -16,7 +16,7 @@ from armcontour.geometry.placing import keeps_plane, lift_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of, rotation_of
-from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
+from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel, SkipModel
 from armcontour.io.problems import place
 from armcontour.program import Contour, Program, contour_called
 
@@ -32,6 +32,7 @@ ONLY_OF_FILES = frozenset(
         "chord_tolerance",
         "join_tolerance",
         "unknown",
+        "offsets",
     }
 )
 Told = Callable[[float], None]
@@ -86,7 +87,10 @@ def _drawn(
         flat=model.flat,
         chord_tolerance=model.chord_tolerance,
         join_tolerance=model.join_tolerance,
-        unknown=model.unknown,
+        unknown=(
+            {"skip": model.unknown.skip} if isinstance(model.unknown, SkipModel) else model.unknown
+        ),
+        offsets=model.offsets,
         progress=progress,
     )
     frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
@@ -27,6 +28,8 @@ READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
     ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
     ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
 }
+# What of G-code may be left out by name.
+WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 # Those that tell how far they are.
 TELLING = ("gcode",)
 
@@ -42,7 +45,8 @@ def read_path(
     flat: bool = False,
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
-    unknown: str = "refuse",
+    unknown: str | Mapping[str, Collection[str]] = "refuse",
+    offsets: str = "file",
     progress: Callable[[float], None] | None = None,
 ) -> Program:
     """The program in a drawing (DXF, SVG), in G-code, or in a table of waypoints (CSV, Parquet).
@@ -62,7 +66,10 @@ def read_path(
         flat: Leave z out.
         chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
         join_tolerance: Ends nearer than this are one point [m].
-        unknown: "refuse" what the reader does not know, or "skip" it with a note.
+        unknown: "refuse" what the reader does not know, or "skip" it with a note; of G-code,
+            {"skip": ["M6", "T"]} leaves out these words and codes.
+        offsets: Of G-code, "zero" states that all offsets in the table of the controller are zero;
+            "file" reads only those that the file gives.
         progress: Called with the share that is read.
 
     Raises:
@@ -81,14 +88,16 @@ def read_path(
         unit=_unit(units),
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
-        unknown=unknown,
+        unknown=unknown if isinstance(unknown, str) else "refuse",
+        skip=_words_of(unknown, suffix),
+        offsets=offsets,
         layers=_names_of(layers),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in TELLING:
-        read = partial(read, progress=progress)
+        read = partial(read, progress=progress, folder=place.parent)
     program: Program = read(bytes_of(place), source=place.name, reading=reading, **options)
     if isinstance(layers, Mapping):
         # Settings for layers, of which not every drawing has all.
@@ -104,6 +113,28 @@ def read_path(
     program = program.placed(Frame() if frame is None else frame, scale=factor)
     _refuse_odd_size(program, factor)
     return program
+
+
+def _words_of(unknown: Any, suffix: str) -> frozenset[str]:
+    """Words and codes of G-code to leave out, such as G43 or T, from {"skip": [...]}."""
+    if isinstance(unknown, str):
+        return frozenset()
+    words = unknown.get("skip") if isinstance(unknown, Mapping) and len(unknown) == 1 else None
+    if isinstance(words, str) or not isinstance(words, Collection):
+        raise InvalidInput(
+            'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
+            "leave out, such as M6 or T."
+        )
+    if READERS[suffix][0] != "gcode":
+        raise InvalidInput('unknown: {"skip": [...]} is for G-code: other drawings take "skip".')
+    found = {str(x).strip().upper() for x in words}
+    wrong = next((x for x in sorted(found) if WORD.fullmatch(x) is None), None)
+    if wrong is not None:
+        raise InvalidInput(
+            f"unknown: {{skip: ...}} names {wrong!r}, which cannot be left out: it takes codes "
+            "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
+        )
+    return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in found)
 
 
 def _names_of(layers: Collection[str] | None) -> frozenset[str] | None:

@@ -19,6 +19,7 @@ KEPT = LONGEST_NAME - 12
 # unit rather than a drawing.
 FARTHEST = 1e6
 UNKNOWN = ("refuse", "skip")
+OFFSETS = ("file", "zero")
 # What sentences say of the latter.
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 
@@ -33,6 +34,9 @@ class Reading:
         join_tolerance: Ends nearer than this are one point [m].
         unknown: What to do with what the reader does not know: "refuse" it, or "skip" it and say so
             in the program's notes.
+        skip: Words and codes of G-code to leave out, such as "M6" or "T".
+        offsets: Where offsets of G-code come from that are in the table of a controller: "file"
+            reads only those that the file gives, "zero" states that all others are zero.
         layers: Nothing needs to be known of what is on others; None means all.
     """
 
@@ -40,6 +44,8 @@ class Reading:
     chord_tolerance: float = 1e-5
     join_tolerance: float = 1e-5
     unknown: str = "refuse"
+    skip: frozenset[str] = frozenset()
+    offsets: str = "file"
     layers: frozenset[str] | None = None
 
     def __post_init__(self) -> None:
@@ -48,6 +54,7 @@ class Reading:
         _checks.positive("chord tolerance", self.chord_tolerance, "m")
         _checks.positive("join tolerance", self.join_tolerance, "m")
         _checks.choice("unknown", self.unknown, UNKNOWN)
+        _checks.choice("offsets", self.offsets, OFFSETS)
 
 
 @dataclass(slots=True)

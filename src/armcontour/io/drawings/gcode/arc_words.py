@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.words import WHOLE, Block, Fault
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.words import WHOLE, Block
 
 # First and second axis of every plane, as seen from the positive end of the third.
 PLANES = {codes.XY: (0, 1, 2), codes.ZX: (2, 0, 1), codes.YZ: (1, 2, 0)}
@@ -11,12 +12,12 @@ AXES, OFFSETS = "XYZ", "IJK"
 
 
 def turns_of(block: Block) -> int:
-    """P, the number of turns begun.
+    """P, the number of turns begun; takes it from the line.
 
     Raises:
         Fault: Not a whole number from 1.
     """
-    given = block.words.get("P", 1.0)
+    given = block.words.pop("P", 1.0)
     turns = round(given)
     if abs(given - turns) > WHOLE or turns < 1:
         raise Fault(f"an arc of P{given:g} turns, which must be a whole number from 1")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +13,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.io.drawings.gcode.arcs import Piece
-from armcontour.io.drawings.gcode.words import Fault
+from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
@@ -22,6 +24,8 @@ FLAT = 1e-12
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
+# From a line, counted through all files, to the name of its file and its number there.
+Places = Callable[[int], tuple[str, int]]
 
 
 @dataclass(slots=True)
@@ -111,6 +115,11 @@ class Draft:
             self.rapid.extend((x, y, z))
         self.last = (x, y, z)
 
+    def resume_at(self, point: Sequence[float]) -> None:
+        """The tool is at a point to which the file does not say how it came."""
+        self.rest()
+        self.last = _point(point)
+
     def event(self, name: str, value: Value) -> None:
         """Something is switched: on the open contour, or where the tool stands."""
         if self.chain is not None:
@@ -130,8 +139,13 @@ class Draft:
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
-    def program(self, source: str, notes: tuple[str, ...]) -> Program:
+    def program(self, source: str, notes: tuple[str, ...], places: Places) -> Program:
         """What was drafted.
+
+        Args:
+            source: Name of the file.
+            notes: Sentences on what was left out.
+            places: Gives the file of a line, and its number there.
 
         Raises:
             InvalidInput: No contour, or one that makes no path.
@@ -143,8 +157,9 @@ class Draft:
                 "G3."
             )
         dimension = 3 if self.across or self._leaves_the_plane() else 2
+        names = _Names(source, places)
         return Program(
-            moves=tuple(_move(x, dimension, source) for x in self.moves),
+            moves=tuple(_move(x, dimension, names) for x in self.moves),
             source=source,
             notes=notes,
         )
@@ -174,28 +189,43 @@ class Draft:
         return False
 
 
-def _point(values: list[float]) -> Point:
+def _point(values: Sequence[float]) -> Point:
     return (values[0], values[1], values[2])
 
 
-def _move(x: Chain | array[float] | Event | Dwell, dimension: int, source: str) -> Move:
+class _Names:
+    """Names of contours: the line on which they start, and how often that line started one."""
+
+    def __init__(self, source: str, places: Places) -> None:
+        self.source, self.places = source, places
+        self.counts: Counter[int] = Counter()
+
+    def of(self, line: int) -> str:
+        self.counts[line] += 1
+        file, number = self.places(line)
+        name = f"line {number}" if file == self.source else f"{file} line {number}"
+        return name if self.counts[line] == 1 else f"{name} ({self.counts[line]})"
+
+
+def _move(x: Chain | array[float] | Event | Dwell, dimension: int, names: _Names) -> Move:
     if isinstance(x, Chain):
-        return _contour(x, dimension, source)
+        return _contour(x, dimension, names)
     if isinstance(x, array):
         return Rapid(path=_path(x, dimension))
     return x
 
 
-def _contour(chain: Chain, dimension: int, source: str) -> Contour:
+def _contour(chain: Chain, dimension: int, names: _Names) -> Contour:
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
         line = chain.lines[error.index] if error.index is not None else chain.line
-        raise InvalidInput(f"{source}, line {line}: {error}", index=line - 1) from None
+        file, number = names.places(line)
+        raise InvalidInput(f"{file}, line {number}: {error}", index=number - 1) from None
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
-    return Contour(path=path, name=f"line {chain.line}", events=events, keep_start=True)
+    return Contour(path=path, name=names.of(chain.line), events=events, keep_start=True)
 
 
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:
