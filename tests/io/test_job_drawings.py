@@ -312,3 +312,24 @@ def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder: FilePath) -
         found = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
         assert len(found.name) <= 80 and found.name.isprintable()
         assert len(found.title) <= 200 and found.title.isprintable()
+
+
+def test_words_of_g_code_are_left_out_by_name(folder: FilePath, refuses: Any) -> None:
+    (folder / "part.nc").write_text("T1 M6\nG1 X60 F600\nG55 G0 Y9\nG1 X0\n")
+    named = job(folder, path={"file": "part.nc", "unknown": {"skip": ["t", "M06", "G55"]}}).path
+    assert isinstance(named, Program)
+    assert "M6 (1 time" in named.notes[0] and "the word T (1 time" in named.notes[0]
+    stated = job(folder, path={"file": "part.nc", "offsets": "zero"}).path
+    assert isinstance(stated, Program)
+    assert [x.path.length for x in stated.contours] == pytest.approx([0.06, 0.06])
+    for unknown, words in (
+        ({"skip": ["X"]}, "names 'X', which cannot be left out"),
+        ({"skip": ["M6"]}, "is for G-code"),
+    ):
+        file = "part.nc" if "X" in unknown["skip"] else "two.csv"
+        refuses(
+            lambda file=file, unknown=unknown: job(folder, path={"file": file, "unknown": unknown}),
+            InvalidInput,
+            words,
+        )
+    refuses(lambda: job(folder, path={"file": "part.nc"}), InvalidInput, "line 3", "offsets: zero")

@@ -332,6 +332,8 @@ class Interpreter:
             return self.inside(self.x)[key - 5420] / self.unit
         if key in ("_x", "_y", "_z"):
             return self.inside(self.x)["xyz".index(key[1])] / self.unit
+        if isinstance(key, str) and key.startswith("_hal["):
+            return math.nan
         named = {
             "_metric": float(self.unit == 1e-3),
             "_absolute": float(not self.relative),
@@ -501,8 +503,10 @@ class Interpreter:
 
     def step(self, codes, m, v, line):
         self.set_feed(codes, v)
+        number = round(v.pop("$", 0))
+        self.spindle = f"spindle {number}" if number else "spindle"
         if "S" in v and not (4 in codes and "P" not in v):
-            self.switch("spindle speed", v["S"])
+            self.switch(f"{self.spindle} speed", v["S"])
             self.spindle_rpm = v["S"]
         if "T" in v:
             self.tool = v["T"]
@@ -540,7 +544,8 @@ class Interpreter:
                 self.moves.append(Event("pause", value))
         if 2 in m or 30 in m:
             if line not in self.percent:
-                for name in ("extruder", "spindle", "coolant"):
+                spindles = [x for x in self.states if x[:7] == "spindle" and x[-5:] != "speed"]
+                for name in ("extruder", *spindles, "coolant"):
                     if self.states.get(name):
                         self.switch(name, False)
             return True
@@ -573,7 +578,7 @@ class Interpreter:
                     and self.states.get(name) in (other, "mist and flood")
                 ):
                     value = "mist and flood"
-                self.switch(name, value)
+                self.switch(self.spindle if name == "spindle" else name, value)
 
     NAMES = (
         "unit plane relative centers_absolute tolerance system feed_mode feed retract_to_r"

@@ -465,6 +465,20 @@ def test_words_are_left_out_by_name():
         assert f"{x} (1 time" in program.notes[0]
 
 
+def test_offsets_at_an_unknown_place_are_refused(refuses):
+    start = "F60\nG0 Z1\nG1 X1\nG28 Z5\n"
+    for line in ("G92 Z0", "G10 L20 P1 Z0", "G28.1", "#1=#5422", "G1 X2", "G81 X1 Y1 Z0 R1"):
+        refuses(lambda line=line: read(start + line), InvalidInput, "line 5: ", "G0")
+
+
+def test_the_largest_spindle_speed_of_lathes_shifts_nothing(refuses):
+    program = read("G1 X1 F60\nG92 S1500\nG50 S900\nX2\n:1000\n")
+    assert in_mm(program.path) == [[0, 0], [1, 0], [2, 0]]
+    assert not program.contours[0].events
+    refuses(lambda: read("G1 X1 F60\nG92\n"), InvalidInput, "line 2: G92 without coordinates")
+    refuses(lambda: read("G1 X1 F60\nG50 X2\n"), InvalidInput, "line 2: G50 with coordinates")
+
+
 def test_contours_of_loops_have_names_of_their_own():
     program = read("F60\no1 repeat [3]\nG91\nG1 X1\nG0 Y1\no1 endrepeat\n")
     assert [x.name for x in program.contours] == ["line 4", "line 4 (2)", "line 4 (3)"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.arc_words import (
@@ -104,12 +105,14 @@ class Tool:
 
     def set_position(self, values: dict[int, float]) -> None:
         """G92: the tool is at these coordinates."""
+        self.refuse_lost(values, "G92")
         self.systems.set_position(values, self.at)
         if not self.draft.begun:
             self.draft.resume_at(self.at)
 
     def set_origin_here(self, number: int, values: dict[int, float]) -> None:
         """G10 L20: the tool is at these coordinates of a system."""
+        self.refuse_lost(values, "G10 L20")
         self.systems.set_origin_here(number, values, self.at)
         if not self.draft.begun:
             self.draft.resume_at(self.at)
@@ -144,6 +147,15 @@ class Tool:
         if found != found and not self.first_open:
             self.first_open = self.line
         return found
+
+    def refuse_lost(self, axes: Iterable[int], what: str) -> None:
+        """Refuse what needs the tool's place on axes where the file does not give it."""
+        for i in axes:
+            if i in self.lost:
+                raise Fault(
+                    f"{what} at a reference position (G28, G30, G53) that the file does not give: "
+                    f"go to an absolute {AXES[i]} by G0 before"
+                )
 
     def _refuse_lost(self) -> None:
         if self.away:

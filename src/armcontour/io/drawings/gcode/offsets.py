@@ -41,8 +41,9 @@ def set_offsets(block: Block, tool: Tool, extruder: Extruder, unknown: Unknown) 
             extruder.at = block.words.pop("E")
             if block.words.keys().isdisjoint(AXES):
                 return True
-        # Printers have G92 alone: all axes are at zero.
-        values = _lengths(block, tool) or dict.fromkeys((0, 1, 2), 0.0)
+        values = _lengths(block, tool)
+        if not values:
+            raise Fault("G92 without coordinates: say which axes it sets, such as G92 X0 Y0 Z0")
         tool.set_position(values)
     elif not set(codes.SHIFT_STATES).isdisjoint(g):
         tool.systems.change_shift(next(x for x in codes.SHIFT_STATES if x in g))
@@ -62,9 +63,10 @@ def _set_data(block: Block, tool: Tool, unknown: Unknown) -> None:
     """G10: origins of coordinate systems; what it says of tools is left out."""
     words = block.words
     kind = whole(words.pop("L"), "G10 L") if "L" in words else None
-    if kind is None and words.keys().isdisjoint(AXES + "PR"):
-        # A printer's retraction of filament.
-        words.pop("S", None)
+    if kind is None and words.keys().isdisjoint(AXES):
+        # A printer's retraction of filament, or temperatures of its tools.
+        for letter in [x for x in words if x in "PRS"]:
+            del words[letter]
         unknown.count("G10", tool.line)
     elif kind in OF_TOOLS:
         for letter in [x for x in words if x in "XYZPRIJQ"]:

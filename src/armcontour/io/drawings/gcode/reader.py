@@ -36,6 +36,7 @@ MOST_LINES = 1_000_000
 MOST_IDLE_LINES = 100_000
 LINE_END = re.compile(rb"\r\n|\r|\n")
 WHITE = " \t\r\n"
+PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
 # Messages of printers: the rest of the line is text.
 MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM]11([78])(?![0-9])")
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
@@ -318,7 +319,8 @@ class _Frame:
         if text.startswith("/"):
             self.deleted.add(machine.line)
             return False
-        return bool(text)
+        # A colon and a number is a program's name on some controllers.
+        return bool(text) and PROGRAM_NUMBER.fullmatch(text) is None
 
     def _meet_percent(self, text: str, flow: Flow) -> None:
         """The start or the end of the program; a name may follow the first."""

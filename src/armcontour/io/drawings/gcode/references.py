@@ -30,6 +30,7 @@ class References:
     def store(self, block: Block) -> None:
         """G28.1, G30.1: the reference position is where the tool is."""
         for code in codes.REFERENCE_STORES.intersection(block.g):
+            self.tool.refuse_lost((0, 1, 2), codes.g_name(code))
             self.stored[code - 1] = list(self.tool.at)
             for letter in AXES:
                 block.words.pop(letter, None)

@@ -19,7 +19,11 @@ def _switched(name: str, *values: object) -> Of:
 
 
 def _position(axis: int) -> Of:
-    return lambda m: m.systems.to_program(m.tool.at)[axis] / m.modes.unit
+    def value(machine: Machine) -> float:
+        machine.tool.refuse_lost((axis,), "the tool's position")
+        return machine.systems.to_program(machine.tool.at)[axis] / machine.modes.unit
+
+    return value
 
 
 def _shift(axis: int) -> Of:

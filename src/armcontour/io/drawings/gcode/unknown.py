@@ -45,6 +45,11 @@ class Unknown:
         strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
         if strange_m:
             self._leave_m(block, strange_m, line)
+        if codes.SHIFT in block.g and "S" in block.words and block.words.keys().isdisjoint("XYZE"):
+            # The largest spindle speed of lathes.
+            block.g.remove(codes.SHIFT)
+            del block.words["S"]
+            self.count("G92 S", line)
         for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
             self._leave_g(block, code, line)
         if not block.words.keys().isdisjoint(OTHER_AXES):
