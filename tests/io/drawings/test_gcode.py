@@ -437,8 +437,9 @@ def test_a_reference_that_is_not_known_is_a_stop_with_a_note():
     assert in_mm(program.moves[2].path) == [[7, 7, 4], [7, 7, 1]]
     assert program.notes[0] == (
         "Moves to a reference position that the file does not give are only a stop: G28 (1 time, "
-        "first in line 5), G53 (1 time, first in line 12). The tool goes on from there to the next "
-        "point that the file gives."
+        "first in line 5), G53 (1 time, first in line 12). The tool stays where it is, and goes "
+        "straight on to the next point that the file gives: make sure that nothing stands between "
+        "them."
     )
 
 

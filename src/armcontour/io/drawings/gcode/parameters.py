@@ -12,6 +12,8 @@ from armcontour.io.drawings.gcode.faults import Fault
 ARGUMENTS = 30
 FREE = 5000
 LAST = 5602
+# Of those above, a program may set the results of a probe, and whether messages are shown.
+SCRATCH = (*range(5061, 5071), 5599)
 # Named parameters at one time: no program that a person reads has more.
 MOST_NAMES = 10_000
 
@@ -71,7 +73,7 @@ class Parameters:
             Fault: A parameter that tells the state of the machine, or too many names.
         """
         if isinstance(key, int):
-            if key > FREE:
+            if key > FREE and key not in SCRATCH:
                 raise Fault(
                     f"a value for the parameter #{key}, which belongs to the controller: set "
                     "offsets with G10, G52 or G92, and positions with G28.1 or G30.1"

@@ -98,5 +98,6 @@ class References:
         )
         return [
             "Moves to a reference position that the file does not give are only a stop: "
-            f"{kinds}. The tool goes on from there to the next point that the file gives."
+            f"{kinds}. The tool stays where it is, and goes straight on to the next point that the "
+            "file gives: make sure that nothing stands between them."
         ]
