@@ -361,6 +361,15 @@ def test_what_moves_nothing_is_left_out_with_one_note():
     )
 
 
+def test_modes_of_other_controllers_move_nothing():
+    program = read("G1 X1 F60\nG05 P10000\nG5.1 Q1\nG8 P1\nG187 P1 E.01\nM0 P500\nX2\n")
+    assert [in_mm(x.path) for x in program.contours] == [[[0, 0], [1, 0]], [[1, 0], [2, 0]]]
+    assert program.notes == (
+        "Left out, because it moves nothing: G5 (1 time, first in line 2), G5.1 (1 time, first in "
+        "line 3), the word P (2 times, first in line 4), G187 (1 time, first in line 5).",
+    )
+
+
 @pytest.mark.parametrize("code", ["M201", "M203", "M205", "M92", "M566", "M999"])
 def test_words_of_m_codes_never_become_motion(code):
     start = "G92 E0\nG0 Z20\nG1 F1500 E-6.5\nG1 F600 Z2\n"
@@ -504,6 +513,13 @@ def test_loops_and_calls_without_end_are_refused(refuses):
     refuses(lambda: read(deep), InvalidInput, "part.ngc, line 2", "calls within each other")
     brackets = "G1 X" + "[" * 60 + "1" + "]" * 60 + "\n"
     refuses(lambda: read(brackets), InvalidInput, "line 1", "brackets within each other")
+
+
+def test_cycles_without_end_are_refused(refuses):
+    for words in ("G81 X1 Z-1 R1 L999999", "G83 X1 Z-1 R1 Q.00001 L9", "G73 Z-1 R1 Q.001 L199"):
+        text = f"F60\nG91\n{words}\n"
+        refuses(lambda text=text: read(text), InvalidInput, "line 3", "holes and pecks together")
+    assert len(read("F60\nG81 X1 Y1 Z-1 R1 Q0\n").contours) == 1
 
 
 def test_a_file_of_subprograms_alone_says_so(refuses):

@@ -72,10 +72,10 @@ UNDERSTOOD_M = frozenset(
     (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 60, 62, 63, 64, 65, 67, 68, 70, 71, 72, 73, 82, 83, 98, 99)
 )
 
-# Codes that move nothing without coordinates, and are left out with a note: smoothing (G5.1, G8,
+# Codes that move nothing without coordinates, and are left out with a note: smoothing (G5, G5.1 and
 # G187 of other controllers), retraction of filament (G11), levelling of a printer's bed (G29),
 # largest spindle speed (G50), constant surface speed (G96). Their P, Q, S, D and so on are theirs.
-HARMLESS_G = frozenset((51, 110, 290, 500, SURFACE_SPEED, 1870))
+HARMLESS_G = frozenset((50, 51, 110, 290, 500, SURFACE_SPEED, 1870))
 # Why what shifts or turns the rest of the program is not read.
 REFUSED_G = {
     70: "diameter mode, in which X is twice the radius: let the post-processor write radii (G8)",
@@ -84,7 +84,24 @@ REFUSED_G = {
         "cutter radius compensation, whose tool radius the file does not give: let the "
         "post-processor write the path of the tool's centre",
     ),
-    **dict.fromkeys((120, 121, 130, 131, 160, 1120), "polar coordinates: write X and Y"),
+    **dict.fromkeys((120, 130), "a circular pocket or polar coordinates: write G1, G2 and G3"),
+    **dict.fromkeys((121, 131, 160, 1120), "polar coordinates: write X and Y"),
+    **dict.fromkeys(
+        (310, 382, 383, 384, 385),
+        "a probe, whose result only the machine knows: give the program with the heights that "
+        "were measured, as lines and arcs",
+    ),
+    **dict.fromkeys(
+        (330, 331, 760, 842),
+        "a thread, for which the spindle has to turn with the motion: a robot cannot cut it",
+    ),
+    **dict.fromkeys(
+        (52, 53, 62, 63), "a spline of LinuxCNC: let the post-processor write lines and arcs"
+    ),
+    **dict.fromkeys(
+        (700, 701, 702, 710, 711, 712, 720, 721, 722),
+        "a lathe cycle, or a unit of another dialect (G70, G71): write G0 to G3, or G20 and G21",
+    ),
     **dict.fromkeys((501, 510, 511), "scaled or mirrored coordinates: write the moves out"),
     **dict.fromkeys((680, 681, 682), "turned coordinates: write the moves out, or use G10 L2 R"),
     541: "a coordinate system whose offset is in the table of the controller and not in the file",
@@ -98,7 +115,7 @@ REFUSED_G = {
 NEVER_SKIPPED_G = frozenset(
     (
         *(120, 130, 160, 510, 511, 650, 660, 680, 700, 710, 720),
-        *(50, 52, 53, 62, 63, 70, 171, 181, 191, 330, 331, 382, 383, 384, 385),
+        *(52, 53, 62, 63, 70, 171, 181, 191, 330, 331, 382, 383, 384, 385),
         *(760, 842, 870, 880, *CYCLES),
     )
 )

@@ -6,6 +6,8 @@ plane in force; all lengths in metres.
 
 from __future__ import annotations
 
+import math
+
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.arc_words import PLANES
 from armcontour.io.drawings.gcode.faults import Fault
@@ -17,7 +19,7 @@ from armcontour.program.moves import Value
 
 # How far above the last depth a rapid of a peck cycle stops [m]: 0.254 mm, 0.010 inch.
 CLEARANCE = 0.254e-3
-MOST_REPEATS = 10_000
+# One line can ask for any number of holes and pecks; so many contours take half a gigabyte.
 MOST_PECKS = 100_000
 PECK, CHIP_BREAKING = 830, 730
 # Words that hold until another one, as long as the same cycle is in force.
@@ -39,6 +41,7 @@ class Cycles:
         self.tool, self.modes, self.switches = tool, modes, switches
         self.code: int | None = None
         self.held: dict[str, float] = {}
+        self.made = 0
 
     def run(self, block: Block) -> None:
         """The cycle in force at the places of a line; takes its words from the line.
@@ -51,8 +54,8 @@ class Cycles:
         a, b, c = PLANES[self.modes.plane]
         self._hold_words(block, code, AXES[c])
         repeats = whole(block.words.pop("L", 1.0), "a number L of repeats")
-        if not 1 <= repeats <= MOST_REPEATS:
-            raise Fault(f"L{repeats} repeats of a cycle, which must be from 1 to {MOST_REPEATS}")
+        if repeats < 1:
+            raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
         retract, bottom = self._heights(c)
         given = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
         if c in self.tool.lost:
@@ -60,6 +63,7 @@ class Cycles:
                 f"a cycle from a height that the file does not give: go to an absolute {AXES[c]} "
                 "by G0 before"
             )
+        self._count(repeats, retract - bottom)
         start = self.tool.at[c]
         if start < retract:
             start = retract
@@ -73,6 +77,22 @@ class Cycles:
             self.tool.go(target)
             self._rise(c, retract)
             self._work(code, c, retract, bottom, clear)
+
+    def _count(self, repeats: int, depth: float) -> None:
+        """Counts pecks, each of which is a contour of its own.
+
+        Raises:
+            Fault: More than a program may have.
+        """
+        pecks = 1.0
+        if self.code in (PECK, CHIP_BREAKING):
+            pecks = max(depth / (self.held["Q"] * self.modes.unit), 1.0)
+        self.made += math.ceil(repeats * pecks)
+        if self.made > MOST_PECKS:
+            raise Fault(
+                f"cycles of more than {MOST_PECKS} holes and pecks together: give fewer repeats L, "
+                "or a larger Q"
+            )
 
     def _hold_words(self, block: Block, code: int, height: str) -> None:
         """Takes the words that hold from a line."""
@@ -137,8 +157,6 @@ class Cycles:
         """All pecks but the last, each with its rapids."""
         step = self.held["Q"] * self.modes.unit
         gap = self.held["D"] * self.modes.unit if "D" in self.held else CLEARANCE
-        if (retract - bottom) / step > MOST_PECKS:
-            raise Fault(f"a cycle of more than {MOST_PECKS} pecks: give a larger Q")
         depth = retract - step
         while depth > bottom:
             self._feed(c, depth)

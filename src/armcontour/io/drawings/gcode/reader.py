@@ -31,7 +31,7 @@ PLAIN = re.compile(
 LONGEST_LINE = 65_536
 LINES_BETWEEN_REPORTS = 4096
 # Lines that loops and calls may add to those of the files.
-MOST_LINES = 1_000_000
+MOST_LINES = 500_000
 # Lines of loops and calls one after the other that move nothing.
 MOST_IDLE_LINES = 100_000
 LINE_END = re.compile(rb"\r\n|\r|\n")

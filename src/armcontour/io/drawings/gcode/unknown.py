@@ -89,6 +89,8 @@ class Unknown:
                 f"(unknown: {{skip: [{name}]}}, or --skip {name})"
             )
         block.g.remove(code)
+        if block.motion == code:
+            block.motion = None
         self.count(name, line)
         for letter in [x for x in block.words if x in "IJKR" + OF_M]:
             del block.words[letter]
@@ -132,7 +134,7 @@ class Unknown:
             Fault: Words that belong to a motion, on a line without one that takes them.
         """
         for letter in list(block.words):
-            if letter in "PQ":
+            if letter in "PQ" and not self._has_modes(block):
                 with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
                 raise Fault(
                     f"the word {letter}, which belongs to nothing here: it goes with {with_what}"
@@ -141,10 +143,15 @@ class Unknown:
                 raise Fault(
                     f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
                 )
-            if letter not in IDLE:
+            if letter not in IDLE + "PQ":
                 raise Fault(f"the word {letter}, which belongs to nothing here: remove it")
             del block.words[letter]
             self.count(f"the word {letter}", line)
+
+    @staticmethod
+    def _has_modes(block: Block) -> bool:
+        """Whether P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
+        return bool(block.m) or 80 in block.g
 
     def count(self, kind: str, line: int) -> None:
         """Notes that something was left out."""
