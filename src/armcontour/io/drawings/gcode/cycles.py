@@ -40,7 +40,7 @@ class Cycles:
     def __init__(self, tool: Tool, modes: Modes, switches: Switches) -> None:
         self.tool, self.modes, self.switches = tool, modes, switches
         self.code: int | None = None
-        self.held: dict[str, float] = {}
+        self.sticky: dict[str, float] = {}
         self.made = 0
 
     def run(self, block: Block) -> None:
@@ -52,7 +52,7 @@ class Cycles:
         code = self.modes.motion
         assert code is not None
         a, b, c = PLANES[self.modes.plane]
-        self._hold_words(block, code, AXES[c])
+        self._take_sticky_words(block, code, AXES[c])
         repeats = whole(block.words.pop("L", 1.0), "a number L of repeats")
         if repeats < 1:
             raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
@@ -86,7 +86,7 @@ class Cycles:
         """
         pecks = 1.0
         if self.code in (PECK, CHIP_BREAKING):
-            pecks = max(depth / (self.held["Q"] * self.modes.unit), 1.0)
+            pecks = max(depth / (self.sticky["Q"] * self.modes.unit), 1.0)
         self.made += math.ceil(repeats * pecks)
         if self.made > MOST_PECKS:
             raise Fault(
@@ -94,27 +94,27 @@ class Cycles:
                 "or a larger Q"
             )
 
-    def _hold_words(self, block: Block, code: int, height: str) -> None:
-        """Takes the words that hold from a line."""
+    def _take_sticky_words(self, block: Block, code: int, height: str) -> None:
+        """Takes from a line the words that hold for the next lines too."""
         if code != self.code:
-            self.code, self.held = code, {}
+            self.code, self.sticky = code, {}
         for letter in (*STICKY, height):
             if letter in block.words:
-                self.held[letter] = block.words.pop(letter)
+                self.sticky[letter] = block.words.pop(letter)
         name = codes.g_name(code)
         for letter in ("R", height):
-            if letter not in self.held:
+            if letter not in self.sticky:
                 raise Fault(f"the cycle {name} without {letter}: give it on the cycle's first line")
-        if code in (PECK, CHIP_BREAKING) and self.held.get("Q", 0.0) <= 0:
+        if code in (PECK, CHIP_BREAKING) and self.sticky.get("Q", 0.0) <= 0:
             raise Fault(f"the cycle {name} without a depth Q above zero of each peck")
-        if self.held.get("P", 0.0) < 0:
+        if self.sticky.get("P", 0.0) < 0:
             raise Fault(f"the cycle {name} with a dwell P below zero")
         if self.modes.feed_mode == codes.INVERSE_TIME:
             raise Fault(f"the cycle {name} under G93, which gives its feed moves no time")
 
     def _heights(self, c: int) -> tuple[float, float]:
         """The heights R and Z in the drawing."""
-        r, z = (self.held[x] * self.modes.unit for x in ("R", AXES[c]))
+        r, z = (self.sticky[x] * self.modes.unit for x in ("R", AXES[c]))
         if self.modes.absolute:
             retract, bottom = (
                 self.tool.systems.to_drawing({c: x}, self.tool.at)[c] for x in (r, z)
@@ -155,8 +155,8 @@ class Cycles:
 
     def _peck(self, code: int, c: int, retract: float, bottom: float) -> None:
         """All pecks but the last, each with its rapids."""
-        step = self.held["Q"] * self.modes.unit
-        gap = self.held["D"] * self.modes.unit if "D" in self.held else CLEARANCE
+        step = self.sticky["Q"] * self.modes.unit
+        gap = self.sticky["D"] * self.modes.unit if "D" in self.sticky else CLEARANCE
         depth = retract - step
         while depth > bottom:
             self._feed(c, depth)
@@ -175,7 +175,7 @@ class Cycles:
         self.switches.set("spindle", before)
 
     def _dwell(self) -> None:
-        self.tool.draft.dwell(self.held.get("P", 0.0))
+        self.tool.draft.dwell(self.sticky.get("P", 0.0))
 
     def _rise(self, c: int, height: float) -> None:
         """A rapid move along the axis of the cycle."""
