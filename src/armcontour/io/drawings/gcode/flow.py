@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import islice
 
 from armcontour.io.drawings.gcode.expressions import read_value
 from armcontour.io.drawings.gcode.faults import Fault
@@ -65,6 +66,8 @@ class Flow:
         self.files: dict[str, Source] = {}
         self.sources = [main]
         self.endless = 0
+        # Branches that were passed over, each as much work as a line.
+        self.passed = 0
 
     def place(self, line: int) -> tuple[str, int]:
         """The file of a line that is counted through all files, and its number there."""
@@ -229,7 +232,8 @@ class Flow:
         if self._holds(x):
             return
         group = self._group(x)
-        for y in group[group.index(x) + 1 :]:
+        for y in islice(group, x.position + 1, None):
+            self.passed += 1
             self.machine.tool.line = self.source.base + y.index + 1
             if y.keyword != "ELSEIF" or self._holds(y):
                 self.index = y.index + 1
@@ -286,8 +290,7 @@ class Flow:
                 f"o{x.label} {x.keyword.lower()}, to which no other o{x.label} belongs that "
                 "starts or ends the block"
             )
-        # Branches of the same if; break and continue belong to a loop, and are no ends of it.
-        return [y for y in x.group.members if y.keyword not in ("BREAK", "CONTINUE")]
+        return x.group.members
 
     def _end(self, x: Statement) -> Statement:
         return self._group(x)[-1]

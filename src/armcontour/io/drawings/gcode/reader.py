@@ -32,6 +32,8 @@ LONGEST_LINE = 65_536
 LINES_BETWEEN_REPORTS = 4096
 # Lines that loops and calls may add to those of the files.
 MOST_LINES = 500_000
+# Their characters: a microsecond each.
+MOST_CHARACTERS = 20_000_000
 # Lines of loops and calls one after the other that move nothing.
 MOST_IDLE_LINES = 100_000
 LINE_END = re.compile(rb"\r\n|\r|\n")
@@ -156,7 +158,7 @@ class _Runner:
         self.flow, self.machine, self.parameters = flow, flow.machine, parameters
         self.frame = _Frame()
         self.progress, self.shown = progress, 0.0
-        self.executed = self.idle = 0
+        self.executed = self.idle = self.characters = 0
         self.last = self.machine.draft.last
 
     def run(self) -> None:
@@ -214,6 +216,7 @@ class _Runner:
         Raises:
             Fault: What cannot be carried out.
         """
+        self.characters += len(line)
         if not self.frame.passes(line, self.flow):
             return self.frame.ended
         if self.flow.run(line):
@@ -252,13 +255,19 @@ class _Runner:
         Raises:
             Fault: More than a program may have.
         """
-        self.executed += lines
+        self.executed += lines + self.flow.passed
+        self.flow.passed = 0
         self.idle = self.idle + lines if self.last is self.machine.draft.last else 0
         most = MOST_LINES + sum(len(x.lines) for x in self.flow.sources)
         if self.idle > most - MOST_LINES + MOST_IDLE_LINES:
             raise Fault(
                 f"a loop without end: more than {MOST_IDLE_LINES} lines were carried out that move "
                 "nothing"
+            )
+        if self.characters > MOST_CHARACTERS + sum(x.size for x in self.flow.sources):
+            raise Fault(
+                f"more than {MOST_CHARACTERS} characters carried out by loops and calls: a loop "
+                "without end, or shorter lines are needed"
             )
         if self.executed > most:
             raise Fault(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.words import COMMENTS, COMPACT
@@ -35,7 +36,13 @@ BELONGS_TO = {
 
 @dataclass(slots=True)
 class Group:
-    """O words of one label that belong together, such as if, else and endif."""
+    """O words of one label that belong together, such as if, else and endif.
+
+    Attributes:
+        kind: What the first one says.
+        members: They, without break and continue, which end nothing.
+        closed: Whether the last one is there.
+    """
 
     kind: str
     members: list[Statement] = field(default_factory=list)
@@ -53,6 +60,7 @@ class Statement:
         rest: What follows the keyword, compact.
         computed: The text of a computed label and what follows it, from the # or [ on.
         group: What it belongs to.
+        position: Its place in the group.
     """
 
     index: int
@@ -61,6 +69,7 @@ class Statement:
     rest: str
     computed: str = ""
     group: Group | None = None
+    position: int = 0
 
 
 class Source:
@@ -74,34 +83,46 @@ class Source:
 
     def __init__(self, name: str, lines: list[str], base: int) -> None:
         self.name, self.lines, self.base = name, lines, base
-        self._statements: dict[int, Statement] | None = None
+        self._ends: dict[int, int] = {}
 
-    @property
+    @cached_property
     def statements(self) -> dict[int, Statement]:
         """The O words, by their lines."""
-        if self._statements is None:
-            self._statements = _link(self.lines)
-        return self._statements
+        return _link(self.lines)
+
+    @cached_property
+    def size(self) -> int:
+        """Characters of all lines."""
+        return sum(map(len, self.lines))
+
+    @cached_property
+    def _starts(self) -> dict[tuple[str, str | None], Statement]:
+        """Where subprograms start: the first O word of every keyword and label."""
+        found: dict[tuple[str, str | None], Statement] = {}
+        for x in self.statements.values():
+            found.setdefault((x.keyword, x.label), x)
+        return found
+
+    @cached_property
+    def _called(self) -> frozenset[str]:
+        """Numbers that an M98 of this file calls, also without the repetitions before them."""
+        calls = (
+            CALL_OF_NUMBER.search(COMMENTS.sub("", line)) for line in self.lines if "98" in line
+        )
+        numbers = [x[1].lstrip("0") for x in calls if x is not None]
+        return frozenset(numbers) | frozenset(x[-4:].lstrip("0") for x in numbers)
 
     def sub(self, label: str) -> Statement | None:
         """Where a subprogram of O words starts."""
-        return self._first("SUB", label)
+        return self._starts.get(("SUB", label))
 
     def program(self, label: str) -> Statement | None:
         """Where a numbered subprogram starts, which M98 calls."""
-        return self._first(PROGRAM, label)
-
-    def _first(self, keyword: str, label: str) -> Statement | None:
-        found = (x for x in self.statements.values() if x.keyword == keyword and x.label == label)
-        return next(found, None)
+        return self._starts.get((PROGRAM, label))
 
     def calls(self, label: str) -> bool:
         """Whether an M98 of this file calls a number."""
-        called = (
-            CALL_OF_NUMBER.search(COMMENTS.sub("", line)) for line in self.lines if "98" in line
-        )
-        numbers = [x[1].lstrip("0") for x in called if x is not None]
-        return any(label in (x, x[-4:].lstrip("0")) for x in numbers)
+        return label in self._called
 
     def end_of_program(self, index: int) -> int:
         """The line of the M99 that ends a numbered subprogram.
@@ -109,6 +130,11 @@ class Source:
         Raises:
             Fault: There is none.
         """
+        if index not in self._ends:
+            self._ends[index] = self._find_end(index)
+        return self._ends[index]
+
+    def _find_end(self, index: int) -> int:
         for i in range(index + 1, len(self.lines)):
             if "99" in self.lines[i] and RETURN_OF_NUMBER.match(self.lines[i]):
                 return i
@@ -172,7 +198,9 @@ def _join(x: Statement, label: str, blocks: dict[str, Group]) -> None:
     ends_do = x.keyword == "WHILE" and block is not None and block.kind == "do"
     if ends_do or (block is not None and block.kind in BELONGS_TO.get(x.keyword, ())):
         assert block is not None
-        block.members.append(x)
+        if x.keyword not in ("BREAK", "CONTINUE"):
+            x.position = len(block.members)
+            block.members.append(x)
         x.group = block
         if ends_do or x.keyword.startswith("END"):
             block.closed = True
