@@ -687,8 +687,16 @@ def test_a_long_program_takes_memory_in_proportion():
         b"F1\nG1 X1" + b"\n" * 300_000,
         b"F1\nG1 X1\n" + b"G0 X1\nG0 X2\n" * 50_000,
         b"G0 X1\nG0 X2\n" * 50_000,
+        b"F1\nG1 X1\n" + b"O1\n" * 20_000,
+        b"".join(b"o%d sub\no%d endsub\n" % (i, i) for i in range(5_000))
+        + b"o1 repeat [9000]\no4999 call\no1 endrepeat\n",
+        b"#1=0\no1 repeat [9000]\no2 if [0]\n" + b"o2 elseif [0]\n" * 500 + b"o2 endif\n"
+        b"o1 endrepeat\n",
     ],
-    ids=["one line", "open", "comments", "digits", "empty lines", "rapids", "rapids only"],
+    ids=[
+        *("one line", "open", "comments", "digits", "empty lines", "rapids", "rapids only"),
+        *("numbers", "calls", "branches"),
+    ],
 )
 def test_nothing_takes_longer_than_in_proportion(data):
     begin = time.perf_counter()
