@@ -690,7 +690,7 @@ def test_a_long_program_takes_memory_in_proportion():
         b"F1\nG1 X1\n" + b"O1\n" * 20_000,
         b"".join(b"o%d sub\no%d endsub\n" % (i, i) for i in range(5_000))
         + b"o1 repeat [9000]\no4999 call\no1 endrepeat\n",
-        b"#1=0\no1 repeat [9000]\no2 if [0]\n" + b"o2 elseif [0]\n" * 500 + b"o2 endif\n"
+        b"#1=0\no1 repeat [50]\no2 if [0]\n" + b"o2 elseif [0]\n" * 2_000 + b"o2 endif\n"
         b"o1 endrepeat\n",
     ],
     ids=[
