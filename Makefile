@@ -28,6 +28,7 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
+	$(BIN)/python -m soak.gcode
 	$(BIN)/python -m soak.check
 	$(BIN)/python -m soak.certificates
 	$(BIN)/python -m soak.numbers

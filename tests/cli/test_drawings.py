@@ -101,6 +101,25 @@ def test_runs_g_code_in_a_cell_with_exports(folder: FilePath) -> None:
     assert not list(folder.rglob(".armcontour-*"))
 
 
+def test_leaves_out_words_of_g_code_by_name(folder: FilePath, call: Call) -> None:
+    text = GCODE.replace("M5\n", "T2 M6 H3\nG55\n")
+    (folder / "tools.ngc").write_text(text)
+    begin = ("run", "tools.ngc", "--cell", "pmk3s", "--no-simulation", "--out")
+    code, said = call(*begin, "one")
+    assert (code, "tools.ngc, line 8: a coordinate X in the coordinate system G55" in said) == (
+        2,
+        True,
+    )
+    code, said = call(*begin, "one", "--skip-unknown")
+    assert (code, "line 8" in said) == (2, True)
+    code, said = call(*begin, "one", "--skip", "G55", "--skip", "M6, T")
+    assert code == 0, said
+    summary = json.loads((folder / "one" / "summary.json").read_text())
+    assert "M6 (1 time" in " ".join(summary["runs"]["taught"]["warnings"])
+    code, said = call(*begin, "two", "--skip", "X")
+    assert (code, "names 'X', which cannot be left out" in said) == (2, True)
+
+
 def test_resumes_and_replaces_only_with_force(folder: FilePath, call: Call) -> None:
     begin = ("run", "plain.csv", "--cell", "pmk3s", "--out", "out")
     assert call(*begin)[0] == 0

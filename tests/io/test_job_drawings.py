@@ -328,3 +328,24 @@ def test_errors_of_one_plain_contour_of_a_file_may_end_when_the_job_says(folder,
     found = job(folder, path={"file": "plain.csv"}, runs=runs)
     assert found.runs[0].until == 9.0
     refuses(lambda: job(folder, runs=runs), InvalidInput, "plate.yaml", "until is for a job of one")
+
+
+def test_words_of_g_code_are_left_out_by_name(folder: FilePath, refuses: Any) -> None:
+    (folder / "part.nc").write_text("T1 M6\nG1 X60 F600\nG55 G0 Y9\nG1 X0\n")
+    named = job(folder, path={"file": "part.nc", "unknown": {"skip": ["t", "M06", "G55"]}}).path
+    assert isinstance(named, Program)
+    assert "M6 (1 time" in named.notes[0] and "the word T (1 time" in named.notes[0]
+    stated = job(folder, path={"file": "part.nc", "offsets": "zero"}).path
+    assert isinstance(stated, Program)
+    assert [x.path.length for x in stated.contours] == pytest.approx([0.06, 0.06])
+    for unknown, words in (
+        ({"skip": ["X"]}, "names 'X', which cannot be left out"),
+        ({"skip": ["M6"]}, "is for G-code"),
+    ):
+        file = "part.nc" if "X" in unknown["skip"] else "two.csv"
+        refuses(
+            lambda file=file, unknown=unknown: job(folder, path={"file": file, "unknown": unknown}),
+            InvalidInput,
+            words,
+        )
+    refuses(lambda: job(folder, path={"file": "part.nc"}), InvalidInput, "line 3", "offsets: zero")

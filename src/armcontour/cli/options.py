@@ -109,6 +109,10 @@ class JobOptions:
     skip_unknown: Annotated[
         bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
     ] = False
+    skip: Annotated[
+        list[str] | None,
+        typer.Option("--skip", help="Leave out these words of G-code, such as 'T,M6'."),
+    ] = None
     speed: Annotated[
         str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
     ] = None

@@ -25,7 +25,7 @@ from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
 from armcontour.compensation import compensator
 from armcontour.geometry import Demand
-from armcontour.io.drawings.reading import UNKNOWN
+from armcontour.io.drawings.reading import OFFSETS, UNKNOWN
 from armcontour.io.forms import Place, Point
 from armcontour.io.keys import Given, Number
 from armcontour.io.units import parse
@@ -181,6 +181,17 @@ class OrientationModel(RotationModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SkipModel:
+    """Words of G-code to leave out.
+
+    Args:
+        skip: Codes and letters of G-code, such as M6 or T.
+    """
+
+    skip: list[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PathModel:
     """One of `points`, `start` and `segments`, `spline`, and `file`; the rest says how to read it.
 
@@ -201,7 +212,10 @@ class PathModel:
         flat: Whether to leave z out, and with it how the file has the tool held.
         chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
         join_tolerance: Ends nearer than this are one point [m].
-        unknown: Whether to refuse what the reader does not know, or to skip it with a note.
+        unknown: Whether to refuse what the reader does not know, or to skip it with a note; for
+            G-code, `{skip: [T, M6]}` leaves out these words.
+        offsets: For G-code, `file` reads only offsets that the file gives; `zero` states that all
+            offsets in the table of the controller are zero.
         orientation: How the tool is held in space: once for the whole path, or one per waypoint;
             of a file, in the coordinates of the drawing.
     """
@@ -219,7 +233,8 @@ class PathModel:
     flat: bool = False
     chord_tolerance: Distance = 1e-5
     join_tolerance: Distance = 1e-5
-    unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
+    unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
+    offsets: Annotated[str, Choice(OFFSETS)] = "file"
     orientation: OrientationModel | list[OrientationModel] | None = None
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour.geometry import Demand
-from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel
+from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel, SkipModel
 from armcontour.jobs import Rounding
 from armcontour.program import Process
 
@@ -24,6 +24,7 @@ class JobOverrides:
         names: Contours to run.
         flat: Leave z out.
         skip_unknown: Skip what the reader does not know.
+        skip_words: Words and codes of G-code to leave out, such as M6.
         speed: Assigned velocity where the drawing gives none [m/s], of runs with one of their own
             too.
         corner_tolerance: Largest corner error where the drawing gives none [m], of runs with one of
@@ -40,6 +41,7 @@ class JobOverrides:
     names: tuple[str, ...] | None = None
     flat: bool = False
     skip_unknown: bool = False
+    skip_words: tuple[str, ...] | None = None
     speed: float | None = None
     corner_tolerance: float | None = None
     from_s: float | None = None
@@ -90,7 +92,9 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "scale": x.scale,
         "names": None if x.names is None else list(x.names),
         "flat": x.flat or None,
-        "unknown": "skip" if x.skip_unknown else None,
+        "unknown": SkipModel(skip=list(x.skip_words))
+        if x.skip_words
+        else ("skip" if x.skip_unknown else None),
     }
     if x.layers is not None:
         own = path.layers if isinstance(path.layers, dict) else {}

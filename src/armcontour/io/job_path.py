@@ -17,14 +17,14 @@ from armcontour.geometry.placing import keeps_plane, lift_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of, rotation_of
-from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel
+from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel, SkipModel
 from armcontour.io.problems import place
 from armcontour.program import Contour, Program, contour_called
 
 # What says how a file is read: arguments of `read_path`.
 READING = (
     *("units", "scale", "layers", "names", "flat"),
-    *("chord_tolerance", "join_tolerance", "unknown"),
+    *("chord_tolerance", "join_tolerance", "unknown", "offsets"),
 )
 WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
 
@@ -70,6 +70,8 @@ def _drawn(
     if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
         raise InvalidInput("path takes either a file, or points, start and segments, or spline.")
     options = {name: getattr(model, name) for name in READING}
+    if isinstance(model.unknown, SkipModel):
+        options["unknown"] = {"skip": model.unknown.skip}
     program = read_path(folder / file, **options, progress=progress)
     frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)
     if dimension == 2:

@@ -100,8 +100,28 @@ GOLDEN = {
     "distance/relative": [[[1, 1], [2, 1], [2, 2], [0, 2], [-0.5, 1.5]]],
     "events/dwell": [[[0, 0], [1, 0]], [[1, 0], [2, 0]], [[2, 0], [3, 0]]],
     "events/pause": [[[0, 0], [1, 0]], [[1, 0], [2, 0]], [[2, 0], [3, 0]]],
-    "skipped/offsets_and_tools": [[[1, 1], [2, 1], [3, 1], [4, 1]]],
-    "skipped/inverse_time": [[[0, 0], [1, 0], [2, 0], [3, 0], [4, 0]]],
+    "skipped/codes": [[[0, 0], [1, 0]], [[1, 0], [2, 0]]],
+    "lines/safe_start": [[[0, 0], [1, 0], [2, 0]]],
+    "parameters/formulas": [[[0, 0], [10, 0], [15, 0], [6, -3], [2, -1], [2, 6]]],
+    "flow/subprograms": [[[0, 0], [1, 4], [1, 0], [2, 0], [4, 2], [40, 7]]],
+    "flow/loops": [[[0, 0], [1, 0], [3, 0], [5, 0], [6, 0], [6, 1], [6, 2]]],
+    "flow/numbered_subprograms": [[[0, 0], [1, 0], [1, 1], [1, 2], [2, 2]]],
+    "offsets/systems": [[[0, 0], [101, 0], [200, 11], [106, 0], [107, 0], [101, 0]]],
+    "offsets/where_the_tool_is": [[[5, 0], [6, 0], [7, 0]]],
+    "offsets/only_one_system": [[[0, 0], [1, 0], [2, 0]]],
+    "references/known": [[[1, 2], [3, 2]], [[3, 2], [4, 2]]],
+    "references/unknown": [[[1, 2, 1], [3, 2, 1]], [[7, 7, 1], [8, 7, 1]]],
+    "cycles/drilling": [[[x, 0, 2], [x, 0, -1]] for x in (1, 2, 3)],
+    "cycles/pecks": [
+        *[[[1, 0, 1], [1, 0, -1]], [[1, 0, -0.746], [1, 0, -2.5]]],
+        *[[[2, 0, 1], [2, 0, -1]], [[2, 0, -0.746], [2, 0, -2.5]]],
+        [[3, 0, 1], [3, 0, -1]],
+    ],
+    "cycles/repeats": [[[x, x, 2], [x, x, 1]] for x in (1, 2, 3)],
+    "feeds/inverse_time": [[[0, 0], [1, 0], [2, 0], [5, 0], [6, 0], [7, 0]]],
+    "events/tools_and_outputs": [[[0, 0], [1, 0], [2, 0], [3, 0]], [[3, 0], [4, 0]]],
+    "events/extruder": [[[0, 0, 0], [0, 0, 1], [1, 0, 1], [2, 0, 1], [3, 0, 1], [4, 0, 1]]],
+    "format/fanuc_and_printers": [[[0, 0], [1, 0]], [[1, 0], [2, 0]]],
     "skipped/printer": [[[0, 0], [10, 0], [10, 10]]],
 }
 
@@ -330,46 +350,196 @@ def test_unit_of_the_reading_holds_until_the_file_says_another():
     assert in_mm(read("G1 X2 F60\n").contours[0].path) == [[0, 0], [2, 0]]
 
 
-def test_skipping_leaves_one_note_for_every_kind():
-    program = read_file("skipped/offsets_and_tools")
+def test_what_moves_nothing_is_left_out_with_one_note():
+    program = read("M104 S200\nG1 X1 F60\nM106 S255\nM104 S0\nG43 H2\nX2 H3\nM2\n")
+    assert in_mm(program.path) == [[0, 0], [1, 0], [2, 0]]
     assert program.notes == (
-        "G55 was skipped 2 times, first in line 3.",
-        "M6 was skipped 1 time, first in line 4.",
-        "The word T was skipped 1 time, first in line 4.",
-        "G43 was skipped 1 time, first in line 5.",
-        "The word H was skipped 1 time, first in line 5.",
-        "G92 was skipped 1 time, first in line 6.",
-        "G28 was skipped 1 time, first in line 10.",
-        "G53 was skipped 1 time, first in line 12.",
+        "Left out, because it moves nothing: M104 (2 times, first in line 1), M106 (1 time, first "
+        "in line 3), the word H (1 time, first in line 6).",
+        "Tool length compensation, first in line 5, is read so that the programmed point is the "
+        "tip of the tool: calibrate the robot's tool to its tip.",
     )
 
 
-def test_skipped_feed_modes_leave_moves_without_a_speed():
-    (contour,) = read_file("skipped/inverse_time").contours
-    np.testing.assert_allclose(contour.path.speeds, [1e-3, np.nan, np.nan, 2e-3], rtol=1e-12)
+def test_modes_of_other_controllers_move_nothing():
+    program = read("G1 X1 F60\nG05 P10000\nG5.1 Q1\nG8 P1\nG187 P1 E.01\nM0 P500\nX2\n")
+    assert [in_mm(x.path) for x in program.contours] == [[[0, 0], [1, 0]], [[1, 0], [2, 0]]]
+    assert program.notes == (
+        "Left out, because it moves nothing: G5 (1 time, first in line 2), G5.1 (1 time, first in "
+        "line 3), the word P (2 times, first in line 4), G187 (1 time, first in line 5).",
+    )
 
 
-def test_after_a_skipped_feed_mode_a_feed_rate_is_asked_for_again(refuses):
+@pytest.mark.parametrize("code", ["M201", "M203", "M205", "M92", "M566", "M999"])
+def test_words_of_m_codes_never_become_motion(code):
+    start = "G92 E0\nG0 Z20\nG1 F1500 E-6.5\nG1 F600 Z2\n"
+    program = read(f"{start}{code} X5 Y5 E3\nG1 X10 Y10 E0\n{code} X20 Y20\nM2\n")
+    assert in_mm(program.path) == [[0, 0, 20], [0, 0, 2], [10, 10, 2]]
+    assert f"{code} (2 times, first in line 5)" in program.notes[0]
+
+
+def test_words_before_an_m_code_belong_to_the_motion_in_force():
+    assert in_mm(read("G1 X1 F60\nX2 Y3 M88\n").path) == [[0, 0], [1, 0], [2, 3]]
+
+
+def test_a_motion_of_the_line_keeps_its_coordinates():
+    program = read("F60\nG1 X5 M88 P3\nG1 X9 M67 E2 Q25\n")
+    assert in_mm(program.path) == [[0, 0], [5, 0], [9, 0]]
+    assert [(x.name, x.value, x.s) for x in program.contours[0].events] == [
+        ("analog output 2", 25.0, 0.005)
+    ]
+
+
+def test_tools_and_outputs_are_events():
+    program = read_file("events/tools_and_outputs")
+    tools = [(x.name, x.value) for x in program.moves if isinstance(x, Event)]
+    assert tools == [("tool", 3.0), ("tool", 4.0)]
+    assert [(x.name, x.value, x.s) for x in program.contours[0].events] == [
+        ("analog output 2", 25.0, 0.001),
+        ("output 1", True, 0.002),
+    ]
+
+
+def test_t_alone_changes_the_tool_where_the_program_has_no_m6():
+    program = read("T1\nG1 X1 F60\nT2\nX2\n")
+    assert [(x.name, x.value) for x in program.moves if isinstance(x, Event)] == [
+        ("tool", 1.0),
+        ("tool", 2.0),
+    ]
+
+
+def test_the_extruder_is_on_along_moves_that_feed_material():
+    (contour,) = read_file("events/extruder").moves
+    events = [(x.name, x.value, round(x.s * 1e3, 9)) for x in contour.events]
+    assert events == [
+        ("extruder", True, 1.0),
+        ("extruder", False, 3.0),
+        ("extruder", True, 4.0),
+        ("extruder", False, 5.0),
+    ]
+
+
+def test_feed_modes_give_speeds():
+    (contour,) = read_file("feeds/inverse_time").contours
+    expected = [1e-3, 1e-3 * 2 / 60, 3e-3 / 60, 2e-3, 1e-3]
+    np.testing.assert_allclose(contour.path.speeds, expected, rtol=1e-12)
+
+
+def test_after_a_change_of_feed_mode_a_feed_rate_is_asked_for_again(refuses):
     text = "G1 X1 F60\nG93 X2 F2\nG94 X3\n"
-    refuses(lambda: read(text, unknown="skip"), InvalidInput, "line 3", "no feed rate")
+    refuses(lambda: read(text), InvalidInput, "line 3", "no feed rate")
+    refuses(lambda: read("G95 G1 X1 F1\n"), InvalidInput, "line 1", "turns per minute")
 
 
-def test_values_of_skipped_codes_mean_nothing_else():
-    program = read("M104 S200\nG10 L20 P1 X5\nG1 X1 F60\nM66 P0 L3 Q2\nX2\n", unknown="skip")
-    (contour,) = program.moves
-    assert in_mm(contour.path) == [[0, 0], [1, 0], [2, 0]]
-    assert not contour.events
+def test_a_file_without_feed_rates_leaves_the_speed_open_and_says_so():
+    program = read("G0 X1\nG1 X2\n")
+    assert np.isnan(program.path.speeds).all()
+    assert program.notes == (
+        "The file gives no feed rate for moves, first in line 2: they have no speed of their own, "
+        "and the job's limits hold.",
+    )
 
 
-@pytest.mark.parametrize("code", ["G5 X1 Y1 P0 Q-3", "G33 Z1 K1", "G38.2 Z-1", "M98 P1", "G17.1"])
+def test_a_reference_that_is_not_known_is_a_stop_with_a_note():
+    program = read_file("references/unknown")
+    assert [type(x) for x in program.moves] == [Contour, Event, Rapid, Contour]
+    assert in_mm(program.moves[2].path) == [[7, 7, 4], [7, 7, 1]]
+    assert program.notes[0] == (
+        "Moves to a reference position that the file does not give are only a stop: G28 (1 time, "
+        "first in line 5), G53 (1 time, first in line 12). The tool stays where it is, and goes "
+        "straight on to the next point that the file gives: make sure that nothing stands between "
+        "them."
+    )
+
+
+def test_a_known_reference_is_a_rapid():
+    program = read_file("references/known")
+    assert in_mm(program.moves[1].path) == [[3, 2], [3, 5], [3, 2]]
+
+
+def test_offsets_of_the_controller_can_be_stated_to_be_zero():
+    text = "G1 X1 F60\nG55 X2\nG53 G0 X5\nG1 X6\n"
+    program = read(text, offsets="zero")
+    assert [in_mm(x.path) for x in program.moves] == [
+        [[0, 0], [1, 0], [2, 0]],
+        [[2, 0], [5, 0]],
+        [[5, 0], [6, 0]],
+    ]
+
+
+def test_words_are_left_out_by_name():
+    program = read("T1 M6\nG1 X1 A90 F60\nG55 X2\n", skip=frozenset(("T", "M6", "A", "G55")))
+    assert in_mm(program.path) == [[0, 0], [1, 0], [2, 0]]
+    assert not [x for x in program.moves if isinstance(x, Event)]
+    for x in ("M6", "the word T", "the word A", "G55"):
+        assert f"{x} (1 time" in program.notes[0]
+
+
+def test_offsets_at_an_unknown_place_are_refused(refuses):
+    start = "F60\nG0 Z1\nG1 X1\nG28 Z5\n"
+    for line in ("G92 Z0", "G10 L20 P1 Z0", "G28.1", "#1=#5422", "G1 X2", "G81 X1 Y1 Z0 R1"):
+        refuses(lambda line=line: read(start + line), InvalidInput, "line 5: ", "G0")
+
+
+def test_the_largest_spindle_speed_of_lathes_shifts_nothing(refuses):
+    program = read("G1 X1 F60\nG92 S1500\nG50 S900\nX2\n:1000\n")
+    assert in_mm(program.path) == [[0, 0], [1, 0], [2, 0]]
+    assert not program.contours[0].events
+    refuses(lambda: read("G1 X1 F60\nG92\n"), InvalidInput, "line 2: G92 without coordinates")
+    refuses(lambda: read("G1 X1 F60\nG50 X2\n"), InvalidInput, "line 2: G50 with coordinates")
+
+
+def test_contours_of_loops_have_names_of_their_own():
+    program = read("F60\no1 repeat [3]\nG91\nG1 X1\nG0 Y1\no1 endrepeat\n")
+    assert [x.name for x in program.contours] == ["line 4", "line 4 (2)", "line 4 (3)"]
+
+
+def test_subprograms_in_files_beside_the_program(tmp_path, refuses):
+    (tmp_path / "side.ngc").write_text("o<side> sub\nG1 X#1\nG0 Y1\nG1 X9\no<side> endsub\n")
+    (tmp_path / "wrong.ngc").write_text("o<wrong> sub\n\nG1 X\no<wrong> endsub\n")
+    data = b"F60\no<side> call [4]\nM2\n"
+    options = {"source": "part.ngc", "reading": Reading(), "folder": tmp_path}
+    program = read_gcode(data, **options)
+    assert [x.name for x in program.contours] == ["side.ngc line 2", "side.ngc line 4"]
+    assert in_mm(program.contours[0].path) == [[0, 0], [4, 0]]
+    refuses(lambda: read_gcode(b"o<wrong> call\n", **options), InvalidInput, "wrong.ngc, line 3: ")
+    refuses(lambda: read_gcode(b"o<../side> call\n", **options), InvalidInput, "line 1: a call of")
+
+
+def test_loops_and_calls_without_end_are_refused(refuses):
+    endless = "#1=0\no1 while [1]\n#1=[#1+1]\no1 endwhile\n"
+    refuses(lambda: read(endless), InvalidInput, "part.ngc, line", "a loop without end")
+    deep = "o1 sub\no1 call\no1 endsub\no1 call\n"
+    refuses(lambda: read(deep), InvalidInput, "part.ngc, line 2", "calls within each other")
+    brackets = "G1 X" + "[" * 60 + "1" + "]" * 60 + "\n"
+    refuses(lambda: read(brackets), InvalidInput, "line 1", "brackets within each other")
+
+
+def test_cycles_without_end_are_refused(refuses):
+    for words in ("G81 X1 Z-1 R1 L999999", "G83 X1 Z-1 R1 Q.00001 L9", "G73 Z-1 R1 Q.001 L199"):
+        text = f"F60\nG91\n{words}\n"
+        refuses(lambda text=text: read(text), InvalidInput, "line 3", "holes and pecks together")
+    assert len(read("F60\nG81 X1 Y1 Z-1 R1 Q0\n").contours) == 1
+
+
+def test_a_file_of_subprograms_alone_says_so(refuses):
+    text = "o<pocket> sub\nG1 X1 F60\no<pocket> endsub\nM2\n"
+    refuses(lambda: read(text), InvalidInput, "it only defines subprograms (o<pocket>)")
+
+
+@pytest.mark.parametrize(
+    "code",
+    ["G5.2 X1 Y1 P0 L3", "G33 Z1 K1", "G38.2 Z-1", "M98 P1", "G17.1", "G41 D1", "G68 X0 R9", "G16"],
+)
 def test_what_would_move_the_rest_is_never_skipped(code, refuses):
     refuses(lambda: read(f"F60\nG1 X1\n{code}\n", unknown="skip"), InvalidInput, "line 3")
 
 
 def test_a_code_that_nobody_knows_is_not_skipped_with_coordinates(refuses):
     assert read("G1 X1 F60\nG123\n", unknown="skip").notes == (
-        "G123 was skipped 1 time, first in line 2.",
+        "Left out, because it moves nothing: G123 (1 time, first in line 2).",
     )
+    refuses(lambda: read("G1 X1 F60\nG123\n"), InvalidInput, "line 2", "--skip G123")
     refuses(lambda: read("G1 X1 F60\nG123 X2\n", unknown="skip"), InvalidInput, "line 2", "G123")
 
 
@@ -400,7 +570,7 @@ def test_the_guide_s_example_is_what_the_guide_says():
 def test_the_guide_quotes_a_refusal_as_it_is():
     guide = Path(__file__).parents[3] / "docs" / "guides" / "gcode.md"
     with pytest.raises(InvalidInput) as caught:
-        read("\n" * 13 + "G55\n")
+        read("G1 X1 F60\n" + "\n" * 12 + "G55 X2\n")
     assert str(caught.value) in guide.read_text()
 
 
@@ -445,7 +615,7 @@ def mutated(data, rng):
         if kind == 0:
             data[at : at + 1] = bytes([rng.randrange(256)])
         elif kind == 1:
-            data[at:at] = bytes([rng.choice(b"GMXYZIJKRPFSNOE0123456789.-+ \n\r()%;/#[")])
+            data[at:at] = bytes([rng.choice(b"GMXYZIJKRPFSNOE0123456789.-+ \n\r()%;/#[]<>=")])
         elif kind == 2:
             del data[at : at + rng.randint(1, 5)]
         else:
@@ -519,8 +689,16 @@ def test_a_long_program_takes_memory_in_proportion():
         b"F1\nG1 X1" + b"\n" * 300_000,
         b"F1\nG1 X1\n" + b"G0 X1\nG0 X2\n" * 50_000,
         b"G0 X1\nG0 X2\n" * 50_000,
+        b"F1\nG1 X1\n" + b"O1\n" * 20_000,
+        b"".join(b"o%d sub\no%d endsub\n" % (i, i) for i in range(5_000))
+        + b"o1 repeat [9000]\no4999 call\no1 endrepeat\n",
+        b"#1=0\no1 repeat [50]\no2 if [0]\n" + b"o2 elseif [0]\n" * 2_000 + b"o2 endif\n"
+        b"o1 endrepeat\n",
     ],
-    ids=["one line", "open", "comments", "digits", "empty lines", "rapids", "rapids only"],
+    ids=[
+        *("one line", "open", "comments", "digits", "empty lines", "rapids", "rapids only"),
+        *("numbers", "calls", "branches"),
+    ],
 )
 def test_nothing_takes_longer_than_in_proportion(data):
     begin = time.perf_counter()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
@@ -28,8 +29,10 @@ READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
     ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
     ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
 }
-# Modules whose readers report their progress.
+# Modules whose readers report their progress, and read files with subprograms from the folder.
 WITH_PROGRESS = ("gcode",)
+# Codes and letters of G-code that may be left out by name.
+WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
 
 def read_path(
@@ -43,7 +46,8 @@ def read_path(
     flat: bool = False,
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
-    unknown: str = "refuse",
+    unknown: str | Mapping[str, Collection[str]] = "refuse",
+    offsets: str = "file",
     progress: Progress | None = None,
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
@@ -63,7 +67,10 @@ def read_path(
         flat: Whether z is left out.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
-        unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know.
+        unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know;
+            for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
+        offsets: For G-code, "zero" states that all offsets in the table of the controller are zero;
+            "file" reads only offsets that the file gives.
         progress: Called from time to time with the name of the file and the fraction of it that is
             read, where the reader can tell.
 
@@ -75,14 +82,16 @@ def read_path(
         unit=_unit(units),
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
-        unknown=unknown,
+        unknown=unknown if isinstance(unknown, str) else "refuse",
+        skip=_words_to_skip(unknown, suffix),
+        offsets=offsets,
         layers=_layer_set(layers),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:
-        read = partial(read, progress=progress)
+        read = partial(read, progress=progress, folder=location.parent)
     program: Program = read(bytes_of(location), source=location.name, reading=reading, **options)
     program = _select(program, layers, names)
     if flat:
@@ -127,6 +136,33 @@ def _select(
         program = replace(program, notes=(*program.notes, *notes))
         layers = [x for x in layers if x in existing] or list(layers)
     return program.selected(layers=layers, names=names)
+
+
+def _words_to_skip(unknown: Any, suffix: str) -> frozenset[str]:
+    """Words and codes of G-code to leave out, such as G43 or T, from {"skip": [...]}.
+
+    Raises:
+        InvalidInput: The argument has another form, a word cannot be left out, or the file is no
+            G-code.
+    """
+    if isinstance(unknown, str):
+        return frozenset()
+    words = unknown.get("skip") if isinstance(unknown, Mapping) and len(unknown) == 1 else None
+    if isinstance(words, str) or not isinstance(words, Collection):
+        raise InvalidInput(
+            'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
+            "leave out, such as M6 or T."
+        )
+    if READERS[suffix][0] != "gcode":
+        raise InvalidInput('unknown: {"skip": [...]} is for G-code: other drawings take "skip".')
+    found = {str(x).strip().upper() for x in words}
+    wrong = next((x for x in sorted(found) if WORD.fullmatch(x) is None), None)
+    if wrong is not None:
+        raise InvalidInput(
+            f"unknown: {{skip: ...}} names {wrong!r}, which cannot be left out: it takes codes "
+            "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
+        )
+    return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in found)
 
 
 def _layer_set(layers: Collection[str] | None) -> frozenset[str] | None:

@@ -19,6 +19,7 @@ KEPT = LONGEST_NAME - 12
 # two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
 UNKNOWN = ("refuse", "skip")
+OFFSETS = ("file", "zero")
 # How messages advise the user to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 
@@ -33,6 +34,9 @@ class Reading:
         join_tolerance: Ends closer than this are one point [m].
         unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
             entities with a sentence in the program's notes.
+        skip: Words and codes of G-code to leave out, such as "M6" or "T".
+        offsets: Where offsets of G-code come from that are in the table of a controller: "file"
+            reads only those that the file gives, "zero" states that all others are zero.
         layers: Unknown entities on other layers are ignored; None means all layers.
 
     Raises:
@@ -43,6 +47,8 @@ class Reading:
     chord_tolerance: float = 1e-5
     join_tolerance: float = 1e-5
     unknown: str = "refuse"
+    skip: frozenset[str] = frozenset()
+    offsets: str = "file"
     layers: frozenset[str] | None = None
 
     def __post_init__(self) -> None:
@@ -51,6 +57,7 @@ class Reading:
         _checks.positive("chord tolerance", self.chord_tolerance, "m")
         _checks.positive("join tolerance", self.join_tolerance, "m")
         _checks.choice("unknown", self.unknown, UNKNOWN)
+        _checks.choice("offsets", self.offsets, OFFSETS)
 
 
 @dataclass(slots=True)

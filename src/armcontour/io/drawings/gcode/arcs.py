@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings.gcode.words import Fault
+from armcontour.io.drawings.gcode.faults import Fault
 
 Point = tuple[float, float]
 
@@ -248,6 +248,12 @@ def _refuse_a_miss(start: Point, piece: Piece) -> None:
             f"an arc of radius {1 / piece.curvature:.6g} m, so large that its end cannot be met "
             "within a nanometre: write it as lines"
         )
+
+
+def helix_length(circle: Circle, turns: int, rise: float) -> float:
+    """Length of a helix of so many turns [m]; where its radius changes, by the mean radius."""
+    total = circle.sweep + 2 * math.pi * (turns - 1)
+    return math.hypot((circle.radius + circle.end_radius) / 2 * total, rise)
 
 
 def chords_of(circle: Circle, turns: int, tolerance: float) -> int:

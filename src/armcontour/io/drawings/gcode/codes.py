@@ -1,7 +1,7 @@
-"""Tables of G and M codes: their numbers, their modal groups, and which ones the reader executes.
+"""What there is to know of a code before it is carried out: its group, and who understands it.
 
-A G code is stored as ten times its number, so G61.1 is 611. Source of the groups: LinuxCNC manual,
-"G-code Overview", section "Modal Groups".
+G codes are counted in tenths, so that G61.1 is 611. Source of the groups: LinuxCNC manual, "G-code
+Overview", section "Modal Groups".
 """
 
 from __future__ import annotations
@@ -11,14 +11,25 @@ ARCS = (CLOCKWISE, COUNTER_CLOCKWISE)
 XY, ZX, YZ = 170, 180, 190
 INCH, MILLIMETRE = 200, 210
 CANCEL_MOTION = 800
+# Drilling, tapping and boring cycles; those of G84 and G74 turn the spindle the other way round.
+CYCLES = (730, 740, 810, 820, 830, 840, 850, 860, 890)
 ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE = 900, 910, 901, 911
 INVERSE_TIME, PER_MINUTE, PER_TURN = 930, 940, 950
 SURFACE_SPEED = 960
 EXACT_PATH, EXACT_STOP, BLEND = 610, 611, 640
+TOOL_LENGTH = (430, 431, 432, 490)
+# The coordinate systems G54 to G59.3, in their order.
+SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
+REFERENCE_MOVES, REFERENCE_STORES = frozenset((280, 300)), frozenset((281, 301))
+SET_DATA, LOCAL, MACHINE, SHIFT = 100, 520, 530, 920
+# G92.1, G92.2, G92.3: the shift of G92 erased, suspended, restored.
+SHIFT_STATES = (921, 922, 923)
+RETURN_TO_START, RETURN_TO_R = 980, 990
+MOTION = "motion"
 
 _MEMBERS: dict[str, tuple[int, ...]] = {
     "what is done once": (DWELL, 100, 280, 281, 300, 301, 520, 530, 920, 921, 922, 923),
-    "motion": (
+    MOTION: (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, 50, 51, 52, 53, 330, 331),
         *(382, 383, 384, 385, 730, 740, 760, CANCEL_MOTION),
         *(810, 820, 830, 840, 850, 860, 870, 880, 890),
@@ -29,60 +40,92 @@ _MEMBERS: dict[str, tuple[int, ...]] = {
     "feed mode": (INVERSE_TIME, PER_MINUTE, PER_TURN),
     "units": (INCH, MILLIMETRE),
     "cutter compensation": (400, 410, 411, 420, 421),
-    "tool length": (430, 431, 432, 490),
+    "tool length": TOOL_LENGTH,
     "return level": (980, 990),
-    "coordinate systems": (540, 550, 560, 570, 580, 590, 591, 592, 593),
+    "coordinate systems": SYSTEMS,
     "path control": (EXACT_PATH, EXACT_STOP, BLEND),
     "spindle mode": (SURFACE_SPEED, 970),
     "lathe mode": (70, 80),
 }
 G_GROUP = {code: group for group, members in _MEMBERS.items() for code in members}
-M_GROUP = {
+M_GROUP: dict[float, str] = {
     **dict.fromkeys((0, 1, 2, 30, 60), "stopping"),
     **dict.fromkeys((3, 4, 5), "spindle"),
     **dict.fromkeys((7, 8, 9), "coolant"),
     **dict.fromkeys((48, 49), "overrides"),
 }
 
-# Codes that the reader executes, and codes that set the only state that the reader has: no
-# compensation (G40, G49), the first coordinate system (G54), which is that of the drawing, feed
-# per minute (G94), spindle speed in turns per minute (G97), X as a radius (G8), and the return
-# level of canned cycles (G98, G99), which are refused.
+# Codes that are carried out, or that ask for what is so anyway: no cutter compensation (G40), feed
+# and speed in the usual units (G94, G97), radius (G8), no scale, rotation or polar coordinates
+# (G15, G69), nothing called at every move (G67).
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
-        *(INCH, MILLIMETRE, ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE, PER_MINUTE),
-        *(EXACT_PATH, EXACT_STOP, BLEND, 80, 400, 490, 540, 970, 980, 990),
+        *(INCH, MILLIMETRE, ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE),
+        *(INVERSE_TIME, PER_MINUTE, PER_TURN, EXACT_PATH, EXACT_STOP, BLEND),
+        *(80, 150, 400, 670, 690, 970, RETURN_TO_START, RETURN_TO_R),
+        *(*TOOL_LENGTH, *SYSTEMS, *CYCLES, *REFERENCE_MOVES, *REFERENCE_STORES),
+        *(SET_DATA, LOCAL, MACHINE, SHIFT, *SHIFT_STATES),
     )
 )
-UNDERSTOOD_M = frozenset((0, 1, 2, 3, 4, 5, 7, 8, 9, 30))
+UNDERSTOOD_M = frozenset(
+    (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 60, 62, 63, 64, 65, 67, 68, 70, 71, 72, 73, 82, 83, 98, 99)
+)
 
-# Motions, calls of subprograms, and scales: without them the rest of the program would be at other
-# positions. This includes codes of other dialects: polar coordinates, scaling, rotation, and units
-# (G70, G71).
+# Codes that move nothing without coordinates, and are left out with a note: smoothing (G5, G5.1 and
+# G187 of other controllers), retraction of filament (G11), levelling of a printer's bed (G29),
+# largest spindle speed (G50), constant surface speed (G96). Their P, Q, S, D and so on are theirs.
+HARMLESS_G = frozenset((50, 51, 110, 290, 500, SURFACE_SPEED, 1870))
+# Why what shifts or turns the rest of the program is not read.
+REFUSED_G = {
+    70: "diameter mode, in which X is twice the radius: let the post-processor write radii (G8)",
+    **dict.fromkeys(
+        (410, 411, 420, 421),
+        "cutter radius compensation, whose tool radius the file does not give: let the "
+        "post-processor write the path of the tool's centre",
+    ),
+    **dict.fromkeys((120, 130), "a circular pocket or polar coordinates: write G1, G2 and G3"),
+    **dict.fromkeys((121, 131, 160, 1120), "polar coordinates: write X and Y"),
+    **dict.fromkeys(
+        (310, 382, 383, 384, 385),
+        "a probe, whose result only the machine knows: give the program with the heights that "
+        "were measured, as lines and arcs",
+    ),
+    **dict.fromkeys(
+        (330, 331, 760, 842),
+        "a thread, for which the spindle has to turn with the motion: a robot cannot cut it",
+    ),
+    **dict.fromkeys(
+        (52, 53, 62, 63), "a spline of LinuxCNC: let the post-processor write lines and arcs"
+    ),
+    **dict.fromkeys(
+        (700, 701, 702, 710, 711, 712, 720, 721, 722),
+        "a lathe cycle, or a unit of another dialect (G70, G71): write G0 to G3, or G20 and G21",
+    ),
+    **dict.fromkeys((501, 510, 511), "scaled or mirrored coordinates: write the moves out"),
+    **dict.fromkeys((680, 681, 682), "turned coordinates: write the moves out, or use G10 L2 R"),
+    541: "a coordinate system whose offset is in the table of the controller and not in the file",
+    440: "tool length compensation in the opposite direction: use G43",
+    650: "a call of a macro: use O words (o<name> sub, o<name> call)",
+    660: "a macro that is called at every move: use O words (o<name> sub, o<name> call)",
+}
+
+# Motions of other kinds and other dialects: without them the rest of the program would be drawn
+# somewhere else. Among them units (G70, G71) and planes of other axes.
 NEVER_SKIPPED_G = frozenset(
     (
-        *(120, 130, 160, 500, 510, 511, 680, 700, 710, 720),
-        *(50, 51, 52, 53, 70, 171, 181, 191, 330, 331, 382, 383, 384, 385, 730, 740, 760),
-        *(810, 820, 830, 840, 850, 860, 870, 880, 890),
+        *(120, 130, 160, 510, 511, 650, 660, 680, 700, 710, 720),
+        *(52, 53, 62, 63, 70, 171, 181, 191, 330, 331, 382, 383, 384, 385),
+        *(760, 842, 870, 880, *CYCLES),
     )
 )
 NEVER_SKIPPED_M = frozenset((97, 98, 99))
-
-# Codes that use all words of their line except F and S; if such a code is skipped, the motion of
-# its line is skipped too.
-OWN_THE_LINE = frozenset((100, 280, 281, 300, 301, 431, 432, 520, 530, 920))
-# The other codes of the manual, which do not use the words X, Y and Z.
-NO_USE_FOR_AXES = frozenset(G_GROUP) - NEVER_SKIPPED_G - OWN_THE_LINE
-# Codes that do not use the words I, J, K, P, Q and R either.
-TAKE_NO_WORDS_G = frozenset(
-    code
-    for code in NO_USE_FOR_AXES
-    if G_GROUP[code] in ("coordinate systems", "cutter compensation", "tool length")
+# To these belong all words of their line but F and S: where they are skipped, so is its motion.
+OWN_THE_LINE = frozenset(
+    (SET_DATA, *REFERENCE_MOVES, *REFERENCE_STORES, 431, 432, LOCAL, MACHINE, SHIFT)
 )
-TAKE_NO_WORDS_M = frozenset((6, 48, 49, 60))
 
 
 def g_name(code: int) -> str:
-    """The G code as it is written in a program, such as G61.1 for 611."""
+    """How a G code is written."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")

@@ -1,8 +1,10 @@
-"""The moves of a G-code file while it is read, and their conversion to a `Program`."""
+"""Moves as they are read, and the `Program` that they make."""
 
 from __future__ import annotations
 
 from array import array
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,34 +13,24 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.io.drawings.gcode.arcs import Piece
-from armcontour.io.drawings.gcode.words import Fault
+from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
 NEAR = REPEATED_POINT**2
-# A z below this [m] is zero with the rounding errors of summed relative moves.
+# What adding up relative moves leaves of a z that is zero [m].
 FLAT = 1e-12
-# Largest number of segments of helices and full turns together: a single line can program any
-# number of turns.
+# One line can ask for any number of turns; more segments than this fit no planner's memory.
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
+# From a line, counted through all files, to the name of its file and its number there.
+Places = Callable[[int], tuple[str, int]]
 
 
 @dataclass(slots=True)
 class Chain:
-    """Feed moves without a rapid or a dwell between them, which become one contour.
-
-    Args:
-        points: Coordinates x, y, z of the start point and of each move's end point [m].
-        line: First line of the file.
-        speeds: Speed of each move [m/s].
-        tolerances: Corner tolerance of each move [m].
-        lines: Line of each move in the file.
-        arcs: For each arc: index of the move, tangent and normal at its start, curvature [1/m],
-            length [m].
-        events: For each event: number of moves before it, name and value.
-    """
+    """Feed moves without a stop: their points, flat, and what belongs to every one of them."""
 
     points: array[float]
     line: int
@@ -50,17 +42,7 @@ class Chain:
 
 
 class Draft:
-    """A program under construction: the tool position and all moves so far.
-
-    Attributes:
-        moves: Completed moves and events.
-        last: Position of the tool [m].
-        chain: The feed moves since the last rapid or dwell, if any.
-        rapid: Coordinates of the current rapid [m], if any.
-        begun: Whether there has been a feed move.
-        across: Whether an arc lies in a plane other than XY.
-        segments: Number of segments of helices and further turns.
-    """
+    """A program in the making."""
 
     def __init__(self) -> None:
         self.moves: list[Chain | array[float] | Event | Dwell] = []
@@ -72,16 +54,7 @@ class Draft:
         self.segments = 0
 
     def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
-        """Add a straight feed move; ignored if the tool is already at its end point.
-
-        Args:
-            x: Coordinate x of the end point [m].
-            y: Coordinate y of the end point [m].
-            z: Coordinate z of the end point [m].
-            speed: Speed [m/s], NaN if not given.
-            tolerance: Corner tolerance [m], NaN if not given.
-            line: Number of the line in the file.
-        """
+        """A straight feed move; none where the tool is there already."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -100,15 +73,7 @@ class Draft:
         tolerance: float,
         line: int,
     ) -> None:
-        """Add a feed move along an arc from the tool's position.
-
-        Args:
-            piece: The arc.
-            axes: Indices of the axes of the arc's plane, and of the axis normal to it.
-            speed: Speed [m/s], NaN if not given.
-            tolerance: Corner tolerance [m], NaN if not given.
-            line: Number of the line in the file.
-        """
+        """An arc in the plane of the first two of `axes`."""
         chain = self.chain if self.chain is not None else self._begin(line)
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
@@ -126,20 +91,20 @@ class Draft:
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
-        """Count segments of helices and of further turns before they are made.
+        """Counts segments of helices and of further turns.
 
         Raises:
-            Fault: There are more than `MOST_SEGMENTS`.
+            Fault: More than fit.
         """
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
             raise Fault(
-                f"helices and further turns of more than {MOST_SEGMENTS} segments together: "
-                "program fewer turns P, or give a wider chord tolerance"
+                f"helices and further turns of more than {MOST_SEGMENTS} segments together: ask "
+                "for fewer turns P, or for a wider chord tolerance"
             )
 
     def go(self, x: float, y: float, z: float) -> None:
-        """Add a rapid move to a point; before the first contour only the position is stored."""
+        """A rapid move. Where it comes from is not known before the first contour."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -150,8 +115,13 @@ class Draft:
             self.rapid.extend((x, y, z))
         self.last = (x, y, z)
 
+    def resume_at(self, point: Sequence[float]) -> None:
+        """The tool is at a point to which the file does not say how it came."""
+        self.rest()
+        self.last = _point(point)
+
     def event(self, name: str, value: Value) -> None:
-        """Add an event: on the current contour, or at the position where the tool rests."""
+        """Something is switched: on the open contour, or where the tool stands."""
         if self.chain is not None:
             self.chain.events.append((len(self.chain.speeds), name, value))
         else:
@@ -159,25 +129,26 @@ class Draft:
             self.moves.append(Event(name=name, value=value))
 
     def rest(self) -> None:
-        """End the current contour and the current rapid."""
+        """The tool comes to rest: what is open ends."""
         self._close()
         self._flush()
 
     def dwell(self, duration: float) -> None:
-        """Add a dwell of a duration [s]; 0 only ends the current contour and rapid."""
+        """The tool rests for a time [s]; 0 only brings it to rest."""
         self.rest()
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
-    def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """The program of all moves, in the plane if all moves are in z = 0.
+    def program(self, source: str, notes: tuple[str, ...], places: Places) -> Program:
+        """What was drafted.
 
         Args:
             source: Name of the file.
-            notes: Sentences for the user.
+            notes: Sentences on what was left out.
+            places: Gives the file of a line, and its number there.
 
         Raises:
-            InvalidInput: There is no contour, or a contour makes no path.
+            InvalidInput: No contour, or one that makes no path.
         """
         self.rest()
         if not self.begun:
@@ -186,33 +157,30 @@ class Draft:
                 "G3."
             )
         dimension = 3 if self.across or self._leaves_the_plane() else 2
+        names = _Names(source, places)
         return Program(
-            moves=tuple(_move(x, dimension, source) for x in self.moves),
+            moves=tuple(_move(x, dimension, names) for x in self.moves),
             source=source,
             notes=notes,
         )
 
     def _begin(self, line: int) -> Chain:
-        """Start a contour at the tool's position."""
         self._flush()
         self.begun = True
         self.chain = Chain(points=array("d", self.last), line=line)
         return self.chain
 
     def _close(self) -> None:
-        """End the current contour."""
         if self.chain is not None:
             self.moves.append(self.chain)
             self.chain = None
 
     def _flush(self) -> None:
-        """End the current rapid."""
         if self.rapid is not None:
             self.moves.append(self.rapid)
             self.rapid = None
 
     def _leaves_the_plane(self) -> bool:
-        """Whether a point has a z other than zero."""
         for x in self.moves:
             if isinstance(x, Chain | array):
                 points = np.frombuffer(x.points if isinstance(x, Chain) else x)
@@ -221,38 +189,47 @@ class Draft:
         return False
 
 
-def _point(values: list[float]) -> Point:
+def _point(values: Sequence[float]) -> Point:
     return (values[0], values[1], values[2])
 
 
-def _move(x: Chain | array[float] | Event | Dwell, dimension: int, source: str) -> Move:
-    """The move of a program: a contour, a rapid, an event or a dwell."""
+class _Names:
+    """Names of contours: the line on which they start, and how often that line started one."""
+
+    def __init__(self, source: str, places: Places) -> None:
+        self.source, self.places = source, places
+        self.counts: Counter[int] = Counter()
+
+    def of(self, line: int) -> str:
+        self.counts[line] += 1
+        file, number = self.places(line)
+        name = f"line {number}" if file == self.source else f"{file} line {number}"
+        return name if self.counts[line] == 1 else f"{name} ({self.counts[line]})"
+
+
+def _move(x: Chain | array[float] | Event | Dwell, dimension: int, names: _Names) -> Move:
     if isinstance(x, Chain):
-        return _contour(x, dimension, source)
+        return _contour(x, dimension, names)
     if isinstance(x, array):
         return Rapid(path=_path(x, dimension))
     return x
 
 
-def _contour(chain: Chain, dimension: int, source: str) -> Contour:
-    """The contour of a chain of feed moves.
-
-    Raises:
-        InvalidInput: The moves make no path; names the line.
-    """
+def _contour(chain: Chain, dimension: int, names: _Names) -> Contour:
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
         line = chain.lines[error.index] if error.index is not None else chain.line
-        raise InvalidInput(f"{source}, line {line}: {error}", index=line - 1) from None
+        file, number = names.places(line)
+        raise InvalidInput(f"{file}, line {number}: {error}", index=number - 1) from None
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
-    return Contour(path=path, name=f"line {chain.line}", events=events, keep_start=True)
+    return Contour(path=path, name=names.of(chain.line), events=events, keep_start=True)
 
 
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:
-    """The path through the points, with the chain's arcs; without a chain all straight."""
+    """Straight segments between the points, and the chain's arcs."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:
         return Path(segments=Segments.lines(vertices))

@@ -1,370 +1,313 @@
-"""The modal state of a machine that runs G-code, and the execution of single lines.
+"""A machine that runs G-code, and what it does with a line.
 
-The words of a line are executed in the order of the LinuxCNC manual ("G-code Order of
-Execution"): feed, spindle, coolant, dwell, plane, units, path control, distance mode, motion, stop.
+A line's words are carried out in the order of the LinuxCNC manual ("G-code Order of Execution"):
+feed, spindle, tool, outputs, coolant, dwell, plane, units, coordinate system, path control,
+distance mode, references and offsets, motion, stop.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Callable
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import (
-    PLANES,
-    by_radius,
-    center_letters,
-    turns_of,
-)
-from armcontour.io.drawings.gcode.arcs import (
-    Circle,
-    around,
-    chords_of,
-    pieces_of,
-    point_of,
-    with_radius,
-)
-from armcontour.io.drawings.gcode.arcs import Point as InPlane
-from armcontour.io.drawings.gcode.draft import Draft, Point
-from armcontour.io.drawings.gcode.switches import Switches
+from armcontour.io.drawings.gcode.arc_words import PLANES
+from armcontour.io.drawings.gcode.cycles import Cycles
+from armcontour.io.drawings.gcode.draft import Draft
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.feed import feed_per_minute, set_feed, unit_of
+from armcontour.io.drawings.gcode.modes import MILLIMETRE, Modes
+from armcontour.io.drawings.gcode.motions import AXES, Tool
+from armcontour.io.drawings.gcode.offsets import set_offsets
+from armcontour.io.drawings.gcode.references import References
+from armcontour.io.drawings.gcode.switches import Extruder, Switches
+from armcontour.io.drawings.gcode.systems import Systems
 from armcontour.io.drawings.gcode.unknown import Unknown
-from armcontour.io.drawings.gcode.words import Block, Fault
+from armcontour.io.drawings.gcode.words import Block
 from armcontour.io.drawings.reading import Reading
 
-MILLIMETRE, INCH = 1e-3, 0.0254
-# Largest coordinate [m] and feed rate [m/s]: a double does not resolve a nanometre beyond it.
-FARTHEST = 1e6
-AXES = "XYZ"
-# Heights that differ by less than this [m] are equal, and so are units that differ by less than
-# this fraction.
-CLOSE = 1e-9
+# Codes and words of lines that only move the tool.
+SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
+SIMPLE_WORDS = frozenset("XYZIJKFE")
+# A dwell this long [s] may be meant in milliseconds.
+LONG_DWELL = 60.0
 
 
 class Machine:
-    """The modal state, and the draft of the program of the lines so far.
+    """What is in force, and the draft of what was done so far.
 
     Args:
-        reading: Settings of the reader.
-
-    Attributes:
-        draft: The program of the lines so far.
-        unknown: Codes and words that were skipped.
-        chord_tolerance: Largest distance between a helix and its chords [m].
-        unit: Length of the program's unit [m].
-        inch: Whether the unit is the inch (G20).
-        plane: The active plane (G17, G18, G19).
-        absolute: Whether coordinates are absolute (G90).
-        arc_absolute: Whether centres of arcs are absolute (G90.1).
-        motion: The active motion code; None if there is none.
-        per_minute: Whether F is a feed per minute (G94).
-        speed: Feed rate [m/s]; None before the first F.
-        tolerance: Corner tolerance [m] (G64 P); 0 for exact path (G61), NaN if not given.
-        at: Programmed position [m].
-        switches: State of spindle and coolant.
-        line: Number of the current line, from 1.
+        reading: How the file is to be read.
+        changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
     """
 
-    def __init__(self, reading: Reading) -> None:
+    def __init__(self, reading: Reading, changes_tools: Callable[[], bool]) -> None:
+        stated = reading.unit is not None
+        self.modes = Modes(unit=reading.unit or MILLIMETRE, stated=stated)
         self.draft = Draft()
-        self.unknown = Unknown(reading.unknown)
-        self.chord_tolerance = reading.chord_tolerance
-        self.unit = MILLIMETRE if reading.unit is None else reading.unit
-        self.inch = False
-        self.plane = codes.XY
-        self.absolute, self.arc_absolute = True, False
-        self.motion: int | None = None
-        self.per_minute = True
-        self.speed: float | None = None
-        self.tolerance = math.nan
-        self.at = [0.0, 0.0, 0.0]
-        self.switches = Switches(self.draft)
-        self.line = 0
+        self.systems = Systems(reading.offsets == "zero")
+        self.tool = Tool(self.draft, self.modes, self.systems, reading.chord_tolerance)
+        self.unknown = Unknown(reading.skip, reading.unknown == "skip")
+        self.switches = Switches(self.draft, changes_tools)
+        self.extruder = Extruder(self.switches)
+        self.references = References(self.tool)
+        self.cycles = Cycles(self.tool, self.modes, self.switches)
+        self.offset = (0.0, 0.0, 0.0)
+        self.first_compensated = 0
+        self.long_dwell: tuple[float, int] | None = None
+        self.surface_speed = False
+        self.saved: tuple[Modes, int] | None = None
+        self.restores_at_return = False
 
     @property
-    def plain(self) -> bool:
-        """Whether a line of only X, Y, Z and F is a straight feed move to that point."""
-        return self.motion == codes.LINE and self.absolute and self.per_minute and self.unit <= 0.1
+    def line(self) -> int:
+        """The line that is carried out, counted from 1."""
+        return self.tool.line
+
+    def ready(self) -> bool:
+        """Whether a line of nothing but X, Y, Z and F is a straight feed move to that point."""
+        modes = self.modes
+        plain = (
+            modes.motion == codes.LINE
+            and modes.absolute
+            and modes.feed_mode == codes.PER_MINUTE
+            and modes.unit <= 0.1
+            and self.draft.begun
+            and not self.tool.away
+            and not self.extruder.on
+            and self.systems.plain
+        )
+        if plain:
+            self.offset = self.systems.offset
+        return plain
 
     def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """Execute a line of only these words while the machine is `plain`.
-
-        Args:
-            x: Number after X, None if the line has no X.
-            y: Number after Y, None if the line has no Y.
-            z: Number after Z, None if the line has no Z.
-            f: Number after F, None if the line has no F.
-
-        Raises:
-            Fault: The feed rate is out of range or missing.
-        """
+        """A line of nothing but those words, where the machine is `ready`."""
+        modes, tool = self.modes, self.tool
         if f is not None:
-            self._set_feed(float(f))
+            feed_per_minute(float(f), modes)
         if x is None and y is None and z is None:
             return
-        at, unit = self.at, self.unit
+        at, unit, offset = tool.at, modes.unit, self.offset
         if x is not None:
-            at[0] = float(x) * unit
+            at[0] = float(x) * unit + offset[0]
         if y is not None:
-            at[1] = float(y) * unit
+            at[1] = float(y) * unit + offset[1]
         if z is not None:
-            at[2] = float(z) * unit
-        speed = self.speed or self._feed()
-        self.draft.feed(at[0], at[1], at[2], speed, self.tolerance, self.line)
+            at[2] = float(z) * unit + offset[2]
+        speed = modes.feed or tool.speed(0.0)
+        self.draft.feed(at[0], at[1], at[2], speed, modes.tolerance, tool.line)
 
     def execute(self, block: Block) -> bool:
-        """Execute a line.
+        """Carries out a line.
 
         Returns:
-            Whether the line ends the program.
+            Whether it ends the program.
 
         Raises:
-            Fault: The line cannot be executed.
+            Fault: What cannot be carried out.
         """
-        skipped = self.unknown.screen(block, self.line)
-        arc = not skipped.owns_axes and self._is_arc(block)
-        if not skipped.owns_words:
-            self._refuse_strays(block, arc)
-        if skipped.owns_s:
-            block.words.pop("S", None)
-        self._set_rates(block)
+        if not block.m and self._is_simple(block):
+            if "F" in block.words:
+                set_feed(block, self.modes)
+            elif self.modes.feed_mode == codes.INVERSE_TIME:
+                self.modes.feed = None
+            self._move(block)
+            if block.words:
+                self.unknown.leave_idle(block, self.line)
+            return False
+        if codes.SURFACE_SPEED in block.g:
+            self.surface_speed = True
+        self.unknown.screen(block, self.line)
+        self._refuse_two_users(block)
+        set_feed(block, self.modes)
+        dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
-        if codes.DWELL in block.g:
-            self._dwell(block)
+        self._set_turns(block)
+        self._save(block)
+        self.extruder.set_mode(block)
+        if dwell is not None:
+            self.draft.dwell(dwell)
         self._set_modes(block)
-        self._move(block, arc, skipped.owns_axes)
+        if self._move_once(block):
+            self._set_motion(block)
+        else:
+            self._move(block)
+        self.unknown.leave_idle(block, self.line)
         return self._stop(block)
 
-    def _refuse_strays(self, block: Block, arc: bool) -> None:
-        """Refuse words that no code of the line uses.
+    def _is_simple(self, block: Block) -> bool:
+        """Whether a line has nothing but a motion and its words, as nearly all lines have."""
+        g = block.g
+        return (
+            (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
+            and SIMPLE_WORDS.issuperset(block.words)
+            and not self.unknown.wanted
+        )
 
-        Args:
-            block: The line.
-            arc: Whether the line is an arc.
-
-        Raises:
-            Fault: A word is not used, or more than one code could use it.
-        """
-        words = block.words
+    def _refuse_two_users(self, block: Block) -> None:
+        """A word P that may belong to two codes of its line."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
-        users += ["the arc"] if arc else []
-        if "P" in words and not users:
-            raise Fault("the word P, which no code here uses: it belongs to G4, G64, G2 and G3")
-        if "P" in words and len(users) > 1:
+        if self._turns_on(block):
+            users.append("the arc")
+        if "P" in block.words and len(users) > 1:
             raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
-        if "Q" in words and codes.BLEND not in block.g:
-            raise Fault("the word Q, which no code here uses: it belongs to G64")
-        for letter in "IJKR":
-            if letter in words and not arc:
-                raise Fault(f"the word {letter}, which no code here uses: it belongs to G2 and G3")
 
-    def _is_arc(self, block: Block) -> bool:
-        """Whether a line programs an arc."""
-        explicit = _motion_of(block)
+    def _turns_on(self, block: Block) -> bool:
+        """Whether a line asks for an arc."""
+        explicit = block.motion
         if explicit is not None:
             return explicit in codes.ARCS
-        return self.motion in codes.ARCS and not block.words.keys().isdisjoint("XYZIJKR")
+        once = codes.DWELL in block.g or any(x in codes.OWN_THE_LINE for x in block.g)
+        letters = "XYZ" if once else "XYZIJKR"
+        return self.modes.motion in codes.ARCS and not block.words.keys().isdisjoint(letters)
 
-    def _set_rates(self, block: Block) -> None:
-        """Set the feed mode and the feed rate.
+    def _set_turns(self, block: Block) -> None:
+        """Turns of the spindle per minute, which G95 counts by; under G96 nobody knows them."""
+        if 970 in block.g:
+            self.surface_speed = False
+        speed = self.switches.states.get("spindle speed")
+        known = isinstance(speed, float) and not self.surface_speed
+        self.tool.turns = float(speed) if known and speed is not None else None
 
-        Raises:
-            Fault: The feed rate is out of range, or its unit is ambiguous.
-        """
-        if codes.PER_MINUTE in block.g and not self.per_minute:
-            self.per_minute, self.speed = True, None
-        elif codes.INVERSE_TIME in block.g or codes.PER_TURN in block.g:
-            self.per_minute = False
-        if "F" not in block.words or not self.per_minute:
-            return
-        new_unit = self._unit_of(block)
-        if new_unit is not None and abs(new_unit - self.unit) > CLOSE * self.unit:
-            raise Fault(
-                "F on the line that changes the unit of length, which some machines read in the "
-                "old unit and some in the new: write F on a line of its own"
-            )
-        self._set_feed(block.words["F"])
-
-    def _set_feed(self, value: float) -> None:
-        """Set the feed rate from the value of F, in units per minute.
-
-        Raises:
-            Fault: The feed rate is out of range.
-        """
-        speed = value * self.unit / 60
-        if speed < 0 or speed > FARTHEST:
-            raise Fault(
-                f"a feed rate F of {value:g} per minute, which is not from 0 to {FARTHEST:g} m/s"
-            )
-        self.speed = speed
-
-    def _feed(self) -> float:
-        """Speed of a feed move [m/s]; NaN in a feed mode other than feed per minute.
-
-        Raises:
-            Fault: No feed rate was given.
-        """
-        if not self.per_minute:
-            return math.nan
-        if not self.speed:
-            raise Fault(
-                "no feed rate for G1, G2 or G3: give F above zero, in units per minute, here or "
-                "before"
-            )
-        return self.speed
-
-    def _dwell(self, block: Block) -> None:
-        """Execute G4.
-
-        Raises:
-            Fault: The duration is missing or negative.
-        """
-        duration = block.words.get("P")
+    def _dwell(self, block: Block) -> float:
+        """The time of G4 in seconds, from P, or from S, X or U of other controllers."""
+        words = block.words
+        letter = next((x for x in "PSXU" if x in words), None)
+        duration = None if letter is None else words.pop(letter)
         if duration is None or duration < 0:
             given = "none" if duration is None else f"{duration:g}"
             raise Fault(f"G4 needs its time P in seconds, zero or above, but has {given}")
-        self.draft.dwell(duration)
-
-    def _unit_of(self, block: Block) -> float | None:
-        """Length of the unit that a line sets [m]; None if it sets none."""
-        if codes.INCH in block.g:
-            return INCH
-        return MILLIMETRE if codes.MILLIMETRE in block.g else None
+        if duration >= LONG_DWELL and self.long_dwell is None:
+            self.long_dwell = (duration, self.line)
+        return duration
 
     def _set_modes(self, block: Block) -> None:
-        """Set unit, plane, distance modes and path control.
-
-        Raises:
-            Fault: The tolerance of G64 is not above zero.
-        """
-        unit = self._unit_of(block)
+        modes = self.modes
+        unit = unit_of(block)
         if unit is not None:
-            self.unit, self.inch = unit, unit == INCH
+            modes.unit, modes.stated = unit, True
         for code in block.g:
             if code in PLANES:
-                self.plane = code
+                modes.plane = code
             elif code in (codes.ABSOLUTE, codes.RELATIVE):
-                self.absolute = code == codes.ABSOLUTE
+                modes.absolute = code == codes.ABSOLUTE
             elif code in (codes.ARC_ABSOLUTE, codes.ARC_RELATIVE):
-                self.arc_absolute = code == codes.ARC_ABSOLUTE
+                modes.arc_absolute = code == codes.ARC_ABSOLUTE
             elif code in (codes.EXACT_PATH, codes.EXACT_STOP):
-                self.tolerance = 0.0
+                modes.tolerance = 0.0
             elif code == codes.BLEND:
-                self.tolerance = self._blend(block.words.get("P"))
+                block.words.pop("Q", None)
+                modes.tolerance = self._blend(block.words.pop("P", None))
+            elif code in (codes.RETURN_TO_START, codes.RETURN_TO_R):
+                modes.return_to_r = code == codes.RETURN_TO_R
+            elif code in codes.SYSTEMS:
+                self.systems.select(codes.SYSTEMS.index(code))
+            elif code in codes.TOOL_LENGTH:
+                self._compensate_length(block, code)
+
+    def _compensate_length(self, block: Block, code: int) -> None:
+        """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
+        self.modes.compensated = code != codes.TOOL_LENGTH[-1]
+        block.words.pop("H", None)
+        if self.modes.compensated:
+            self.first_compensated = self.first_compensated or self.line
 
     def _blend(self, largest: float | None) -> float:
-        """The corner tolerance of G64 [m] from its word P; NaN without P.
-
-        Raises:
-            Fault: P is not above zero.
-        """
         if largest is None:
             return math.nan
         if largest <= 0:
             raise Fault(
-                f"G64 with P{largest:g}, which must be above zero: G61 follows corners exactly, "
+                f"G64 with P{largest:g}, which must be above zero: G61 keeps to corners exactly, "
                 "G64 without P sets no tolerance"
             )
-        return largest * self.unit
+        return largest * self.modes.unit
 
-    def _move(self, block: Block, arc: bool, owned: bool) -> None:
-        """Execute the motion of a line.
-
-        Args:
-            block: The line.
-            arc: Whether the line is an arc.
-            owned: Whether the line's coordinates belong to a skipped code.
-
-        Raises:
-            Fault: No motion is active, or the motion cannot be executed.
-        """
-        explicit = _motion_of(block)
-        if explicit is not None:
-            self.motion = None if explicit == codes.CANCEL_MOTION else explicit
-        if owned or (not arc and block.words.keys().isdisjoint(AXES)):
-            return
-        if self.motion is None:
-            raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
-        target = self._target(block)
-        if self.motion == codes.RAPID:
-            self.draft.go(*target)
-        elif self.motion == codes.LINE:
-            self.draft.feed(*target, self._feed(), self.tolerance, self.line)
+    def _move_once(self, block: Block) -> bool:
+        """Codes that take the coordinates of their line for themselves; whether there is one."""
+        g = block.g
+        reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
+        if reference is not None:
+            self.references.move(block, reference)
+        elif not codes.REFERENCE_STORES.isdisjoint(g):
+            self.references.store(block)
+        elif codes.MACHINE in g:
+            motion = self.modes.motion if block.motion is None else block.motion
+            self.references.move_in_machine(block, motion)
+        elif 431 in g or 432 in g:
+            # Lengths of tools, which move nothing here.
+            for letter in AXES:
+                block.words.pop(letter, None)
         else:
-            self._arc(block, target)
-        self.at = list(target)
+            return set_offsets(block, self.tool, self.extruder, self.unknown)
+        return True
 
-    def _target(self, block: Block) -> Point:
-        """The end point of a motion [m].
+    def _set_motion(self, block: Block) -> None:
+        explicit = block.motion
+        if explicit is not None:
+            self.modes.motion = None if explicit == codes.CANCEL_MOTION else explicit
+            if explicit not in codes.CYCLES:
+                self.cycles.code = None
 
-        Raises:
-            Fault: A coordinate is too large.
-        """
-        x, y, z = (
-            self._length(letter, block.words[letter], 0.0 if self.absolute else self.at[i])
-            if letter in block.words
-            else self.at[i]
-            for i, letter in enumerate(AXES)
-        )
-        return x, y, z
-
-    def _length(self, letter: str, value: float, origin: float) -> float:
-        """The value of a word as a length from an origin [m].
-
-        Raises:
-            Fault: The length is too large.
-        """
-        length = origin + value * self.unit
-        if abs(length) > FARTHEST:
-            raise Fault(
-                f"{letter}{value:g} leads to {length:g} m, beyond the {FARTHEST:g} m that are read"
-            )
-        return length
-
-    def _arc(self, block: Block, target: Point) -> None:
-        """Execute an arc or, if the height changes, a helix as chords.
-
-        Raises:
-            Fault: The words do not define an arc, or there are too many segments.
-        """
-        a, b, c = axes = PLANES[self.plane]
-        speed, turns = self._feed(), turns_of(block)
-        last = self.draft.last
-        start, end = (last[a], last[b]), (target[a], target[b])
-        circle = self._circle(block, start, end)
-        if abs(target[c] - last[c]) <= CLOSE:
-            self.draft.room_for(turns - 1)
-            for piece in pieces_of(circle, turns):
-                self.draft.bend(piece, axes, speed, self.tolerance, self.line)
+    def _move(self, block: Block) -> None:
+        arc = self._turns_on(block)
+        self._set_motion(block)
+        modes = self.modes
+        feeds = self.extruder.advance(block) if modes.motion is not None else False
+        if not arc and block.words.keys().isdisjoint(AXES):
+            if feeds:
+                self.unknown.count("E without a move", self.line)
             return
-        n = chords_of(circle, turns, self.chord_tolerance)
-        self.draft.room_for(n)
-        point = list(last)
-        for i in range(1, n + 1):
-            share = i / n
-            point[a], point[b] = point_of(circle, turns, share) if i < n else end
-            point[c] = last[c] + share * (target[c] - last[c]) if i < n else target[c]
-            x, y, z = point
-            self.draft.feed(x, y, z, speed, self.tolerance, self.line)
+        if modes.motion is None:
+            raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
+        if modes.motion in codes.CYCLES:
+            self.cycles.run(block)
+            return
+        self.extruder.switch(feeds)
+        target = self.tool.target(block)
+        if modes.motion == codes.RAPID:
+            self.tool.go(target)
+        elif modes.motion == codes.LINE:
+            self.tool.feed(target)
+        else:
+            self.tool.arc(block, target)
+        for letter in AXES:
+            block.words.pop(letter, None)
 
-    def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
-        """The arc of a line in the active plane.
+    def _save(self, block: Block) -> None:
+        """M70 and M73 save what is in force, M72 brings it back.
 
-        Raises:
-            Fault: The words do not define an arc.
+        With words of their own they are a printer's, such as its progress (M73 P50).
         """
-        turn = 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
-        if by_radius(block, self.plane):
-            radius = self._length("R", block.words["R"], 0.0)
-            return with_radius(start, end, radius, turn)
-        letters = center_letters(block, self.plane, self.arc_absolute)
-        x, y = (
-            self._length(letter, block.words.get(letter, 0.0), 0.0 if self.arc_absolute else origin)
-            for letter, origin in zip(letters, start, strict=True)
-        )
-        return around(start, end, (x, y), turn, "inch" if self.inch else "mm")
+        for code in (70, 71, 72, 73):
+            if code not in block.m:
+                continue
+            if not block.words.keys().isdisjoint("PRSCDQ"):
+                for letter in [x for x in block.words if x in "PRSCDQ"]:
+                    del block.words[letter]
+                self.unknown.count(f"M{code}", self.line)
+            elif code in (70, 73):
+                self.saved = (dataclasses.replace(self.modes), self.systems.active)
+                self.restores_at_return = self.restores_at_return or code == 73
+            elif code == 71:
+                self.saved, self.restores_at_return = None, False
+            elif self.saved is None:
+                raise Fault("M72 without M70 before it")
+            else:
+                self.restore()
+
+    def restore(self) -> None:
+        """Brings back what was in force when it was saved, but for the motion."""
+        if self.saved is None:
+            return
+        saved, self.systems.active = self.saved
+        for field in dataclasses.fields(Modes):
+            if field.name != "motion":
+                setattr(self.modes, field.name, getattr(saved, field.name))
 
     def _stop(self, block: Block) -> bool:
-        """Execute a pause or the end of the program; returns whether the program ends."""
-        for code, value in ((0, True), (1, "optional")):
+        for code, value in ((0, True), (60, True), (1, "optional")):
             if code in block.m:
                 self.draft.rest()
                 self.draft.event("pause", value)
@@ -373,7 +316,28 @@ class Machine:
         self.switches.off()
         return True
 
+    def notes(self, where: Callable[[int], str]) -> list[str]:
+        """Sentences on what was left out, and on how something was read.
 
-def _motion_of(block: Block) -> int | None:
-    """The motion code of a line; None if it has none."""
-    return next((x for x in block.g if codes.G_GROUP.get(x) == "motion"), None)
+        Args:
+            where: Names a line.
+        """
+        found = self.unknown.notes(where) + self.references.notes(where)
+        if self.first_compensated:
+            found.append(
+                f"Tool length compensation, first in {where(self.first_compensated)}, is read so "
+                "that the programmed point is the tip of the tool: calibrate the robot's tool to "
+                "its tip."
+            )
+        if self.tool.first_open:
+            found.append(
+                f"The file gives no feed rate for moves, first in {where(self.tool.first_open)}: "
+                "they have no speed of their own, and the job's limits hold."
+            )
+        if self.long_dwell is not None:
+            duration, line = self.long_dwell
+            found.append(
+                f"The dwell of {duration:g} s in {where(line)} is read in seconds, as LinuxCNC and "
+                "grbl read G4 P; some controllers mean milliseconds."
+            )
+        return found

@@ -1,30 +1,51 @@
-"""The function `read_gcode`: lines, percent signs and the end of a G-code program."""
+"""Reading G-code: lines, the frame of percent signs, and the end of the program."""
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path as FilePath
 
-from armcontour._progress import Progress, Step
+from armcontour._files import read_bytes
+from armcontour._progress import Progress, Step, under
 from armcontour.errors import InvalidInput
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.flow import Flow
 from armcontour.io.drawings.gcode.machine import Machine
-from armcontour.io.drawings.gcode.words import Fault, parse
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.gcode.parameters import Parameters
+from armcontour.io.drawings.gcode.sources import PROGRAM, Source
+from armcontour.io.drawings.gcode.state import state_of
+from armcontour.io.drawings.gcode.words import COMMENTS, Block, parse
+from armcontour.io.drawings.reading import LARGEST, Reading
 from armcontour.program import Program
 
-# A line of only coordinates and feed, as nearly all lines of long programs are. All other lines
-# are split into words, which is slower and has the same result.
+# A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
+# does not match is taken apart word by word, to the same effect.
 _NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
 PLAIN = re.compile(
     r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"
     rf"(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?\n?"
 )
-# Longest line [characters]: usual lines have tens of characters, comments hundreds.
+# A program has lines of some ten characters, and comments of some hundred.
 LONGEST_LINE = 65_536
 LINES_BETWEEN_REPORTS = 4096
+# Lines that loops and calls may add to those of the files.
+MOST_LINES = 500_000
+# Their characters: a microsecond each.
+MOST_CHARACTERS = 20_000_000
+# Lines of loops and calls one after the other that move nothing.
+MOST_IDLE_LINES = 100_000
 LINE_END = re.compile(rb"\r\n|\r|\n")
 WHITE = " \t\r\n"
+PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
+# Messages of printers: the rest of the line is text.
+MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM]11([78])(?![0-9])")
+TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
+# Files of subprograms have such names (LinuxCNC manual, "Calling Files").
+FILE_NAME = re.compile(r"[a-z0-9_-]{1,80}")
+MOST_FILES = 100
 
 
 def read_gcode(
@@ -32,125 +53,271 @@ def read_gcode(
     *,
     source: str,
     reading: Reading,
+    folder: FilePath | None = None,
     progress: Progress | None = None,
 ) -> Program:
-    """Read a program in G-code (RS274/NGC as in the LinuxCNC manual).
+    """The program that G-code says, RS274/NGC as the LinuxCNC manual has it.
 
-    Feed moves without a rapid or a dwell between them are one contour, named after its first line.
-    Each segment has the speed F and the corner tolerance of G64 P, or 0 after G61. Rapids keep
-    their points. Changes of spindle and coolant are events. docs/guides/gcode.md lists all words.
+    Feed moves without a rapid or a dwell between them are one contour, named after their first
+    line; every segment has the speed F and the tolerance G64 P, or 0 under G61. Rapids keep their
+    points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
+    every word.
 
     Args:
-        data: Content of the file.
-        source: Name of the file.
-        reading: Settings of the reader; its unit, by default millimetres, is used until G20 or G21.
-        progress: Called from time to time with the name of the source and the fraction of the file
-            that is read.
+        data: What the file holds.
+        source: What it is called.
+        reading: How to read it; its unit holds until G20 or G21, millimetres by default.
+        folder: Where files with subprograms are looked for; None looks for none.
+        progress: Called from time to time with the name of the source and the share of it that is
+            read.
 
     Raises:
-        InvalidInput: A line cannot be read or executed; `index` is the number of the line, from 0.
+        InvalidInput: Something that cannot be read or carried out, with its line; `index` is the
+            line's, from 0.
     """
-    _refuse_binary(data, source)
-    machine = Machine(reading)
-    notes = _run(_lines(data), machine, source, _line_reporter(data, source, progress))
-    program = machine.draft.program(source, tuple(machine.unknown.notes() + notes))
-    if progress is not None:
-        progress(Step((source,), 1.0))
+    lines = _lines(data, source)
+    main = Source(source, lines, 0)
+    machine = Machine(reading, lambda: _changes_tools(lines))
+    parameters = Parameters(state_of(machine))
+    suffixes = (FilePath(source).suffix, ".ngc", ".nc")
+    flow = Flow(main, machine, parameters, partial(_beside, folder, suffixes))
+    tell = under(progress, source)
+    share = None if progress is None else lambda x: tell(Step((), x))
+    runner = _Runner(flow, parameters, share)
+    runner.run()
+    if not machine.draft.begun:
+        _refuse_nothing(main)
+    notes = [*machine.notes(flow.where), *runner.notes()]
+    program = machine.draft.program(source, tuple(notes), flow.place)
+    tell(Step((), 1.0))
     return program
 
 
-def _refuse_binary(data: bytes, source: str) -> None:
-    """Refuse a file that contains a byte of value 0.
+def _refuse_nothing(main: Source) -> None:
+    """A file that defines subprograms and moves nothing itself."""
+    names = [x.label for x in main.statements.values() if x.keyword == "SUB"]
+    if names:
+        shown = ", ".join(f"o<{x}>" for x in names[:3]) + (", ..." if len(names) > 3 else "")
+        raise InvalidInput(
+            f"{main.name} has no contour to follow: it only defines subprograms ({shown}), and "
+            "none of its own lines moves the tool. Give the program that calls them."
+        )
+
+
+def _lines(data: bytes, source: str) -> list[str]:
+    """Lines that end with any of the three ends of line.
 
     Raises:
-        InvalidInput: The file does.
+        InvalidInput: A byte that no text has.
     """
     at = data.find(b"\0")
     if at >= 0:
         line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
         raise InvalidInput(
-            f"{source}, line {line}: a byte of value 0, which G-code does not have: save the file "
+            f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
             "as plain text (ASCII, Latin-1 or UTF-8).",
             index=line - 1,
         )
-
-
-def _lines(data: bytes) -> Iterator[str]:
-    r"""The lines of a file, with \n, \r\n or \r as line ends."""
     text = io.TextIOWrapper(io.BytesIO(data), encoding="latin-1", newline=None)
     if data.startswith(b"\xef\xbb\xbf"):
         text.read(3)
-    return iter(text)
+    return text.readlines()
 
 
-def _line_reporter(
-    data: bytes, source: str, progress: Progress | None
-) -> Callable[[int], None] | None:
-    """A function that reports the progress for the number of a line; None if none is wanted."""
-    if progress is None:
+def _changes_tools(lines: list[str]) -> bool:
+    """Whether a program has M6, outside of comments."""
+    return any(
+        TOOL_CHANGE.search(COMMENTS.sub("", x)) is not None
+        for x in lines
+        if "6" in x and len(x) <= LONGEST_LINE
+    )
+
+
+def _beside(
+    folder: FilePath | None, suffixes: tuple[str, ...], name: str
+) -> tuple[str, list[str]] | None:
+    """Name and lines of the file of a subprogram: in the program's folder, by a plain name."""
+    if folder is None or FILE_NAME.fullmatch(name) is None:
         return None
-    total = max(data.count(b"\n"), data.count(b"\r")) + 1
-    return lambda line: progress(Step((source,), min(line / total, 1.0)))
+    for suffix in dict.fromkeys(suffixes):
+        file = folder / f"{name}{suffix}"
+        if file.is_file():
+            return file.name, _lines(read_bytes(file, "subprogram", most=LARGEST), file.name)
+    return None
 
 
-def _run(
-    lines: Iterator[str], machine: Machine, source: str, report: Callable[[int], None] | None
-) -> list[str]:
-    """Execute all lines up to the end of the program; returns notes on lines left out.
+class _Runner:
+    """Carries out lines in their order.
 
-    Raises:
-        InvalidInput: A line cannot be read or executed, or the closing percent sign is missing.
+    Args:
+        flow: Which line comes next.
+        parameters: Values of parameters.
+        progress: Called now and then with the share that is read.
     """
-    frame = _Frame()
-    plain = machine.plain
-    number = 0
-    try:
-        for number, line in enumerate(lines, 1):
-            machine.line = number
-            if report is not None and not number % LINES_BETWEEN_REPORTS:
-                report(number)
+
+    def __init__(
+        self, flow: Flow, parameters: Parameters, progress: Callable[[float], None] | None
+    ) -> None:
+        self.flow, self.machine, self.parameters = flow, flow.machine, parameters
+        self.frame = _Frame()
+        self.progress, self.shown = progress, 0.0
+        self.executed = self.idle = self.characters = 0
+        self.last = self.machine.draft.last
+
+    def run(self) -> None:
+        """Carries out all lines up to the end of the program.
+
+        Raises:
+            InvalidInput: What cannot be carried out, with its line.
+        """
+        flow = self.flow
+        try:
+            while self._run_on():
+                pass
+        except Fault as fault:
+            name, number = flow.place(max(self.machine.tool.line, 1))
+            raise InvalidInput(f"{name}, line {number}: {fault}.", index=number - 1) from None
+        frame = self.frame
+        if frame.framed and not frame.ended:
+            number = len(flow.main.lines)
+            raise InvalidInput(
+                f"{flow.main.name}, line {number}: the file ends without a second % that its "
+                "first line asks for, and without M2 or M30: it may have been cut off.",
+                index=number - 1,
+            )
+
+    def _run_on(self) -> bool:
+        """Carries out lines one after the other, up to a jump; whether there are more."""
+        flow, machine, tool = self.flow, self.machine, self.machine.tool
+        self.last = machine.draft.last
+        source, first = flow.source, flow.index
+        lines, base = source.lines, source.base + 1
+        plain = machine.ready()
+        for i in range(first, len(lines)):
+            line = lines[i]
+            tool.line = base + i
+            if not i % LINES_BETWEEN_REPORTS:
+                self._report(i)
             found = PLAIN.fullmatch(line) if plain else None
             if found is not None:
                 machine.feed_to(*found.groups())
                 continue
-            if frame.run_line(line, machine):
-                break
-            plain = machine.plain
-    except Fault as fault:
-        raise InvalidInput(f"{source}, line {number}: {fault}.", index=number - 1) from None
-    if frame.framed and not frame.ended:
-        raise InvalidInput(
-            f"{source}, line {number}: the file starts with % and ends without a second %, M2 or "
-            "M30: it may have been cut off.",
-            index=number - 1,
-        )
-    return frame.notes(number, lines)
+            flow.index = i + 1
+            if self._run_line(line):
+                return False
+            if flow.index != i + 1 or flow.source is not source:
+                self._count(i + 1 - first)
+                return True
+            plain = machine.ready()
+        if flow.calls:
+            raise Fault("the end of the file within a subprogram: end it with endsub, or M99")
+        return False
+
+    def _run_line(self, line: str) -> bool:
+        """Carries out a line; whether the program ends with it.
+
+        Raises:
+            Fault: What cannot be carried out.
+        """
+        self.characters += len(line)
+        if not self.frame.passes(line, self.flow):
+            return self.frame.ended
+        if self.flow.run(line):
+            self.frame.seen = True
+            return False
+        message = MESSAGE.match(line) if "11" in line else None
+        if message is not None:
+            self.machine.unknown.count(f"M11{message[1]}", self.machine.line)
+            return False
+        block = parse(line, self.parameters)
+        for key, value in block.assignments:
+            self.parameters.set(key, value)
+        self.frame.seen = self.frame.seen or bool(block.g or block.m or block.words)
+        called = 98 in block.m or 99 in block.m
+        self.frame.ended = self._call(block) if called else self.machine.execute(block)
+        return self.frame.ended
+
+    def _call(self, block: Block) -> bool:
+        """Carries out the words of a line with M98 or M99, then the call or the return."""
+        call = 98 in block.m
+        own = {x: block.words.pop(x) for x in "PL" if x in block.words}
+        block.m = [x for x in block.m if x not in (98, 99)]
+        if self.machine.execute(block):
+            return True
+        block.words = own
+        if call:
+            self.flow.call_number(block)
+            return False
+        if "P" in own:
+            raise Fault("M99 with P, a jump to a line number, which this reader does not follow")
+        return self.flow.return_from_number()
+
+    def _count(self, lines: int) -> None:
+        """Counts lines that were carried out up to a jump.
+
+        Raises:
+            Fault: More than a program may have.
+        """
+        self.executed += lines + self.flow.passed
+        self.flow.passed = 0
+        self.idle = self.idle + lines if self.last is self.machine.draft.last else 0
+        most = MOST_LINES + sum(len(x.lines) for x in self.flow.sources)
+        if self.idle > most - MOST_LINES + MOST_IDLE_LINES:
+            raise Fault(
+                f"a loop without end: more than {MOST_IDLE_LINES} lines were carried out that move "
+                "nothing"
+            )
+        if self.characters > MOST_CHARACTERS + sum(x.size for x in self.flow.sources):
+            raise Fault(
+                f"more than {MOST_CHARACTERS} characters carried out by loops and calls: a loop "
+                "without end, or shorter lines are needed"
+            )
+        if self.executed > most:
+            raise Fault(
+                f"more than {most} lines carried out, with those that loops and calls repeat: a "
+                "loop without end, or a program to be split"
+            )
+
+    def _report(self, index: int) -> None:
+        """Tells the share of the program that is read, which never falls."""
+        if self.progress is not None and index and self.flow.source is self.flow.main:
+            self.shown = max(self.shown, index / len(self.flow.main.lines))
+            self.progress(self.shown)
+
+    def notes(self) -> list[str]:
+        """Sentences on lines that were left out, and on values that nothing has set."""
+        found = self.frame.notes(self.flow)
+        if self.parameters.unset is not None:
+            found.append(
+                f"#{self.parameters.unset} is used before anything sets it, and is 0, as in "
+                "LinuxCNC."
+            )
+        if self.flow.endless:
+            found.append(
+                f"M99 in {self.flow.where(self.flow.endless)} starts the program again without "
+                "end: it is read once."
+            )
+        return found
 
 
 class _Frame:
-    """The start and end of a program, marked by percent signs or M2 and M30, and deleted lines.
-
-    Attributes:
-        framed: Whether the program started with a percent sign.
-        seen: Whether a line with words was executed.
-        ended: Whether the program has ended.
-        deleted: Number of lines with a slash (block delete), which are not executed.
-        first_deleted: Number of the first of these lines.
-    """
+    """Where a program begins and ends, and lines that are left out because a slash says so."""
 
     def __init__(self) -> None:
         self.framed = False
         self.seen = False
         self.ended = False
-        self.deleted = 0
-        self.first_deleted = 0
+        self.last = 0
+        self.deleted: set[int] = set()
 
-    def run_line(self, line: str, machine: Machine) -> bool:
-        """Execute a line; returns whether the program ends with it.
+    def passes(self, line: str, flow: Flow) -> bool:
+        """Whether a line is to be carried out.
 
         Raises:
-            Fault: The line cannot be read or executed.
+            Fault: A line that is too long.
         """
+        machine = flow.machine
+        self.last = machine.line
         if len(line) > LONGEST_LINE:
             raise Fault(
                 f"more than {LONGEST_LINE} characters in one line, which G-code does not have: "
@@ -158,33 +325,42 @@ class _Frame:
             )
         text = line.strip(WHITE)
         if text.startswith("%"):
-            if text != "%":
-                machine.unknown.skip("what follows % on its line", machine.line)
-            self.ended = self.framed or self.seen
-            self.framed = True
-        elif text.startswith("/"):
-            self.first_deleted = self.first_deleted or machine.line
-            self.deleted += 1
-        elif text:
-            block = parse(line)
-            self.seen = self.seen or bool(block.g or block.m or block.words)
-            self.ended = machine.execute(block)
-        return self.ended
+            if flow.source is flow.main and not flow.calls:
+                self._meet_percent(text, flow)
+            return False
+        if text.startswith("/"):
+            self.deleted.add(machine.line)
+            return False
+        # A colon and a number is a program's name on some controllers.
+        return bool(text) and PROGRAM_NUMBER.fullmatch(text) is None
 
-    def notes(self, last: int, rest: Iterator[str]) -> list[str]:
-        """Sentences on the lines that were left out.
+    def _meet_percent(self, text: str, flow: Flow) -> None:
+        """The start or the end of the program; a name may follow the first."""
+        if text != "%" and (self.framed or self.seen):
+            flow.machine.unknown.count("what follows % on its line", flow.machine.line)
+        self.ended = self.framed or self.seen
+        self.framed = True
 
-        Args:
-            last: Number of the last line that was read.
-            rest: The lines after it.
-        """
+    def notes(self, flow: Flow) -> list[str]:
+        """Sentences on lines that were left out."""
         found = []
         if self.deleted:
+            many = len(self.deleted) > 1
             found.append(
-                f"{self.deleted} line{'s' if self.deleted > 1 else ''} with a slash (block delete) "
-                f"{'were' if self.deleted > 1 else 'was'} left out, first line "
-                f"{self.first_deleted}."
+                f"{len(self.deleted)} line{'s' if many else ''} with a slash (block delete) "
+                f"{'were' if many else 'was'} left out, first "
+                f"{flow.where(min(self.deleted))}."
             )
-        if self.ended and any(x.strip(WHITE + "%") for x in rest):
-            found.append(f"Lines after the end of the program, line {last}, were not read.")
+        name, number = flow.place(self.last) if self.last else ("", 0)
+        if self.ended and name == flow.main.name and not _only_subprograms(flow.main, number):
+            found.append(f"Lines after the end of the program, line {number}, were not read.")
         return found
+
+
+def _only_subprograms(main: Source, number: int) -> bool:
+    """Whether nothing but subprograms and empty lines follows a line."""
+    for i in range(number, len(main.lines)):
+        if main.lines[i].strip(WHITE + "%"):
+            x = main.statements.get(i)
+            return x is not None and x.keyword in ("SUB", PROGRAM)
+    return True

@@ -1,54 +1,148 @@
-"""The state of spindle and coolant, whose changes become events."""
+"""What a program switches, as events: spindle, coolant, tool, outputs, extruder."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+
+from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.draft import Draft
-from armcontour.io.drawings.gcode.words import Block, Fault
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.words import Block, whole
 from armcontour.program.moves import Value
 
-SPINDLE: dict[int, Value] = {3: True, 4: "reverse", 5: False}
-COOLANT: dict[int, Value] = {7: "mist", 8: "flood", 9: False}
+SPINDLE: dict[float, Value] = {3: True, 4: "reverse", 5: False}
+COOLANT: dict[float, Value] = {7: "mist", 8: "flood", 9: False}
+SPINDLE_NAME = re.compile(r"spindle( -?[0-9]+)?")
 BOTH = "mist and flood"
+DIGITAL: dict[float, bool] = {62: True, 63: False, 64: True, 65: False}
+ANALOG = (67, 68)
+TOOL_CHANGE = 6
 
 
 class Switches:
-    """The states of spindle and coolant; each change of a state adds an event.
+    """The states of what is switched; a change of one is an event.
 
     Args:
-        draft: The program to which the events are added.
+        draft: The program that takes the events.
+        changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
     """
 
-    def __init__(self, draft: Draft) -> None:
+    def __init__(self, draft: Draft, changes_tools: Callable[[], bool]) -> None:
         self.draft = draft
+        self._changes_tools = changes_tools
+        self._by_m6: bool | None = None
         self.states: dict[str, Value] = {}
+        self.selected: int | None = None
+        self.tool = 0
 
     def apply(self, block: Block) -> None:
-        """Execute the codes and words of a line for spindle and coolant.
+        """What a line switches, in the order of the manual; takes its words from the line.
 
         Raises:
-            Fault: The spindle speed is negative.
+            Fault: A speed below zero, a tool or an output that has no number.
         """
-        speed = block.words.get("S")
+        spindle = _spindle(block)
+        speed = block.words.pop("S", None)
         if speed is not None:
             if speed < 0:
                 raise Fault(f"a spindle speed S of {speed:g}, which must not be negative")
-            self._set("spindle speed", speed)
+            self.set(f"{spindle} speed", speed)
+        self._select_tool(block)
+        for code in block.m:
+            if code in DIGITAL:
+                self.set(f"output {_number(block, 'P', code)}", DIGITAL[code])
+            elif code in ANALOG:
+                name = f"analog output {_number(block, 'E', code)}"
+                self.set(name, block.words.pop("Q", 0.0))
+        if TOOL_CHANGE in block.m:
+            self._change_tool()
         for code in block.m:
             if code in SPINDLE:
-                self._set("spindle", SPINDLE[code])
+                self.set(spindle, SPINDLE[code])
         for code in block.m:
             if code in COOLANT:
-                value, before = COOLANT[code], self.states.get("coolant")
-                self._set("coolant", BOTH if value and before and before != value else value)
+                value, now = COOLANT[code], self.states.get("coolant")
+                self.set("coolant", BOTH if value and now and now != value else value)
+
+    def _select_tool(self, block: Block) -> None:
+        if "T" not in block.words:
+            return
+        self.selected = whole(block.words.pop("T"), "a tool T")
+        if self._by_m6 is None:
+            self._by_m6 = self._changes_tools()
+        if not self._by_m6:
+            self._change_tool()
+
+    def _change_tool(self) -> None:
+        """The tool comes to rest, and is another one."""
+        self.draft.rest()
+        value: Value = True if self.selected is None else float(self.selected)
+        self.tool = self.selected or 0
+        if self.states.get("tool") != value or value is True:
+            self.draft.event("tool", value)
+            self.states["tool"] = value
 
     def off(self) -> None:
-        """Switch spindle and coolant off, as M2 and M30 do (LinuxCNC manual, M Codes)."""
-        for name in ("spindle", "coolant"):
+        """What M2 and M30 do besides: M5 and M9 (LinuxCNC manual, M Codes, "M2, M30")."""
+        spindles = [x for x in self.states if SPINDLE_NAME.fullmatch(x)]
+        for name in ("extruder", *spindles, "coolant"):
             if self.states.get(name):
-                self._set(name, False)
+                self.set(name, False)
 
-    def _set(self, name: str, value: Value) -> None:
-        """Set a state; a change adds an event."""
+    def set(self, name: str, value: Value) -> None:
+        """Switches something, if it is not so already."""
         if name not in self.states or self.states[name] != value:
             self.draft.event(name, value)
             self.states[name] = value
+
+
+class Extruder:
+    """E of printers and glue guns: on along moves that feed material, off along all others.
+
+    Args:
+        switches: What takes the events.
+    """
+
+    def __init__(self, switches: Switches) -> None:
+        self.switches = switches
+        self.absolute = True
+        self.at = 0.0
+
+    @property
+    def on(self) -> bool:
+        """Whether material is fed."""
+        return bool(self.switches.states.get("extruder"))
+
+    def set_mode(self, block: Block) -> None:
+        """G90, G91, M82, M83: whether E is absolute, as printers have it."""
+        if codes.ABSOLUTE in block.g or 82 in block.m:
+            self.absolute = True
+        if codes.RELATIVE in block.g or 83 in block.m:
+            self.absolute = False
+
+    def advance(self, block: Block) -> bool:
+        """Takes E from a line; whether it feeds material."""
+        value = block.words.pop("E", None)
+        if value is None:
+            return False
+        fed = value - self.at if self.absolute else value
+        self.at += fed
+        return fed > 0
+
+    def switch(self, feeds: bool) -> None:
+        """Material flows or not along the next move."""
+        if feeds or self.on:
+            self.switches.set("extruder", feeds)
+
+
+def _spindle(block: Block) -> str:
+    """The name of the spindle that a line switches; $0 is the one without a number."""
+    number = whole(block.words.pop("$", 0.0), "a spindle $")
+    return f"spindle {number}" if number else "spindle"
+
+
+def _number(block: Block, letter: str, code: float) -> int:
+    if letter not in block.words:
+        raise Fault(f"M{code:g} without {letter}, the number of its output")
+    return whole(block.words.pop(letter), f"an output {letter}")

@@ -1,119 +1,174 @@
-"""Codes and words that the reader does not execute: refused, or skipped and counted."""
+"""What the reader does not carry out: left out with a note where it moves nothing, or refused."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Collection
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.words import Block, Fault
-from armcontour.io.drawings.reading import SKIP
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.words import Block
 
-# Words that are used only by codes that the reader does not execute.
-OTHER_LETTERS = "ABCDEHLTUVW"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Skipped:
-    """Which words of a line belong to codes that were skipped.
-
-    Args:
-        owns_words: Whether I, J, K, P, Q or R may belong to a skipped code.
-        owns_s: Whether S belongs to a skipped code, for example as a temperature.
-        owns_axes: Whether X, Y and Z belong to a skipped code.
-    """
-
-    owns_words: bool
-    owns_s: bool
-    owns_axes: bool
-
-
-NOTHING = Skipped(owns_words=False, owns_s=False, owns_axes=False)
+# Rotary axes, which turn the part or the tool, and axes beside X, Y and Z.
+OTHER_AXES = "ABCUVW"
+# Words that move nothing alone: offsets of tools, pockets, values of codes that are left out.
+IDLE = "DEHLOT"
+# So many kinds are named in a note.
+MOST_KINDS = 12
+# Positions of such an axis up to this are zero [degrees or units].
+TURNED = 1e-9
+# Words of an M code that is not known, where it shares its line with a motion.
+OF_M = "DEHLOPQST"
 
 
 class Unknown:
-    """Counts the codes and words that were skipped.
+    """What was left out, by its kind, with count and first line.
 
     Args:
-        policy: "refuse" or "skip".
-
-    Attributes:
-        counts: For each skipped code or word its number of occurrences and its first line.
+        skip: Words and codes that a user wants left out, such as "M6" or "T".
+        lenient: Whether codes that nobody knows are left out if they have no coordinates.
     """
 
-    def __init__(self, policy: str) -> None:
-        self.policy = policy
+    def __init__(self, skip: Collection[str], lenient: bool) -> None:
+        self.wanted = frozenset(skip)
+        self.lenient = lenient
         self.counts: dict[str, list[int]] = {}
 
-    def screen(self, block: Block, line: int) -> Skipped:
-        """Skip or refuse the codes and words of a line that the reader does not execute.
+    def screen(self, block: Block, line: int) -> None:
+        """Takes from a line what is not carried out.
 
         Raises:
-            Fault: A code or word is refused by the policy, or is never skipped.
+            Fault: Something without which the rest of the program would be elsewhere.
         """
-        letters = [x for x in block.words if x in OTHER_LETTERS]
-        g = [x for x in block.g if x not in codes.UNDERSTOOD_G]
-        m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
-        if not (letters or g or m):
-            return NOTHING
-        axes = not block.words.keys().isdisjoint("XYZ")
-        owns = False
-        for code in g:
-            self._refuse_motion(code, axes)
-            owns = owns or code in codes.OWN_THE_LINE
-            self.skip(codes.g_name(code), line)
-        for code in m:
+        if self.wanted:
+            self._skip_wanted(block, line)
+        strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
+        if strange_m:
+            self._leave_m(block, strange_m, line)
+        if codes.SHIFT in block.g and "S" in block.words and block.words.keys().isdisjoint("XYZE"):
+            # The largest spindle speed of lathes.
+            block.g.remove(codes.SHIFT)
+            del block.words["S"]
+            self.count("G92 S", line)
+        for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
+            self._leave_g(block, code, line)
+        if not block.words.keys().isdisjoint(OTHER_AXES):
+            self._check_axes(block, line)
+
+    def _leave_m(self, block: Block, strange: list[float], line: int) -> None:
+        """M codes of other machines. RepRap's M201, M203 and so on have X, Y and Z of their own."""
+        for code in strange:
             if code in codes.NEVER_SKIPPED_M:
-                raise Fault(f"M{code}, a call of a subprogram, which this reader does not follow")
-            self.skip(f"M{code}", line)
-        for letter in letters:
-            self.skip(f"the word {letter}", line)
-        own_m = not codes.TAKE_NO_WORDS_M.issuperset(m)
-        return Skipped(
-            owns_words=own_m or not codes.TAKE_NO_WORDS_G.issuperset(g),
-            owns_s=own_m or codes.SURFACE_SPEED in g,
-            owns_axes=owns,
-        )
+                raise Fault(
+                    f"M{code:g}, a call within a program, which this reader does not follow: use "
+                    "M98 and M99, or O words"
+                )
+            block.m.remove(code)
+            self.count(f"M{code:g}", line)
+        alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
+        own = list(block.words)[block.before_m :]
+        for letter in own if alone else [x for x in own if x in OF_M]:
+            del block.words[letter]
 
-    def _refuse_motion(self, code: int, axes: bool) -> None:
-        """Refuse a code without which the moves after it would be at other positions.
-
-        Args:
-            code: The G code.
-            axes: Whether its line has coordinates.
-
-        Raises:
-            Fault: The code is such a code.
-        """
-        name = codes.g_name(code)
+    def _leave_g(self, block: Block, code: int, line: int) -> None:
+        name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
+        if code in codes.REFUSED_G:
+            raise Fault(f"{name}, {codes.REFUSED_G[code]}")
         if code in codes.NEVER_SKIPPED_G:
             raise Fault(
                 f"{name}, which this reader does not carry out and does not skip either, because "
-                "the moves after it would be at other positions: write G0, G1, G2 and G3"
+                "the moves after it would be elsewhere: write G0, G1, G2 and G3"
             )
-        known = code in codes.NO_USE_FOR_AXES or code in codes.OWN_THE_LINE
-        if axes and not known:
+        if moves:
             raise Fault(
                 f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and G3"
             )
+        if code not in codes.HARMLESS_G and not self.lenient:
+            raise Fault(
+                f"{name}, which this reader does not know: remove it, or have it left out "
+                f"(unknown: {{skip: [{name}]}}, or --skip {name})"
+            )
+        block.g.remove(code)
+        if block.motion == code:
+            block.motion = None
+        self.count(name, line)
+        for letter in [x for x in block.words if x in "IJKR" + OF_M]:
+            del block.words[letter]
 
-    def skip(self, kind: str, line: int) -> None:
-        """Count a skipped code or word, or refuse it.
+    def _skip_wanted(self, block: Block, line: int) -> None:
+        """What a user wants left out, with the words that belong to it."""
+        for code in [x for x in block.g if codes.g_name(x) in self.wanted]:
+            name = codes.g_name(code)
+            if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
+                raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
+            block.g.remove(code)
+            self.count(name, line)
+            gone = "XYZ" + OF_M + "R" if code in codes.OWN_THE_LINE else "DHL"
+            for letter in [x for x in block.words if x in gone]:
+                del block.words[letter]
+        for found in [x for x in block.m if f"M{x:g}" in self.wanted]:
+            if found in codes.NEVER_SKIPPED_M:
+                raise Fault(f"M{found:g}, a call, which cannot be left out: write the moves out")
+            self._leave_m(block, [found], line)
+        for letter in [x for x in block.words if x in self.wanted and x not in "XYZIJKR"]:
+            del block.words[letter]
+            self.count(f"the word {letter}", line)
 
-        Args:
-            kind: Name of the code or word.
-            line: Number of its line.
+    def _check_axes(self, block: Block, line: int) -> None:
+        """Axes beside X, Y and Z: at zero they may be left out."""
+        for letter in [x for x in OTHER_AXES if x in block.words]:
+            value = block.words.pop(letter)
+            if abs(value) > TURNED:
+                raise Fault(
+                    f"{letter}{value:g}, a move of the axis {letter}, which this reader does not "
+                    "have: it reads X, Y and Z (to have the word left out all the same: unknown: "
+                    f"{{skip: [{letter}]}}, or --skip {letter})"
+                )
+            if not math.isnan(value):
+                self.count(f"the word {letter} of zero", line)
+
+    def leave_idle(self, block: Block, line: int) -> None:
+        """Takes words from a line that move nothing and that nothing on the line has taken.
 
         Raises:
-            Fault: The policy is to refuse.
+            Fault: Words that belong to a motion, on a line without one that takes them.
         """
-        if self.policy == "refuse":
-            raise Fault(f"{kind}, which this reader does not carry out: remove it, or {SKIP}")
+        for letter in list(block.words):
+            if letter in "PQ" and not self._has_modes(block):
+                with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
+                raise Fault(
+                    f"the word {letter}, which belongs to nothing here: it goes with {with_what}"
+                )
+            if letter in "IJKR":
+                raise Fault(
+                    f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
+                )
+            if letter not in IDLE + "PQ":
+                raise Fault(f"the word {letter}, which belongs to nothing here: remove it")
+            del block.words[letter]
+            self.count(f"the word {letter}", line)
+
+    @staticmethod
+    def _has_modes(block: Block) -> bool:
+        """Whether P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
+        return bool(block.m) or 80 in block.g
+
+    def count(self, kind: str, line: int) -> None:
+        """Notes that something was left out."""
         self.counts.setdefault(kind, [0, line])[0] += 1
 
-    def notes(self) -> list[str]:
-        """One sentence for each kind of code or word that was skipped."""
-        return [
-            f"{kind[0].upper()}{kind[1:]} was skipped {count} time{'s' if count > 1 else ''}, "
-            f"first in line {line}."
+    def notes(self, where: Callable[[int], str]) -> list[str]:
+        """One sentence on all that was left out.
+
+        Args:
+            where: Names a line.
+        """
+        if not self.counts:
+            return []
+        kinds = [
+            f"{kind} ({count} time{'s' if count > 1 else ''}, first in {where(line)})"
             for kind, (count, line) in self.counts.items()
         ]
+        more = len(kinds) - MOST_KINDS
+        tail = f", and {more} other kinds" if more > 0 else ""
+        return [f"Left out, because it moves nothing: {', '.join(kinds[:MOST_KINDS])}{tail}."]

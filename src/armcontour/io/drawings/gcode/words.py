@@ -1,66 +1,94 @@
-"""Parsing of a line of G-code into its words."""
+"""A line of G-code taken apart into its words."""
 
 from __future__ import annotations
 
+import math
 import re
 
-from armcontour.io.drawings.gcode.codes import G_GROUP, M_GROUP, g_name
+from armcontour.io.drawings.gcode.codes import (
+    G_GROUP,
+    M_GROUP,
+    MOTION,
+    REFERENCE_MOVES,
+    UNDERSTOOD_M,
+    g_name,
+)
+from armcontour.io.drawings.gcode.expressions import Assignments, read_assignment, read_value
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.parameters import Parameters
 
-# Longest number [characters]: seventeen digits are enough for any double.
+# Seventeen digits tell all doubles apart; twice as many are no measure of anything.
 MOST_CHARACTERS = 34
-# Largest value of any word; coordinates have a smaller limit.
+# Largest value of a word, whatever it means; coordinates have a limit of their own.
 LARGEST_VALUE = 1e9
-# A value counts as a whole number if it differs by at most this (LinuxCNC manual, "Numbers").
+# A value that is to be a whole number is one this near to it (LinuxCNC manual, "Numbers").
 WHOLE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
-# Spaces may be anywhere and case is ignored (LinuxCNC manual, "Format of a line"): this table
-# removes spaces and converts letters to capitals.
+# A word whose value is a parameter, an expression or a function: X#1, Y-[2*#1], ZSIN[30].
+COMPUTED = re.compile(r"[A-Z](?=[+-]?[#\[]|[+-]?(?:ABS|ACOS|ASIN|ATAN|COS|EXP|FIX|FUP|LN)\[)")
+COMPUTED_TOO = re.compile(r"[A-Z](?=[+-]?(?:ROUND|SIN|SQRT|TAN|EXISTS)\[)")
+# Letters without a value, and text, which 3D printers have: G28 X Y, M84 X Y E, M862.3 P "MK3S".
+BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
+# The number of a spindle: M3 $1.
+SPINDLE = re.compile(r"\$(-?[0-9]+)")
+TEXT = re.compile(r'"[^"]*"')
+# The sum of bytes that senders of 3D printers add to numbered lines: "N3 T0*57".
+CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
+# Spaces may stand anywhere, and case means nothing (LinuxCNC manual, "Format of a line").
 COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
-
-
-class Fault(Exception):
-    """An error in a line; the message completes a sentence that starts with the line's number."""
 
 
 class Block:
     """The words of a line.
 
     Attributes:
-        g: G codes, times ten.
+        g: G codes in tenths.
         m: M codes.
-        words: Values of the other words by their letters.
+        motion: The code of the group for motion.
+        words: Values of all other letters, in their order; NaN of those without a value.
+        before_m: How many of the words come before the first M code.
+        assignments: What the line sets parameters to.
     """
 
-    __slots__ = ("g", "m", "words")
+    __slots__ = ("assignments", "before_m", "g", "m", "motion", "words")
 
     def __init__(self) -> None:
         self.g: list[int] = []
-        self.m: list[int] = []
+        self.motion: int | None = None
+        self.m: list[float] = []
         self.words: dict[str, float] = {}
+        self.before_m = 0
+        self.assignments: Assignments = []
 
 
-def parse(line: str) -> Block:
-    """Parse a line into its words.
+def parse(line: str, parameters: Parameters) -> Block:
+    """The words of a line, with the values that its expressions have now.
+
+    Args:
+        line: The line.
+        parameters: Values of parameters; the line's own assignments are not made here.
 
     Raises:
-        Fault: The line has something other than words and comments, or words that exclude each
-            other.
+        Fault: Something that is no word or comment, or words that exclude each other.
     """
     text = line.translate(COMPACT)
     block = Block()
     at = 0
     while at < len(text):
         found = TOKEN.match(text, at)
-        if found is None or found[1] == "O":
-            raise Fault(_what_is_wrong(text, at))
+        if found is None:
+            at = _read_computed(block, text, at, parameters)
+            continue
         if found[1] is not None:
             _add(block, found[1], found[2], at)
         at = found.end()
+        if text[at : at + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
+            at = summed.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
             "a number with an exponent, which G-code does not have: write it out, or a space "
@@ -69,77 +97,125 @@ def parse(line: str) -> Block:
     return block
 
 
-def _add(block: Block, letter: str, number: str, at: int) -> None:
-    """Add a word to a block; `at` is its position in the line.
+def _read_computed(block: Block, text: str, at: int, parameters: Parameters) -> int:
+    """A word with a computed value or none, an assignment or text; returns where it ends.
 
     Raises:
-        Fault: The value is out of range, or the word excludes another one of the line.
+        Fault: None of these.
     """
+    if text[at] == "#":
+        key, value, end = read_assignment(text, at, parameters)
+        block.assignments.append((key, value))
+        return end
+    if COMPUTED.match(text, at) or COMPUTED_TOO.match(text, at):
+        value, end = read_value(text, at + 1, parameters)
+        _add_value(block, text[at], value, text[at:end])
+        return end
+    if (found := SPINDLE.match(text, at)) is not None:
+        _add_value(block, "$", float(found[1]), found[0])
+        return found.end()
+    strange = any(x not in UNDERSTOOD_M for x in block.m)
+    if strange and (found := TEXT.match(text, at)) is not None:
+        return found.end()
+    if (strange or not REFERENCE_MOVES.isdisjoint(block.g)) and BARE.match(text, at):
+        if text[at] in block.words:
+            raise Fault(f"the word {text[at]} twice, of which only one can be meant")
+        block.words[text[at]] = math.nan
+        return at + 1
+    raise Fault(_what_is_wrong(text, at))
+
+
+def _add(block: Block, letter: str, number: str, at: int) -> None:
     if len(number) > MOST_CHARACTERS:
         raise Fault(
             f"the number after {letter} has {len(number)} characters, but at most "
             f"{MOST_CHARACTERS} are read: round it"
         )
-    value = float(number)
-    if letter == "N":
-        if at or number[0] in "+-":
-            raise Fault("a line number N that is not a plain number at the start of the line")
-    elif abs(value) > LARGEST_VALUE:
-        raise Fault(f"{letter}{number} is beyond {LARGEST_VALUE:g}, the largest value that is read")
-    elif letter == "G":
-        _add_code(block.g, "G", number, value * 10, G_GROUP)
+    if letter != "N":
+        _add_value(block, letter, float(number), letter + number)
+    elif at or number[0] in "+-":
+        raise Fault("a line number N that is not a plain number at the start of the line")
+
+
+def _add_value(block: Block, letter: str, value: float, text: str) -> None:
+    """Adds a word to a block; `text` is what stands in the line."""
+    if math.isnan(value) and letter != "F":
+        raise Fault(
+            f"{text}, whose value is in the controller and not in the file: write the number"
+        )
+    if abs(value) > LARGEST_VALUE:
+        raise Fault(f"{text} is beyond {LARGEST_VALUE:g}, the largest value that is read")
+    if letter == "G":
+        _add_g(block, value, text)
     elif letter == "M":
-        _add_code(block.m, "M", number, value, M_GROUP)
+        if not block.m:
+            block.before_m = len(block.words)
+        _add_m(block.m, value, text)
     elif letter in block.words:
-        raise Fault(f"the word {letter} twice, which a line takes only once")
+        raise Fault(f"the word {letter} twice, of which only one can be meant")
     else:
         block.words[letter] = value
 
 
-def _add_code(
-    codes: list[int], letter: str, number: str, scaled: float, groups: dict[int, str]
-) -> None:
-    """Add a G or M code to the codes of a line.
-
-    Args:
-        codes: The codes of the line.
-        letter: "G" or "M".
-        number: The number as written, for messages.
-        scaled: The number in the unit of `codes`.
-        groups: Modal groups by code.
-
-    Raises:
-        Fault: The code is invalid, or a code of the same modal group is in the line.
-    """
-    code = round(scaled)
-    if code < 0 or abs(scaled - code) > WHOLE:
-        raise Fault(f"{letter}{number} is no {letter} code")
-    group = groups.get(code)
+def _add_g(block: Block, value: float, text: str) -> None:
+    codes, code = block.g, round(value * 10)
+    if code < 0 or abs(value * 10 - code) > WHOLE:
+        raise Fault(f"{text} is no G code")
+    group = G_GROUP.get(code)
     for other in codes:
-        if other == code or (group is not None and groups.get(other) == group):
-            name = g_name if letter == "G" else "M{}".format
-            what = f" of the group for {group}" if group else ""
-            raise Fault(
-                f"{name(other)} and {name(code)}, two codes{what} of which a line takes only one: "
-                "write them in two lines"
-            )
+        if other == code or (group is not None and G_GROUP.get(other) == group):
+            # G80 on the safe start line of a program: G0 G17 G40 G49 G80 G90.
+            if group == MOTION and 800 in (other, code) and min(other, code) <= 10:
+                codes.remove(other)
+                code = min(other, code)
+                break
+            _refuse_two(g_name(other), g_name(code), group)
+    codes.append(code)
+    if group == MOTION:
+        block.motion = code
+
+
+def _add_m(codes: list[float], value: float, text: str) -> None:
+    # Printers have M codes with decimals, such as M862.3.
+    code = round(value) if abs(value - round(value)) <= WHOLE else value
+    if code < 0:
+        raise Fault(f"{text} is no M code")
+    group = M_GROUP.get(code)
+    for other in codes:
+        if other == code or (group is not None and M_GROUP.get(other) == group):
+            _refuse_two(f"M{other:g}", f"M{code:g}", group)
     codes.append(code)
 
 
+def _refuse_two(first: str, second: str, group: str | None) -> None:
+    what = f" of the group for {group}" if group else ""
+    raise Fault(
+        f"{first} and {second}, two codes{what} of which a line takes only one: "
+        "write them in two lines"
+    )
+
+
+def whole(value: float, what: str) -> int:
+    """A value that has to be a whole number.
+
+    Raises:
+        Fault: It is not.
+    """
+    if not abs(value - round(value)) <= WHOLE:
+        raise Fault(f"{what} of {value:g}, which must be a whole number")
+    return round(value)
+
+
 def _what_is_wrong(text: str, at: int) -> str:
-    """The reason why no word or comment starts at a position of a line."""
+    """Why no word or comment starts there."""
     here = text[at]
-    following = text[at + 1 : at + 2]
-    if here in "#[]=" or (here.isascii() and here.isalpha() and following in ("#", "[")):
+    if text.startswith(("IF[", "GOTO", "WHILE[", "END", "DO"), at):
         return (
-            "a parameter or an expression (# or [ ]), which this reader does not evaluate: let "
-            "the program that wrote the file write plain numbers"
+            "IF, WHILE or GOTO of a Fanuc macro, which this reader does not follow: write O words "
+            "(o1 if [#1 GT 2], o1 endif), or let the program that wrote the file write the moves"
         )
-    if here == "O":
-        return (
-            "an O word, that is a subroutine, a loop or a program number, which this reader does "
-            "not follow: write the moves out"
-        )
+    if here == "[":
+        return "an expression [ ] that belongs to no word: write its letter before it"
     if here == "(":
         inner = text.find("(", at + 1)
         close = text.find(")", at + 1)
@@ -150,4 +226,8 @@ def _what_is_wrong(text: str, at: int) -> str:
         return f"the letter {here} without a number after it"
     if here in "@^":
         return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
+    if here == "$":
+        return "$, which belongs to a sender or a controller and is no G-code: leave the line out"
+    if text.startswith(("->", "<-", "<~")):
+        return "the record of a sender (->, <-), which is no G-code: give the file of the program"
     return f"{ascii(here)}, which begins no word"

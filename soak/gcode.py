@@ -1,0 +1,86 @@
+"""`python -m soak.gcode`: random G-code programs, read and interpreted a second time.
+
+With files named, these are read and compared instead. Exit code 1 if a program is refused that is
+valid by construction, or if any point, speed, tolerance or event differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+
+from armcontour.errors import InvalidInput
+from armcontour.io.drawings.read import read_path
+
+ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
+
+
+def load(name: str) -> ModuleType:
+    """A module of tests/oracle."""
+    spec = importlib.util.spec_from_file_location(name, ORACLES / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def judge(text: str, judges: ModuleType) -> str:
+    """What came of a random program: equal, or how it differs."""
+    try:
+        program = judges.read(text)
+    except InvalidInput as error:
+        return f"refused: {error}"
+    return compare(program, text, judges)
+
+
+def compare(program: object, text: str, judges: ModuleType) -> str:
+    """Whether the second interpreter draws the same."""
+    try:
+        judges.compare(program, judges.oracle.interpret(text))
+    except (AssertionError, ArithmeticError, LookupError, ValueError) as error:
+        return f"differs: {type(error).__name__} {error}".splitlines()[0]
+    return "equal"
+
+
+def judge_file(file: Path, judges: ModuleType) -> str:
+    """What came of a file; a refusal is no fault, for files may be anything."""
+    try:
+        program = read_path(file)
+    except InvalidInput:
+        return "refused"
+    text = file.read_bytes().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    return compare(program, text.removeprefix("\xef\xbb\xbf"), judges)
+
+
+def main() -> int:
+    """Judges programs or files; 1 if any is wrong."""
+    parser = argparse.ArgumentParser(prog="python -m soak.gcode", description=__doc__)
+    parser.add_argument("files", nargs="*", type=Path, help="G-code files; default: random ones")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--count", type=int, default=20_000)
+    given = parser.parse_args()
+    judges, author = load("test_gcode"), load("gcode_author")
+    counts: Counter[str] = Counter()
+    if given.files:
+        found = ((str(x), judge_file(x, judges)) for x in given.files)
+        good = {"equal", "refused"}
+    else:
+        seeds = range(given.first_seed, given.first_seed + given.count)
+        found = ((f"seed {x}", judge(author.program(x), judges)) for x in seeds)
+        good = {"equal"}
+    wrong = 0
+    for name, said in found:
+        counts[said.split(":")[0]] += 1
+        if said not in good:
+            wrong += 1
+            print(f"{name}: {said}")
+    print(", ".join(f"{n} {what}" for what, n in sorted(counts.items())))
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,110 @@
+"""The speed of feed moves: per minute, per turn of the spindle, or one over the time of a move."""
+
+from __future__ import annotations
+
+import math
+
+from armcontour.io.drawings.gcode import codes
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.modes import INCH, MILLIMETRE, Modes
+from armcontour.io.drawings.gcode.words import Block
+
+# Largest feed rate [m/s].
+FASTEST = 1e6
+# Units this near are one [relative].
+SAME = 1e-9
+
+
+def set_feed(block: Block, modes: Modes) -> None:
+    """Takes feed mode and F from a line.
+
+    Raises:
+        Fault: F below zero or too large.
+    """
+    for code in (codes.INVERSE_TIME, codes.PER_MINUTE, codes.PER_TURN):
+        if code in block.g and modes.feed_mode != code:
+            modes.feed_mode, modes.feed = code, None
+    value = block.words.pop("F", None)
+    if modes.feed_mode == codes.INVERSE_TIME:
+        # It holds for the moves of its own line only.
+        modes.feed = value
+        if value is not None and value < 0:
+            raise Fault(f"F{value:g} under G93, which must not be negative")
+    elif value is not None:
+        modes.feed = _in_metres(value, _unit_for(block, modes), modes)
+    modes.feed_given = modes.feed_given or value is not None
+
+
+def feed_per_minute(value: float, modes: Modes) -> None:
+    """Takes F of a line that has nothing else but coordinates, under G94."""
+    modes.feed = _in_metres(value, modes.unit, modes)
+
+
+def unit_of(block: Block) -> float | None:
+    """The unit that a line changes to [m]."""
+    if codes.INCH in block.g:
+        return INCH
+    return MILLIMETRE if codes.MILLIMETRE in block.g else None
+
+
+def speed_of(modes: Modes, length: float, turns: float | None) -> float:
+    """The speed of a feed move [m/s]; NaN where the file gives none.
+
+    Args:
+        modes: What is in force.
+        length: Length of the move [m].
+        turns: Turns of the spindle per minute, None where they are not known.
+
+    Raises:
+        Fault: No feed rate.
+    """
+    feed = modes.feed
+    if modes.feed_mode == codes.INVERSE_TIME:
+        if not feed:
+            raise Fault(
+                "a feed move under G93 without F above zero on its own line, where F is one over "
+                "the minutes that the move takes"
+            )
+        return length * feed / 60
+    if feed is None and not modes.feed_given:
+        return math.nan
+    if not feed:
+        raise Fault(
+            "no feed rate for G1, G2 or G3: give F above zero, in units per minute, here or before"
+        )
+    if modes.feed_mode == codes.PER_MINUTE:
+        return feed
+    if not turns:
+        raise Fault(
+            "a feed move per turn of the spindle (G95) without its turns per minute: give S above "
+            "zero, under G97"
+        )
+    return feed * turns
+
+
+def _unit_for(block: Block, modes: Modes) -> float:
+    """The unit that F on a line is in.
+
+    On the line that changes the unit, some machines read F in the old unit and some in the new.
+    Where no unit was stated before there is only the new one.
+    """
+    wanted = unit_of(block)
+    if wanted is None or abs(wanted - modes.unit) <= SAME * modes.unit:
+        return modes.unit
+    if not modes.stated:
+        return wanted
+    raise Fault(
+        "F on the line that changes the unit of length, which some machines read in the old unit "
+        "and some in the new: write F on a line of its own"
+    )
+
+
+def _in_metres(value: float, unit: float, modes: Modes) -> float:
+    """F per minute in metres per second, F per turn in metres per turn and 60 s."""
+    speed = value * unit / 60
+    if speed < 0 or speed > FASTEST:
+        what = "minute" if modes.feed_mode == codes.PER_MINUTE else "turn"
+        raise Fault(
+            f"a feed rate F of {value:g} per {what}, which is not from 0 to {FASTEST:g} m/s"
+        )
+    return speed

@@ -1,0 +1,237 @@
+"""Motions of a line: where the tool goes, and what of it is drafted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from armcontour.io.drawings.gcode import codes
+from armcontour.io.drawings.gcode.arc_words import (
+    OFFSETS,
+    PLANES,
+    by_radius,
+    center_letters,
+    turns_of,
+)
+from armcontour.io.drawings.gcode.arcs import (
+    Circle,
+    around,
+    chords_of,
+    helix_length,
+    pieces_of,
+    point_of,
+    with_radius,
+)
+from armcontour.io.drawings.gcode.arcs import Point as InPlane
+from armcontour.io.drawings.gcode.draft import Draft
+from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.feed import speed_of
+from armcontour.io.drawings.gcode.modes import Modes
+from armcontour.io.drawings.gcode.systems import Systems
+from armcontour.io.drawings.gcode.words import Block
+
+# Largest coordinate [m]: beyond it a double does not resolve a nanometre.
+FARTHEST = 1e6
+AXES = "XYZ"
+# Heights this near are one [m].
+CLOSE = 1e-9
+
+
+class Tool:
+    """Where the tool is in the drawing, and its moves from there.
+
+    Args:
+        draft: The program that takes the moves.
+        modes: What is in force.
+        systems: Coordinate systems of the program.
+        chord_tolerance: Largest distance between a helix and its chords [m].
+    """
+
+    def __init__(
+        self, draft: Draft, modes: Modes, systems: Systems, chord_tolerance: float
+    ) -> None:
+        self.draft, self.modes, self.systems = draft, modes, systems
+        self.chord_tolerance = chord_tolerance
+        self.at = [0.0, 0.0, 0.0]
+        # Axes on which the tool went to a place that the file does not give.
+        self.lost: set[int] = set()
+        # Whether the last drafted move ends somewhere else than where the tool is now.
+        self.away = False
+        self.line = 0
+        self.turns: float | None = None
+        # The first line whose move has no feed rate.
+        self.first_open = 0
+
+    def target(self, block: Block) -> list[float]:
+        """Where the coordinates of a line lead, in the drawing.
+
+        Raises:
+            Fault: Too far, or in a coordinate system whose place is not known.
+        """
+        words, unit = block.words, self.modes.unit
+        given = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
+        for i, value in given.items():
+            if not abs(value) <= FARTHEST:
+                raise Fault(
+                    f"{AXES[i]}{value / unit:g} leads to {value:g} m, beyond the {FARTHEST:g} m "
+                    "that are read"
+                )
+        if self.modes.absolute:
+            self.lost -= given.keys()
+            point = self.systems.to_drawing(given, self.at)
+        else:
+            step = self.systems.step([given.get(i, 0.0) for i in (0, 1, 2)])
+            point = [a + b for a, b in zip(self.at, step, strict=True)]
+        self._refuse_far(point)
+        return point
+
+    def _refuse_far(self, point: list[float]) -> None:
+        if max(point) <= FARTHEST and min(point) >= -FARTHEST:
+            return
+        for i, x in enumerate(point):
+            if not abs(x) <= FARTHEST:
+                raise Fault(
+                    f"a move to {AXES[i]} = {x:g} m, beyond the {FARTHEST:g} m that are read"
+                )
+
+    def go(self, target: list[float]) -> None:
+        """A rapid move."""
+        if not self.away:
+            self.draft.go(*target)
+        elif not self.lost:
+            self.draft.resume_at(target)
+            self.away = False
+        self.at[:] = target
+
+    def set_position(self, values: dict[int, float]) -> None:
+        """G92: the tool is at these coordinates."""
+        self.refuse_lost(values, "G92")
+        self.systems.set_position(values, self.at)
+        if not self.draft.begun:
+            self.draft.resume_at(self.at)
+
+    def set_origin_here(self, number: int, values: dict[int, float]) -> None:
+        """G10 L20: the tool is at these coordinates of a system."""
+        self.refuse_lost(values, "G10 L20")
+        self.systems.set_origin_here(number, values, self.at)
+        if not self.draft.begun:
+            self.draft.resume_at(self.at)
+
+    def lose(self, axes: set[int]) -> None:
+        """The tool goes where the file does not say, on some axes: it comes to rest before.
+
+        Before the first contour the tool is at zero of the program, as where nothing is given.
+        """
+        self.draft.rest()
+        if self.draft.begun:
+            self.lost |= axes
+            self.away = True
+            return
+        systems = self.systems
+        for i in axes:
+            self.at[i] = (systems.origins[systems.active][i] or 0.0) + systems.shift[i]
+        self.draft.resume_at(self.at)
+
+    def feed(self, target: list[float]) -> None:
+        """A straight feed move."""
+        self._refuse_lost()
+        self.systems.place()
+        speed = self.speed(math.dist(self.at, target))
+        x, y, z = target
+        self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
+        self.at[:] = target
+
+    def speed(self, length: float) -> float:
+        """The speed of a feed move of a length [m/s]; NaN, and noted, where the file gives none."""
+        found = speed_of(self.modes, length, self.turns)
+        if found != found and not self.first_open:
+            self.first_open = self.line
+        return found
+
+    def refuse_lost(self, axes: Iterable[int], what: str) -> None:
+        """Refuse what needs the tool's place on axes where the file does not give it."""
+        for i in axes:
+            if i in self.lost:
+                raise Fault(
+                    f"{what} at a reference position (G28, G30, G53) that the file does not give: "
+                    f"go to an absolute {AXES[i]} by G0 before"
+                )
+
+    def _refuse_lost(self) -> None:
+        if self.away:
+            names = ", ".join(AXES[i] for i in sorted(self.lost)) or "X, Y and Z"
+            raise Fault(
+                "a feed move from a reference position (G28, G30, G53) that the file does not "
+                f"give: go back by G0 with absolute {names} before"
+            )
+
+    def arc(self, block: Block, target: list[float]) -> None:
+        """An arc or a helix of the plane in force; takes its words from the line."""
+        self._refuse_lost()
+        self.systems.place()
+        modes = self.modes
+        if modes.plane != codes.XY and self.systems.rotations[self.systems.active]:
+            raise Fault("an arc across the plane XY in a coordinate system that is turned")
+        a, b, c = axes = PLANES[modes.plane]
+        turns = turns_of(block)
+        last = self.draft.last
+        circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
+        rise = target[c] - last[c]
+        if abs(rise) > CLOSE:
+            speed = self.speed(helix_length(circle, turns, rise))
+            self._helix(circle, turns, target, speed)
+        else:
+            self.draft.room_for(turns - 1)
+            pieces = pieces_of(circle, turns)
+            speed = self.speed(sum(x.length for x in pieces))
+            for piece in pieces:
+                self.draft.bend(piece, axes, speed, modes.tolerance, self.line)
+        self.at[:] = target
+
+    def _helix(self, circle: Circle, turns: int, target: list[float], speed: float) -> None:
+        """Chords of a helix."""
+        a, b, c = PLANES[self.modes.plane]
+        n = chords_of(circle, turns, self.chord_tolerance)
+        self.draft.room_for(n)
+        point = list(self.draft.last)
+        first = point[c]
+        for i in range(1, n + 1):
+            share = i / n
+            if i < n:
+                point[a], point[b] = point_of(circle, turns, share)
+                point[c] = first + share * (target[c] - first)
+            else:
+                point = list(target)
+            x, y, z = point
+            self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
+
+    def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
+        modes = self.modes
+        turn = 1 if modes.motion == codes.COUNTER_CLOCKWISE else -1
+        dialect = "inch" if modes.inch else "mm"
+        if by_radius(block, modes.plane):
+            radius = self._length("R", block.words.pop("R"))
+            return with_radius(start, end, radius, turn)
+        letters = center_letters(block, modes.plane, modes.arc_absolute)
+        offsets = {x: self._length(x, block.words.get(x, 0.0)) for x in letters}
+        for x in OFFSETS:
+            block.words.pop(x, None)
+        return around(start, end, self._center(offsets, start), turn, dialect)
+
+    def _center(self, offsets: dict[str, float], start: InPlane) -> InPlane:
+        """The centre in the drawing: the offsets are turned with the coordinate system."""
+        a, b, _ = PLANES[self.modes.plane]
+        found = {OFFSETS.index(x): value for x, value in offsets.items()}
+        if self.modes.arc_absolute:
+            center = self.systems.to_drawing(found, self.at)
+            return (center[a], center[b])
+        step = self.systems.step([found.get(i, 0.0) for i in (0, 1, 2)])
+        return (start[0] + step[a], start[1] + step[b])
+
+    def _length(self, letter: str, value: float) -> float:
+        length = value * self.modes.unit
+        if not abs(length) <= FARTHEST:
+            raise Fault(
+                f"{letter}{value:g} leads to {length:g} m, beyond the {FARTHEST:g} m that are read"
+            )
+        return length
