@@ -203,7 +203,7 @@ def test_speeds_that_cannot_be_had_are_refused(case, refuses):
     refuses(
         lambda: straight([2.0], limits, **options),
         ac.NotRealizable,
-        f"The {limit} of {needed} m/s cannot be had",
+        f"The {limit} of {needed} m/s is too high",
         f"allow {allowed:g} m/s",
         s=s,
         limit=limit,

@@ -88,5 +88,5 @@ def test_a_joint_path_takes_no_branch(arm, rounded, limits, refuses):
     refuses(
         lambda: ac.plan(joint_path, arm, limits, branch="negative"),
         ac.InvalidInput,
-        "on its way already",
+        "traced already",
     )

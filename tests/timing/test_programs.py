@@ -521,7 +521,7 @@ def test_leads_that_would_change_the_order_of_switching_are_refused(refuses):
         ac.InvalidInput,
         "The event glue to False at",
         "before the one to True",
-        "give it less lead",
+        "give it less advance",
     )
 
 

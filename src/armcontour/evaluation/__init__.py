@@ -1,4 +1,4 @@
-"""Evaluation of executions; checks of trajectories. Shares only geometry and arms with others."""
+"""Evaluation of executions and checks of trajectories, independent of the code that made them."""
 
 from armcontour.evaluation.checking import Check, PathDeviation, check
 from armcontour.evaluation.cornering_deviations import CornerDeviation

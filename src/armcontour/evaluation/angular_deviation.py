@@ -1,4 +1,4 @@
-"""How far a tool is turned from how it is to be held."""
+"""Angles between the tool and the required tool orientation of a path."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from armcontour._checks import FloatArray
 from armcontour.frames import log
 from armcontour.geometry import Orientation, Path, Projection, angle_between
 
-# Where a path comes back to itself is looked for at so many places.
+# Samples of the path in the search for other points of it near the tool.
 PLACES = 5000
 
 
 def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
-    """Angle between tools and how they are to be held [rad], (n,); of axes, where these count.
+    """Angle between the tool and the required tool orientation [rad], (n,).
+
+    The angle is that between the tool axes if the path prescribes only an axis.
 
     Args:
-        orientation: How the tool is to be held.
-        s: Arc lengths at which it is [m], (n,).
-        turned: The tool's axes there as columns, (n, 3, 3).
+        orientation: The required tool orientation.
+        s: Arc lengths of the tool on the path [m], (n,).
+        turned: The tool's axes as columns, (n, 3, 3).
     """
     wanted = orientation(s)
     if orientation.axis_only:
@@ -35,19 +37,19 @@ def least_off(
     allowed: float,
     reach: float,
 ) -> FloatArray:
-    """As `angle_off` at the nearest places of a path that says how the tool is held.
+    """Angle between the tool and the required tool orientation nearby on the path [rad], (n,).
 
-    Where the path crosses or closes, the place that the tool is at may not be the nearest: the one
-    within reach that fits best counts. Of the angles that are not allowed only the largest is
-    looked at twice.
+    Where the path crosses itself or closes, the tool may follow another point of the path than the
+    nearest one. So the smallest angle to all points within `reach` counts. Angles that cannot be
+    the largest one are not reduced in this way.
 
     Args:
-        path: The path.
-        tool: Places of the tool [m], (n, 3).
-        nearest: The path's nearest places.
+        path: The path, with a tool orientation.
+        tool: Tool points [m], (n, 3).
+        nearest: Nearest points of the path.
         turned: The tool's axes as columns, (n, 3, 3).
-        allowed: Angles that need no second look [rad].
-        reach: The tool may be this far from where it is to be [m].
+        allowed: Angles up to this one are returned as they are [rad].
+        reach: Largest distance of the tool from the point of the path that it follows [m].
     """
     assert path.orientation is not None
     angle = angle_off(path.orientation, nearest.s, turned)
@@ -63,7 +65,7 @@ def least_off(
         others = near[np.abs(near - nearest.s[i]) > 2 * gap]
         if len(others):
             fits = angle_off(path.orientation, others, np.tile(turned[i], (len(others), 1, 1)))
-            # Between two of these places the path may fit better by what it turns there.
+            # Between two samples the angle may be smaller by the rotation along the gap.
             fits -= gap * np.linalg.norm(path.orientation.rates(others)[0], axis=1)
             angle[i] = min(angle[i], max(0.0, float(fits.min())))
         worst = max(worst, float(angle[i]))

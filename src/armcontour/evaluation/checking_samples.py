@@ -1,6 +1,6 @@
-"""Checking samples: only what every motion through them must have.
+"""Check of samples: lower bounds of peaks that every motion through the samples must reach.
 
-Over a window between two samples, a mean is known exactly, whatever the motion between them does,
+Over a window between two samples a mean is known exactly, whatever the motion does between them,
 and the peak is at least the mean. Three means of the joint acceleration `a` over a window of
 length T follow from the positions and velocities at its ends, and one from three positions:
 
@@ -9,8 +9,8 @@ length T follow from the positions and velocities at its ends, and one from thre
     2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
     2 ((q2 - q1) / T2 - (q1 - q0) / T1) / (T1 + T2)    triangle
 
-All weights are positive and integrate to 1. The wider the window the less the rounding of the
-numbers counts, so windows of 1, 2, 4, ... samples are looked at, until rounding no longer counts.
+All weights are positive and integrate to 1. In wider windows the rounding of the numbers has less
+effect, so windows of 1, 2, 4, ... samples are judged until rounding is negligible.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
 from armcontour.evaluation.tally import SLOWEST, States, Tally
 
-# Wider windows are not looked at when rounding is at most this part of every limit.
+# Windows are not widened further once rounding is at most this share of every limit.
 NEGLIGIBLE = 1e-7
-# Places between two samples at which the cubic's distance from the path is looked at.
+# Parts of a sample interval at which the distance of the cubic from the path is computed.
 BETWEEN = np.arange(1, 8) / 8
-# Windows in which the tool turns by more than this sine tell nothing of centripetal acceleration.
+# Windows in which the direction of motion turns by more than this sine do not show centripetal
+# acceleration.
 WIDEST_TURN = 0.2
 
 
@@ -38,11 +39,12 @@ class Log:
 
     Args:
         t: Times, increasing [s], (n,).
-        q: Joint positions (n, dof).
-        dq, ddq: Velocities and accelerations, where known.
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities [rad/s], (n, dof), or None.
+        ddq: Joint accelerations [rad/s²], (n, dof), or None.
         errors: Bounds on the error of q, dq and ddq, (dof,) each.
-        t_error: Bound on the error of every time, (n,).
-        clock: Bound on the part by which all times may be stretched.
+        t_error: Bound on the error of every time [s], (n,).
+        clock: Bound on the share by which all times may be stretched together.
     """
 
     t: FloatArray
@@ -61,21 +63,21 @@ class Log:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Windows:
-    """Means of one vector quantity over windows, with bounds on their errors."""
+    """Means of a quantity over windows, (windows, columns), with bounds on their errors."""
 
     mean: FloatArray
     error: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Turning:
-    """How the tool is held at the samples, and how it turns.
+class _AngularMotion:
+    """Tool orientation and angular velocity at the samples.
 
     Args:
-        frames: Its axes as columns, (n, 3, 3).
-        off: Bound on the angle that they are off by.
-        rate: Its angular velocity (n, 3), and a bound on the error's length (n,); None if not
-            known.
+        frames: The tool's axes as columns, (n, 3, 3).
+        off: Bound on the error of the orientation [rad].
+        rate: Angular velocity [rad/s], (n, 3), and a bound on the length of its error, (n,); None
+            if not known.
     """
 
     frames: FloatArray
@@ -83,8 +85,8 @@ class _Turning:
     rate: tuple[FloatArray, FloatArray] | None
 
     @classmethod
-    def of(cls, log: Log, tally: Tally) -> _Turning | None:
-        """That of an arm whose tool has an orientation, if it is limited."""
+    def of(cls, log: Log, tally: Tally) -> _AngularMotion | None:
+        """Compute the angular motion; None without a limit of it, or without an orientation."""
         limits, arm = tally.limits, tally.arm
         limited = limits.angular_speed is not None or limits.angular_acceleration is not None
         if not limited or not isinstance(arm, SerialArm):
@@ -93,17 +95,21 @@ class _Turning:
         if log.dq is not None:
             states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
             rate = tally.angular_velocity(arm, states)
-        # A joint that is off by an angle turns the tool by that angle.
+        # An error of a joint position turns the tool by at most the same angle.
         return cls(frames=arm.pose(log.q)[1], off=float(log.errors[0].sum()), rate=rate)
 
     def offer(self, log: Log, tally: Tally, k: int) -> float:
-        """Mean angular speed, and mean angular acceleration, over windows of `k` samples."""
+        """Offer the mean angular speed and acceleration over windows of `k` samples.
+
+        Returns:
+            Largest share of a limit that rounding may have made.
+        """
         t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
         limits, slack = tally.limits, 0.0
         span, late = (x[:, 0] for x in log.spans(k))
         if limits.angular_speed is not None:
             step = np.linalg.norm(self.frames[k:] - self.frames[:-k], axis=(1, 2))
-            # The shortest rotation between two frames: the tool turned by no less.
+            # The shortest rotation between two frames, which is a lower bound of the angle turned.
             angle = 2 * np.arcsin(np.minimum(step / np.sqrt(8), 1.0))
             error = (2 * self.off + angle / span * late) / (span + late)
             slack = tally.offer("angular_speed", t, angle / span, limits.angular_speed, q, error)
@@ -116,10 +122,10 @@ class _Turning:
 
 
 def judge_samples(log: Log, tally: Tally) -> None:
-    """Offer to the tally what holds at the samples and what must hold between them."""
-    _at_samples(log, tally)
+    """Offer to the tally the values at the samples, and lower bounds of the peaks between them."""
+    _offer_samples(log, tally)
     tool, tool_error = tally.tool(log.q, log.errors[0])
-    turning = _Turning.of(log, tally)
+    turning = _AngularMotion.of(log, tally)
     velocity, velocity_error = None, None
     if log.dq is not None:
         states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
@@ -128,11 +134,11 @@ def judge_samples(log: Log, tally: Tally) -> None:
     while width < len(log.t):
         tally.narrow = width == 1
         slack = max(
-            _velocities(log, tally, tool, tool_error, width),
+            _offer_velocities(log, tally, tool, tool_error, width),
             0.0 if turning is None else turning.offer(log, tally, width),
-            _second_means(log, tally, tool, tool_error, width)
+            _offer_from_positions(log, tally, tool, tool_error, width)
             if log.dq is None or velocity is None or velocity_error is None
-            else _velocity_changes(log, log.dq, tally, velocity, velocity_error, width),
+            else _offer_from_velocities(log, log.dq, tally, velocity, velocity_error, width),
         )
         if slack <= NEGLIGIBLE:
             break
@@ -143,10 +149,11 @@ def judge_samples(log: Log, tally: Tally) -> None:
         if log.dq is not None:
             # The weights of dq sum to at most a quarter of the interval.
             off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
-            tally.pose(*_cubic(log.t, log.q, log.dq), off)
+            tally.pose(*_interpolate(log.t, log.q, log.dq), off)
 
 
-def _at_samples(log: Log, tally: Tally) -> None:
+def _offer_samples(log: Log, tally: Tally) -> None:
+    """Offer the values at the samples."""
     if log.dq is not None:
         tally.states(States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors))
         return
@@ -155,8 +162,19 @@ def _at_samples(log: Log, tally: Tally) -> None:
         tally.joint_acceleration(log.t, log.ddq, log.q, log.errors[2])
 
 
-def _velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int) -> float:
-    """Mean velocities of joints and tool over windows of `k` samples."""
+def _offer_velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int) -> float:
+    """Offer the mean velocities of joints and tool over windows of `k` samples.
+
+    Args:
+        log: The samples.
+        tally: Receives the values.
+        tool: Tool points [m], (n, dimension).
+        off: Bound on the length of their error [m], (n,).
+        k: Number of samples per window.
+
+    Returns:
+        Largest share of a limit that rounding may have made.
+    """
     t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
     limits, slack = tally.limits, 0.0
     if limits.joint_velocity is not None:
@@ -169,10 +187,14 @@ def _velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: in
     return slack
 
 
-def _velocity_changes(
+def _offer_from_velocities(
     log: Log, dq: FloatArray, tally: Tally, velocity: FloatArray, off: FloatArray, k: int
 ) -> float:
-    """Mean accelerations of joints and tool over windows of `k` samples, from velocities."""
+    """Offer mean accelerations over windows of `k` samples, from joint and tool velocities.
+
+    Returns:
+        Largest share of a limit that rounding may have made.
+    """
     t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
     span, late = log.spans(k)
     q_error, dq_error = log.errors[0], log.errors[1]
@@ -186,12 +208,15 @@ def _velocity_changes(
         tally.joint_acceleration(t, sign * 2 * rest / span**2, q, error)
     x = _mean(log, velocity, off[:, None], k)
     return max(
-        slack, _tool_acceleration(log, tally, velocity[:-k], velocity[k:], x, t, q, off[k:], k)
+        slack,
+        _offer_tool_acceleration(log, tally, velocity[:-k], velocity[k:], x, t, q, off[k:], k),
     )
 
 
-def _second_means(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int) -> float:
-    """Mean accelerations of joints and tool over windows of `2 k` samples, from positions."""
+def _offer_from_positions(
+    log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int
+) -> float:
+    """Offer mean accelerations over windows of `2 k` samples; arguments of `_offer_velocities`."""
     if len(log.t) <= 2 * k:
         return 0.0
     t, q = log.t[k:-k], log.q[k:-k]
@@ -199,14 +224,14 @@ def _second_means(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: 
     slack = tally.joint_acceleration(t, x.mean, q, x.error)
     before, after, x = _triangle(log, tool, off[:, None], k)
     chord_error = np.maximum(before.error, after.error)[:, 0]
-    found = _tool_acceleration(log, tally, before.mean, after.mean, x, t, q, chord_error, k)
+    found = _offer_tool_acceleration(log, tally, before.mean, after.mean, x, t, q, chord_error, k)
     return max(slack, found)
 
 
 def _triangle(
     log: Log, y: FloatArray, off: FloatArray, k: int
 ) -> tuple[_Windows, _Windows, _Windows]:
-    """Mean velocities before and after each middle sample, and the mean acceleration of both."""
+    """Mean velocities before and after each middle sample, and the mean acceleration over both."""
     chords = _mean(log, y, off, k, both_ways=True)
     before = _Windows(mean=chords.mean[:-k], error=chords.error[:-k])
     after = _Windows(mean=chords.mean[k:], error=chords.error[k:])
@@ -217,7 +242,7 @@ def _triangle(
     return before, after, _Windows(mean=mean, error=error)
 
 
-def _tool_acceleration(
+def _offer_tool_acceleration(
     log: Log,
     tally: Tally,
     before: FloatArray,
@@ -228,7 +253,22 @@ def _tool_acceleration(
     velocity_error: FloatArray,
     k: int,
 ) -> float:
-    """Offer the tool's mean acceleration between two velocities, and its normal part."""
+    """Offer the mean tool acceleration of each window, and its part normal to the motion.
+
+    Args:
+        log: The samples.
+        tally: Receives the values.
+        before: Tool velocities at the starts of the windows [m/s], (windows, dimension).
+        after: Tool velocities at their ends [m/s], (windows, dimension).
+        x: Mean tool accelerations [m/s²].
+        t: Middle times of the windows [s], (windows,).
+        q: Joint positions there [rad], (windows, dof).
+        velocity_error: Bound on the error of the velocities [m/s], (windows,).
+        k: Number of samples per window.
+
+    Returns:
+        Largest share of a limit that rounding may have made.
+    """
     limits, size, error = tally.limits, np.linalg.norm(x.mean, axis=1), x.error[:, 0]
     slack = 0.0
     if limits.tool_acceleration is not None:
@@ -237,9 +277,9 @@ def _tool_acceleration(
         return slack
     first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
     slowest = np.minimum(first, last)
-    # While the tool turns by an angle within the window, its tangential acceleration, too, has a
-    # part normal to the middle direction: the sine of the angle times its amount, which is taken
-    # from the windows from one before this one to one after it.
+    # If the direction turns by an angle within the window, tangential acceleration has a part
+    # normal to the middle direction: the sine of the angle times its amount. The amount is the
+    # largest one of this window and the windows next to it.
     cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
@@ -248,9 +288,9 @@ def _tool_acceleration(
     along = np.abs(np.einsum("ij,ij->i", x.mean, before + after)) / middle
     along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest") if len(along) else along
     total = error + turned * along
-    # Rounding alone decides whether wider windows can tell more.
+    # The returned slack contains rounding only: it decides whether wider windows are judged.
     tally.centripetal(t, before + after, x.mean, q, total, moving)
-    # Where the tool moves and turns by more, any part of its acceleration may be normal to it.
+    # Where the direction turns by more, any part of the acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + velocity_error)
     limit = limits.centripetal_acceleration
     tally.offer("centripetal_acceleration", t[sharp], size[sharp], limit, q[sharp], size[sharp])
@@ -258,10 +298,15 @@ def _tool_acceleration(
 
 
 def _mean(log: Log, y: FloatArray, off: FloatArray, k: int, *, both_ways: bool = False) -> _Windows:
-    """Mean rate of `y` over windows of `k` samples; `off` bounds y's error per row and column.
+    """Mean rate of change of `y` over windows of `k` samples.
 
-    An error of one column is that of the vector's length. The error bounds by how much the true
-    mean may be smaller, or with `both_ways` also by how much it may be larger.
+    Args:
+        log: The samples.
+        y: Values at the samples, (n, columns).
+        off: Bound on the error of y, (n, columns), or on the length of the error, (n, 1).
+        k: Number of samples per window.
+        both_ways: Whether the error bounds how much the true mean may be larger, too; otherwise
+            only how much it may be smaller.
     """
     span, late = log.spans(k)
     mean = (y[k:] - y[:-k]) / span
@@ -271,8 +316,8 @@ def _mean(log: Log, y: FloatArray, off: FloatArray, k: int, *, both_ways: bool =
     return _Windows(mean=mean, error=error)
 
 
-def _cubic(t: FloatArray, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times and joint positions between samples on the cubics that q and dq make."""
+def _interpolate(t: FloatArray, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times [s] and joint positions [rad] between samples, on cubics through q and dq."""
     u, h = BETWEEN[None, :, None], np.diff(t)[:, None, None]
     at = (t[:-1, None] + np.diff(t)[:, None] * BETWEEN).ravel()
     found = (

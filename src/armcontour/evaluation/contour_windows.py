@@ -1,4 +1,4 @@
-"""When samples of a motion are on which contour of a program: samples do not say so themselves."""
+"""Assignment of the samples of a motion to the contours of a program."""
 
 from __future__ import annotations
 
@@ -11,19 +11,26 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.program import Program, contour_called
 
-# A tool that is nearer to an end of a contour than this share of its length and this distance [m]
-# visits that end; or nearer than half as far again as it ever comes.
+# The tool visits an end of a contour if their distance is at most NEAR_SHARE of the length of the
+# contour and at most NEAR [m], or at most AGAIN times the smallest distance of all samples.
 NEAR_SHARE = 0.05
 NEAR = 1e-3
 AGAIN = 1.5
-# What the tool draws from one end of a contour to the other is between these shares of its length:
-# chords between samples are shorter, noise of measured samples makes it longer.
+# The travel of the tool along a contour is between these shares of the length of the contour:
+# chords between samples are shorter, noise of measured samples makes the travel longer.
 DRAWN = (0.5, 1.5)
 
 
 @dataclass(frozen=True, slots=True)
 class _Window:
-    """Samples `first` to `last`, and the largest distance of this motion and those before."""
+    """Samples `first` to `last` on a contour, and the windows of the contours before.
+
+    Args:
+        first: First sample on the contour.
+        last: Last sample on the contour.
+        worst: Largest distance between tool and contour in this window and those before [m].
+        before: The window of the contour before; None for the first contour.
+    """
 
     first: int
     last: int
@@ -32,26 +39,26 @@ class _Window:
 
 
 def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
-    """First and last sample on every contour of a program, in order.
+    """Find the first and the last sample on every contour of a program, in order.
 
-    Of all ways to find the contours one after the other in the samples, the one whose largest
-    distance between tool and contours is smallest: whatever is found to be too far is so.
+    Of all assignments in the order of the contours, the result has the smallest largest distance
+    between tool and contours. So a distance that is too large is too large in every assignment.
 
     Args:
         tool: Tool points [m], (n, dimension).
         program: The program; between its contours the tool may go anywhere.
 
     Raises:
-        InvalidInput: A contour that the tool does not follow from its start to its end.
+        InvalidInput: The tool does not follow a contour from its start to its end.
     """
-    drawn = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
     known: list[_Window] = []
     for number, contour in enumerate(program.contours):
         earliest = min((x.last for x in known), default=0)
         found = [
             window
-            for first, last in _candidates(tool, drawn, contour.path, earliest)
-            if (window := _after(known, tool, contour.path, first, last, number == 0)) is not None
+            for first, last in _find_candidates(tool, travel, contour.path, earliest)
+            if (window := _append(known, tool, contour.path, first, last, number == 0)) is not None
         ]
         if not found:
             raise InvalidInput(
@@ -68,43 +75,69 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
     return windows[::-1]
 
 
-def _candidates(
-    tool: FloatArray, drawn: FloatArray, path: Path, earliest: int
+def _find_candidates(
+    tool: FloatArray, travel: FloatArray, path: Path, earliest: int
 ) -> list[tuple[int, int]]:
-    """Pairs of samples at the start and at the end of a path, between which its length is drawn."""
+    """Find pairs of samples at the ends of a path between which the tool travels its length.
+
+    Args:
+        tool: Tool points [m], (n, dimension).
+        travel: Travel of the tool up to each sample [m], (n,).
+        path: The path.
+        earliest: Index of the first sample to consider.
+    """
     ends = path([0.0, path.length])
-    starts = _visits(tool, ends[0], path.length, earliest)
-    stops = _visits(tool, ends[1], path.length, earliest)
+    starts = _find_visits(tool, ends[0], path.length, earliest)
+    stops = _find_visits(tool, ends[1], path.length, earliest)
     low, high = (share * path.length for share in DRAWN)
     return [
         (first, last)
         for first in (last for _, last in starts)
         for last in (first for first, _ in stops)
-        if last > first and low <= drawn[last] - drawn[first] <= high
+        if last > first and low <= travel[last] - travel[first] <= high
     ]
 
 
-def _visits(
+def _find_visits(
     tool: FloatArray, point: FloatArray, length: float, earliest: int
 ) -> list[tuple[int, int]]:
-    """The first and the last nearest sample of every visit of the tool to a point."""
+    """Find the first and the last nearest sample of every visit of the tool to a point.
+
+    Args:
+        tool: Tool points [m], (n, dimension).
+        point: The point [m], (dimension,).
+        length: Length of the contour that starts or ends there [m].
+        earliest: Index of the first sample to consider.
+    """
     off = np.linalg.norm(tool[earliest:] - point, axis=1)
     if not len(off):
         return []
     near = off <= max(min(NEAR, NEAR_SHARE * length), AGAIN * float(off.min()))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(np.int8)))
     found = []
-    for begin, end in edges.reshape(-1, 2).tolist():
-        here = off[begin:end]
-        nearest = np.flatnonzero(here <= here.min() * (1 + 1e-9)) + begin + earliest
+    for first, after in edges.reshape(-1, 2).tolist():
+        here = off[first:after]
+        nearest = np.flatnonzero(here <= here.min() * (1 + 1e-9)) + first + earliest
         found.append((int(nearest[0]), int(nearest[-1])))
     return found
 
 
-def _after(
+def _append(
     known: list[_Window], tool: FloatArray, path: Path, first: int, last: int, is_first: bool
 ) -> _Window | None:
-    """A window after the best one of the contour before; None if there is none before it."""
+    """Append a window to the best one of the contour before that ends early enough.
+
+    Args:
+        known: Windows of the contour before.
+        tool: Tool points [m], (n, dimension).
+        path: The contour.
+        first: First sample on the contour.
+        last: Last sample on the contour.
+        is_first: Whether the contour is the first one.
+
+    Returns:
+        The window, or None if no window of the contour before ends early enough.
+    """
     before = min((x for x in known if x.last <= first), key=lambda x: x.worst, default=None)
     if before is None and not is_first:
         return None

@@ -1,4 +1,4 @@
-"""Cornering deviations after ISO 9283, 8.5: how a sharp corner of the objective path was taken."""
+"""Cornering deviations at the sharp corners of the objective path, after ISO 9283, 8.5."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from armcontour.geometry.segments import TANGENT_TOLERANCE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CornerDeviation:
-    """How the tool took one corner.
+    """Deviations of the tool at one corner.
 
     Args:
         vertex: Index of the corner among the vertices of the objective path, from 0.
         point: The corner [m].
         rounding: Cornering round-off CR: smallest distance between corner and tool [m].
-        overshoot: Cornering overshoot CO: how far the tool went beyond the line that leaves the
-            corner, on the far side of it [m].
-        contour: Of a program, the number of the corner's contour, from 1.
+        overshoot: Cornering overshoot CO: largest distance of the tool beyond the line that leaves
+            the corner, on the side away from the line that arrives [m].
+        contour: Number of the contour in a program, from 1; None for a single path.
     """
 
     vertex: int
@@ -34,12 +34,12 @@ class CornerDeviation:
 def corner_deviations(
     tool: FloatArray, objective: Path, s: FloatArray | None = None
 ) -> tuple[CornerDeviation, ...]:
-    """The deviations at every corner of a path.
+    """Cornering deviations at every corner of a path.
 
     Args:
-        tool: Places of the tool, (n, dimension) [m].
+        tool: Tool points [m], (n, dimension).
         objective: The path with its corners.
-        s: Their nearest places on it [m], if they are known, (n,).
+        s: Arc lengths of the nearest points on the path [m], (n,); computed if None.
     """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
@@ -47,15 +47,15 @@ def corner_deviations(
     at = objective.project(tool).s if s is None else s
     order = np.argsort(at, kind="stable")
     at, tool = at[order], tool[order]
-    # A corner's own region: from the middle of the segment before to the middle of the one after.
+    # The region of a corner: from the middle of the segment before to the middle of the one after.
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
     first, last = np.searchsorted(at, low), np.searchsorted(at, high, side="right")
-    # Where no result falls into it, those before and after it are the nearest.
+    # If no sample is in the region, take the samples before and after it.
     empty = first == last
     first = np.where(empty, np.maximum(first - 1, 0), first)
     last = np.where(empty, np.minimum(last + 1, len(at)), last)
-    near, of = _members(first, last)
+    near, of = _expand_ranges(first, last)
     points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
     off = tool[near] - points[of]
     across = _across(objective, corners)
@@ -69,8 +69,8 @@ def corner_deviations(
     )
 
 
-def _members(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
-    """The members of ranges one after the other, and of which range each is."""
+def _expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
+    """All indices of several ranges in order, and the number of the range of each index."""
     count = last - first
     of = np.repeat(np.arange(len(first)), count)
     number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
@@ -78,7 +78,7 @@ def _members(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def _across(path: Path, corners: IntArray) -> FloatArray:
-    """Beyond a corner: the arriving direction at right angles to the leaving one, (n, dim)."""
+    """Unit vectors of overshoot, (n, dimension): arriving direction normal to the leaving one."""
     before = path.segments.end_tangents[corners - 1]
     after = path.tangents[corners]
     across = before - np.sum(before * after, axis=1, keepdims=True) * after

@@ -13,20 +13,20 @@ from armcontour._checks import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorProfile:
-    """A distance over time, or an angle: then in rad for m, but for arc lengths.
+    """An error over time: a distance [m], or an angle [rad].
 
-    Between the contours of a program, where nothing is judged, all but the times are NaN.
+    Between the contours of a program nothing is judged: there, all columns except `t` are NaN.
 
     Args:
         t: Times [s], (n,).
-        values: The distance at them [m], (n,).
-        signed: The same, positive to the left of the path and negative to its right, in the plane;
-            None in space and where sides mean nothing, (n,).
-        s: Arc length of the nearest place of the path [m], (n,).
-        rms: Root mean square over time [m].
-        max: Largest value [m].
-        t_max: When it occurs [s].
-        s_max: Where on the path it occurs [m].
+        values: Errors [m or rad], (n,).
+        signed: Errors in the plane with a sign: positive to the left of the path, negative to its
+            right, (n,); None in space and for errors without a side.
+        s: Arc length of the nearest point of the path [m], (n,).
+        rms: Root mean square over time [m or rad].
+        max: Largest value [m or rad].
+        t_max: Time of the largest value [s].
+        s_max: Arc length of the largest value [m].
     """
 
     t: FloatArray
@@ -53,14 +53,14 @@ class ErrorProfile:
         until: float,
         side: FloatArray | None = None,
     ) -> ErrorProfile:
-        """The profile from the first time to `until`; after the last one its value holds.
+        """Make the profile from the first time to `until`; the last value is kept to the end.
 
         Args:
             t: Times [s], (n,).
-            values: The distance at them [m], (n,).
-            s: Arc length of the nearest place [m], (n,).
+            values: Errors [m or rad], (n,).
+            s: Arc length of the nearest point of the path [m], (n,).
             until: End of the profile [s].
-            side: 1 to the left of the path, -1 to its right, (n,); None where that means nothing.
+            side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
         """
         end = np.array([until])
         if t[-1] < until:
@@ -75,7 +75,7 @@ class ErrorProfile:
             )
         worst = int(np.argmax(values))
         span = float(until - t[0])
-        # A profile of no time is the one value that it has.
+        # A profile without duration has one value.
         square = np.trapezoid(values**2, t) / span if span > 0 else values[-1] ** 2
         return cls(
             t=t,
@@ -90,7 +90,7 @@ class ErrorProfile:
 
     @classmethod
     def join(cls, profiles: Sequence[ErrorProfile]) -> ErrorProfile:
-        """One profile of several that follow each other in time, with gaps between them."""
+        """Join profiles that follow each other in time, with a gap of NaN between them."""
         if len(profiles) == 1:
             return profiles[0]
         worst = max(profiles, key=lambda x: x.max)
@@ -112,4 +112,5 @@ class ErrorProfile:
 
 
 def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
+    """Join columns, with NaN after each."""
     return np.concatenate([np.append(x, np.nan) for x in columns])

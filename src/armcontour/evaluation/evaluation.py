@@ -1,6 +1,6 @@
-"""Evaluation: how far the tool was from the path, how fast, and what the joints had to give.
+"""Evaluation of an execution: contour errors, tool speed, and use of the joint limits.
 
-Shares only geometry and arms with what it judges.
+The evaluation shares only geometry and arms with the code that made the execution.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from armcontour.program import Program
 
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
-# A joint from this share of a limit on makes full use of it.
+# A joint makes full use of a limit from this share on.
 NEAR = 0.99
-# Places per knot interval at which the plan is looked at, how many in all at least, and at most.
+# Samples of the plan per knot interval; least and largest number in all.
 FINER = 20
 FEWEST_PLACES = 4000
 MOST_PLACES = 400_000
@@ -37,30 +37,31 @@ MOST_PLACES = 400_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluation:
-    """What an execution was worth.
+    """Errors, speeds and use of limits of an execution.
 
     Args:
         duration: Planned time of the motion [s].
         settled: Time after which the tool stays below 1 mm/s [s].
         until: End of the time that the errors cover [s].
         contour_error: Distance from the tool to the path [m].
-        tracking_error: Distance from the tool to where it should be at that time [m].
-        objective_error: Distance from the tool to the objective path, if one was given [m].
-        orientation_error: Angle between the tool's orientation (or its axis, where only that
-            counts) and the one at the nearest place of the path [rad]; None without one.
+        tracking_error: Distance from the tool to its planned position at the same time [m].
+        objective_error: Distance from the tool to the objective path [m]; None without one.
+        orientation_error: Angle between the tool orientation (or its axis, where only the axis is
+            required) and the required one at the nearest point of the path [rad]; None if no
+            orientation is required.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
-        speed_ratio: The same over the assigned velocity; NaN without one.
-        speed_overshoot: Largest excess of the tool speed over the assigned velocity of the place,
-            segments' own included [m/s]; 0 without one.
+        speed_ratio: Largest tool speed over the assigned velocity; NaN without one.
+        speed_overshoot: Largest excess of the tool speed over the assigned velocity at the nearest
+            point, which may be that of a segment [m/s]; 0 without one.
         path_velocity: Mean tool speed over the planned time of the motion [m/s].
-        utilisation: Share of that time in which some joint was within 1 % of a limit of its
+        utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
             acceleration, velocity or torque.
-        limit_ratios: Of the planned motion, the largest share of every limit, over times up to 20
-            times as close as its knots; `check` looks closer.
-        demand: Largest acceleration that each joint was asked for [rad/s²], (dof,).
-        demand_ratio: The largest share of the limit in its direction that each joint was asked
-            for; 0 for a joint without one, (dof,).
+        limit_ratios: Largest used share of every limit in the planned motion, at up to 20 samples
+            per knot interval; `check` takes more samples.
+        demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
+        demand_ratio: Largest share of the limit in its direction that each joint would have
+            needed, (dof,); 0 for a joint without a limit.
         saturated: Share of the time for which each joint was saturated, (dof,).
         contours: The contour error of every contour, in order.
     """
@@ -97,25 +98,25 @@ def evaluate(
     limits: Limits | None = None,
     until: float | None = None,
 ) -> Evaluation:
-    """Judge an execution against the path that it was to follow.
+    """Evaluate an execution against the path that it was to follow.
 
     Errors are weighted by time, from the first set-point to `until`; after its end the execution
-    stands still. Of a program, every contour is judged for as long as the process is planned to be
-    at work on it, and nothing between contours; a single path with nothing around it to its end.
+    stands still. In a program, every contour is judged while the process is planned to be at work
+    on it, and nothing is judged between contours. A single path is judged from start to end.
 
     Args:
-        executed: What the joints did.
+        executed: The execution.
         path: The path that the tool was to follow, or the program that was planned.
-        objective: The same before rounding; gives `objective_error` and the corners.
-        limits: By default the arm's own.
+        objective: The path or program before rounding; needed for `objective_error` and `corners`.
+        limits: The limits; by default the arm's own.
         until: End of the time that errors cover [s]; by default when the planned motion has ended
-            and the tool is at rest. A program of more than one path takes none.
+            and the tool is at rest. Not allowed for a program of more than one path.
 
     Raises:
-        InvalidInput: A path of another dimension than the arm's, a time that is not above zero, or
-            a program that was not planned.
+        InvalidInput: The path has another dimension than the arm, `until` is not above zero, or the
+            program was not planned.
     """
-    program, before = _programs(executed, path, objective)
+    program, before = _check_programs(executed, path, objective)
     if until is not None and program.single_path is None:
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
@@ -136,22 +137,26 @@ def evaluate(
         until=end,
         contour_error=ErrorProfile.join(contours),
         tracking_error=ErrorProfile.join([x.tracking_error for x in pieces]),
-        objective_error=_of_all([x.objective_error for x in pieces]),
-        orientation_error=_of_all([x.orientation_error for x in pieces]),
-        corners=_corners(pieces, program),
+        objective_error=_join_known([x.objective_error for x in pieces]),
+        orientation_error=_join_known([x.orientation_error for x in pieces]),
+        corners=_collect_corners(pieces, program),
         contours=contours,
         speed=fastest,
         speed_ratio=fastest / (np.nan if bounds.speed is None else bounds.speed),
         speed_overshoot=max(_overshoot(x, bounds) for x in pieces),
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
-        **_demands(executed, bounds, end),
+        **_compute_demands(executed, bounds, end),
     )
 
 
-def _programs(
+def _check_programs(
     executed: Execution, path: Path | Program, objective: Path | Program | None
 ) -> tuple[Program, Program | None]:
-    """What was to be followed, and the same before rounding, as programs."""
+    """Return the path and the path before rounding as programs.
+
+    Raises:
+        InvalidInput: An argument has the wrong type.
+    """
     if not isinstance(executed, Execution):
         raise InvalidInput(
             f"evaluate needs an Execution, as execute gives it, not {type(executed).__name__}."
@@ -162,8 +167,8 @@ def _programs(
     return program, Program.of(objective, "evaluate needs a Path or a Program as its objective")
 
 
-def _demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """What the joints had to give, and how much of their limits that is."""
+def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
+    """Fields of `Evaluation` about the joints and their limits; `end` is that of the errors [s]."""
     low, high = limits.acceleration_bounds(executed.arm.dof)
     lowest, highest = executed.demand_range
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
@@ -176,13 +181,14 @@ def _demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
     }
 
 
-def _of_all(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
+def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
+    """Join the profiles that are not None; None if all are."""
     found = [x for x in profiles if x is not None]
     return ErrorProfile.join(found) if found else None
 
 
-def _corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerDeviation, ...]:
-    """The corners of all contours; those of a single path have no contour's number."""
+def _collect_corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerDeviation, ...]:
+    """Cornering deviations of all contours, with contour numbers unless there is one path only."""
     if program.single_path is not None:
         return tuple(x for piece in pieces for x in piece.corners)
     return tuple(
@@ -193,16 +199,16 @@ def _corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerDeviation
 
 
 def _overshoot(piece: Piece, limits: Limits) -> float:
-    """Largest excess of the tool speed over the assigned velocity at the nearest place."""
+    """Largest excess of the tool speed over the assigned velocity at the nearest point [m/s]."""
     path, s = piece.path, piece.found.s
     assigned = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    # Next to a joint between segments the faster one's velocity is not exceeded yet.
+    # At a vertex between segments the larger assigned velocity counts.
     here = np.fmax(assigned[path.locate(s)], assigned[path.locate(s, side="left")])
     return max(0.0, float(np.nanmax(piece.speed - np.where(np.isnan(here), np.inf, here))))
 
 
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
-    """Share of the time of the motion in which some joint was within 1 % of a limit."""
+    """Share of the planned time [s] in which some joint was within 1 % of a limit."""
     dof = executed.arm.dof
     low, high = limits.acceleration_bounds(dof)
     moved = (executed.t >= 0) & (executed.t <= duration)
@@ -216,7 +222,7 @@ def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
 
 
 def _torque(executed: Execution) -> FloatArray | None:
-    """Torques of the drives: those of the plant, or what the motion takes; None if not known."""
+    """Torques of the drives [N m]: from the plant, else from the motion; None if not known."""
     if executed.torque is not None:
         return executed.torque
     if not judges_torque(executed.arm):
@@ -225,10 +231,10 @@ def _torque(executed: Execution) -> FloatArray | None:
 
 
 def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
-    """Largest share of every limit that the planned motion takes."""
+    """Largest used share of every limit in the planned motion."""
     trajectory = executed.taught.trajectory
     intervals = len(trajectory.breaks)
     points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
     found = check(trajectory, executed.arm, limits, points=points)
-    # Steps at breaks are no limits.
+    # Steps at breaks are not limits.
     return {x.name: x.ratio for x in found.uses if x.name in Limits.__dataclass_fields__}

@@ -1,4 +1,4 @@
-"""What is judged piece by piece: every contour of a program."""
+"""The pieces of an execution that are evaluated one by one: the contours of a program."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Piece:
     """An execution along one path.
 
     Args:
-        executed: What the joints did, for a longer time than this.
-        path: What the tool was to follow.
-        objective: The same before rounding, if it is known.
-        which: The part of the times that is meant.
-        until: Its end [s].
-        offset: What is added to arc lengths [m].
+        executed: The whole execution.
+        path: The path that the tool was to follow.
+        objective: The path before rounding, or None if unknown.
+        which: The samples of the piece.
+        until: End of the piece [s].
+        offset: Length of the contours before the piece [m], added to arc lengths.
     """
 
     executed: Execution
@@ -61,23 +61,23 @@ class Piece:
 
     @cached_property
     def found(self) -> Projection:
-        """The nearest places of the path."""
+        """Nearest points of the path."""
         return self.path.project(self.tool)
 
     @cached_property
     def off_objective(self) -> Projection | None:
-        """The nearest places of the objective path, if it is known."""
+        """Nearest points of the objective path; None if unknown."""
         return None if self.objective is None else self.objective.project(self.tool)
 
     @property
     def contour_error(self) -> ErrorProfile:
-        """Distance from the tool to the path."""
+        """Distance from the tool to the path [m]."""
         s = self.found.s
         return self._over_time(self.found.distance, s, _side(self.path, self.tool, s))
 
     @property
     def tracking_error(self) -> ErrorProfile:
-        """Distance from the tool to where it should be at that time."""
+        """Distance from the tool to its planned position at the same time [m]."""
         trajectory = self.executed.taught.trajectory
         planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
         off = np.linalg.norm(self.tool - self.executed.arm.forward(planned), axis=1)
@@ -85,13 +85,13 @@ class Piece:
 
     @property
     def objective_error(self) -> ErrorProfile | None:
-        """Distance from the tool to the objective path, if it is known."""
+        """Distance from the tool to the objective path [m]; None if unknown."""
         found = self.off_objective
         return None if found is None else self._over_time(found.distance, found.s)
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
-        """Angle between the tool, or its axis, and how the path has it held where it is nearest."""
+        """Angle between the tool and the required tool orientation [rad]; None if not required."""
         arm = self.executed.arm
         if self.path.orientation is None or not isinstance(arm, SerialArm):
             return None
@@ -100,7 +100,7 @@ class Piece:
 
     @property
     def corners(self) -> tuple[CornerDeviation, ...]:
-        """How the corners of the objective path were taken, if it is known."""
+        """Cornering deviations at the corners of the objective path; empty if unknown."""
         if self.objective is None or self.off_objective is None:
             return ()
         judged = self.t <= self.until
@@ -109,24 +109,25 @@ class Piece:
     def _over_time(
         self, values: FloatArray, s: FloatArray, side: FloatArray | None = None
     ) -> ErrorProfile:
+        """The profile of values at the samples, (n,), with the arc lengths of their points."""
         return ErrorProfile.over_time(self.t, values, s + self.offset, self.until, side)
 
 
 def pieces_of(
     executed: Execution, path: Program, objective: Program | None, until: float
 ) -> list[Piece]:
-    """What is to be judged of an execution: every contour while the process is at work on it.
+    """Split an execution into its contours, each while the process is at work on it.
 
-    A contour with nothing around it is judged from the first set-point to a given time.
+    A single path is one piece, from the first set-point to `until`.
 
     Args:
         executed: The execution.
         path: The program that was planned.
-        objective: The same before rounding, if it is known.
-        until: End of the time to judge a single path [s].
+        objective: The program before rounding, or None if unknown.
+        until: End of the evaluation of a single path [s].
 
     Raises:
-        InvalidInput: A program that was not planned, or an objective that does not belong to it.
+        InvalidInput: The execution or the objective has another number of contours than the path.
     """
     spans = executed.taught.trajectory.contour_spans
     count = len(spans)
@@ -140,7 +141,7 @@ def pieces_of(
             f"The objective must be a program of {count} contours, as the planned one is."
         )
     if path.single_path is None:
-        judged = [_window(executed, x) for x in spans]
+        judged = [_find_window(executed, x) for x in spans]
     else:
         judged = [(slice(0, len(executed.t)), until, 0.0)]
     before = [None] * count if objective is None else [x.path for x in objective.contours]
@@ -157,20 +158,20 @@ def pieces_of(
     ]
 
 
-def _window(executed: Execution, span: Span) -> tuple[slice, float, float]:
-    """Which results belong to a contour, when it ends [s], and the length before it [m]."""
+def _find_window(executed: Execution, span: Span) -> tuple[slice, float, float]:
+    """Find the samples of a contour, its end time [s] and the length of the contours before [m]."""
     assert span.work is not None
-    begin, end = np.searchsorted(executed.t, span.work)
-    # One result at least, however short the contour is.
-    begin = min(int(begin), len(executed.t) - 2)
-    return slice(begin, max(int(end), begin + 2)), span.work[1], span.s[0]
+    start, end = np.searchsorted(executed.t, span.work)
+    # At least two samples, however short the contour is.
+    start = min(int(start), len(executed.t) - 2)
+    return slice(start, max(int(end), start + 2)), span.work[1], span.s[0]
 
 
 def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:
     """1 where the tool is to the left of the path, -1 to its right; None in space."""
     if path.dimension != 2:
         return None
-    # At a corner the two sides' tangents decide together.
+    # At a corner, the sum of both tangents decides.
     tangent = path(s, 1, side="left") + path(s, 1)
     offset = tool - path(s)
     return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)

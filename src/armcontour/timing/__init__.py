@@ -1,4 +1,4 @@
-"""Timing: one file per method, one entry point."""
+"""Timing of joint paths: the entry point `plan`, with one file per method."""
 
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
 from armcontour.timing.fastest_configuration import trace_fastest

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
-# A joint that moves less than this part of the fastest one does not tell the speed on the path.
+# The tool speed is not computed from a joint that moves less than this share of the fastest one.
 HARDLY_MOVING = 0.01
 
 
@@ -19,11 +19,11 @@ def laps(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
     """Run from the first knot towards the last, as fast as (18)-(20) allow.
 
-    The paper does not print how a lap hands its velocity to the next. Plain `dq + ddq h` is not
-    damped: any velocity error of a joint that does not set the lap's time alternates from lap to
-    lap, and the acceleration it causes grows as 1 / h. So the joint that sets the lap's time hands
-    over its velocity, and the others take theirs from the path, (28); the step in their velocity
-    is of second order in h.
+    The paper does not say with which velocity a lap starts. Plain `dq + ddq h` is not damped: a
+    velocity error of a joint that does not set the lap's time alternates from lap to lap, and the
+    acceleration it causes grows as 1 / h. So the joint that sets the lap's time keeps its velocity,
+    and the other joints take theirs from the path, (28); the step in their velocity is of second
+    order in h.
 
     Args:
         q: Joint positions at the knots [rad], (n + 1, dof).

@@ -16,19 +16,19 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
-# The search for the best y of a stage takes a few cuts; this many would mean it is broken.
+# Largest number of cuts in the search for the best y of a stage, which takes a few.
 MOST_CUTS = 80
-# A start or end speed this little above what is allowed, relatively, means what is allowed: margins
-# draw limits in by a little, for the play of the traced path and for rounding.
+# A start or end speed above the allowed one by at most this share counts as allowed: margins for
+# the tolerance of the traced path and for rounding lower the limits a little.
 PLAY = 1e-7
-# Two ends of an interval this near to each other, relatively, differ by rounding only.
+# Two interval ends that differ by at most this ratio differ by rounding only.
 EDGE = 1e-13
-# What rounding does to a row, relatively.
+# Relative rounding error of a row.
 ROUNDING = 1e-15
 # A row binds on an interval from this share of its bound on, if no ceiling is this near to binding.
 BINDING = 0.98
 BELOW_CEILING = 1 - 1e-6
-# A skew is taken where it changes the binding quantity by at most this share over the interval.
+# A skew is used only if the binding quantity changes by at most this share over the interval.
 LARGEST_CHANGE = 0.1
 
 
@@ -78,7 +78,7 @@ def _of_x(
                 lower_slope = -q * inverse
     if r < np.inf:
         radius = r / half
-        # `_largest_y` has seen to it that both roots exist, but for rounding.
+        # `_largest_y` makes sure that both roots exist, except for rounding.
         reach = math.sqrt(max(radius * radius - (c1 / half * y) * (c1 / half * y), 0.0))
         steep = (c1 / half) * (c1 / half) * y / max(reach, 1e-300)
         if y + shift + reach < upper:
@@ -114,7 +114,7 @@ def _largest_y(
     r: float,
     shift: float,
 ) -> float:
-    """Largest y for which discs, and rows that do not depend on x, leave any x at all."""
+    """Largest y for which the disc, and rows that do not depend on x, allow any x."""
     y = np.inf
     if r < np.inf:
         if c1 > 0.0:
@@ -207,17 +207,17 @@ def reach(
         b: Coefficients of x there, (2, n, rows).
         low: Lower bounds there, (2, n, rows).
         high: Upper bounds there, (2, n, rows).
-        margin: What both bounds are drawn in by, (n, rows).
+        margin: Margin subtracted from both bounds, (n, rows).
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n).
-        radius: Their radii, infinite for none, (n,).
+        radius: Radii of the discs, infinite for no disc, (n,).
         shifts: Slope of u over s times width², (n,).
         start: x at the first point.
         end: x at the last point.
 
     Returns:
-        x (n + 1,); the largest x from which the end can be reached, (n + 1,); and the number of the
-        first interval without a way on, or -1.
+        x (n + 1,); the largest x from which the end can be reached, (n + 1,); and the index of the
+        first interval in which no motion is allowed, or -1.
     """
     n = len(width)
     most = np.empty(n + 1)
@@ -246,14 +246,14 @@ def reach(
             if up == -np.inf or closing >= 0.0:
                 y *= 0.5
             else:
-                # On a steep edge the step can be lost in rounding: then y has to move all the same.
+                # On a steep edge rounding can cancel the step, but y must decrease.
                 y = min(max(y - gap / closing, 0.0), y * (1 - EDGE))
             up, slope, down, down_slope = _of_x(
                 y, half, a, b, low, high, margin, i, c0, c1, r, shift
             )
         else:
             return x, most, i
-        # The largest x is there, or, if x rises as y falls, at the top of a concave function.
+        # The largest x is at this y, or, if x rises as y falls, at the top of a concave function.
         if up < cap and slope < 0.0:
             y_left = 0.0
             x_left, slope_left, down_left, _ = _of_x(
@@ -314,7 +314,7 @@ def skews(
     radius: FloatArray,
     x: FloatArray,
 ) -> FloatArray:
-    """Slope of dds over s that keeps the binding constraint binding all along an interval, (n,).
+    """Slopes of dds over s with which the binding constraint binds on whole intervals, (n,).
 
     Args:
         width: Interval lengths, (n,).
@@ -324,7 +324,7 @@ def skews(
         high: Upper bounds there, (2, n, rows).
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n).
-        radius: Their radii, infinite for none, (n,).
+        radius: Radii of the discs, infinite for no disc, (n,).
         x: A plan, (n + 1,).
     """
     n = len(width)

@@ -1,4 +1,4 @@
-"""What the planners share: path laws of uniform acceleration, speeds, and their joint demand."""
+"""Functions that several planners share: assigned speeds, path laws, and peaks along laws."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Law, PathLaw, Rates
 from armcontour.timing.limit_use import States, quantity
 
-# Places per smooth piece at which joint motion is looked at: a piece turns by half a radian at
-# most, so the top of its curve is missed by less than a part in ten thousand.
+# Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
+# less than the true peak by under a part in ten thousand.
 PEAK_SAMPLES = 33
 
 
@@ -22,7 +22,7 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
     """The tool path that a joint path follows.
 
     Raises:
-        InvalidInput: There is none.
+        InvalidInput: The joint path has no tool path.
     """
     if joint_path.tool_path is None:
         raise InvalidInput(
@@ -31,11 +31,11 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
     return joint_path.tool_path
 
 
-def needs_speed(limits: Limits, method: str) -> float:
-    """The assigned velocity [m/s].
+def require_speed(limits: Limits, method: str) -> float:
+    """The assigned velocity [m/s], without which a method cannot plan.
 
     Raises:
-        InvalidInput: None is given.
+        InvalidInput: The limits have no assigned velocity.
     """
     if limits.speed is None:
         raise InvalidInput(
@@ -45,22 +45,22 @@ def needs_speed(limits: Limits, method: str) -> float:
 
 
 def segment_speeds(path: Path, speed: float) -> FloatArray:
-    """Assigned velocity per segment: its own, capped by the limit (n,) [m/s]."""
+    """Assigned velocity of each segment [m/s], (n,): its own velocity, but at most `speed`."""
     return np.fmin(path.speeds, speed)
 
 
-def path_law(joint_path: JointPath, s: FloatArray, begin: FloatArray, end: FloatArray) -> PathLaw:
-    """The law with uniform tool acceleration between given places.
+def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
+    """The time law with a uniform path acceleration on each interval.
 
     Args:
-        joint_path: The path.
-        s: Places [m], (n + 1,).
-        begin: Tool speed at the start of each interval [m/s], (n,).
-        end: Tool speed at its end [m/s], (n,).
+        joint_path: The joint path.
+        s: Arc lengths of the interval ends [m], (n + 1,).
+        start: Tool speed at the start of each interval [m/s], (n,).
+        end: Tool speed at the end of each interval [m/s], (n,).
     """
-    way = np.diff(s)
-    times = 2 * way / (begin + end)
-    rates = Rates(ds=begin, dds=(end - begin) / times, slope=np.zeros_like(way))
+    lengths = np.diff(s)
+    times = 2 * lengths / (start + end)
+    rates = Rates(ds=start, dds=(end - start) / times, slope=np.zeros_like(lengths))
     return PathLaw(
         joint_path=joint_path, breaks=np.concatenate([[0.0], np.cumsum(times)]), s=s, rates=rates
     )
@@ -68,11 +68,11 @@ def path_law(joint_path: JointPath, s: FloatArray, begin: FloatArray, end: Float
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Largest amounts along a law.
+    """Largest values along a law.
 
     Args:
-        acceleration: Of every joint, (dof,) [rad/s²].
-        speed: Of the tool [m/s].
+        acceleration: Largest acceleration of each joint, without sign [rad/s²], (dof,).
+        speed: Largest tool speed [m/s].
     """
 
     acceleration: FloatArray
@@ -80,19 +80,23 @@ class Peaks:
 
 
 def law_peaks(law: Law, arm: Arm) -> Peaks:
-    """Largest joint accelerations, (27), and tool speed along a law."""
+    """Find the largest joint accelerations, (27), and the largest tool speed along a law."""
     states = law_states(law, arm)
     return Peaks(np.abs(states.ddq).max(axis=0), float(quantity("speed", states).max()))
 
 
 def law_states(law: Law, arm: Arm) -> States:
-    """The arm at the places along a law that are looked at."""
-    i, t = law_places(law)
+    """Joint states at the samples of a law."""
+    i, t = sample_times(law)
     return States(arm, *(law.on_interval(i, t, order) for order in (0, 1, 2)))
 
 
-def law_places(law: Law) -> tuple[IntArray, FloatArray]:
-    """Intervals and times along a law that are looked at, (n,) each."""
+def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
+    """Samples of a law that include its peaks.
+
+    Returns:
+        The interval of each sample, (n,), and its time [s], (n,).
+    """
     knots = _smooth_pieces(law) if isinstance(law, PathLaw) else law.breaks
     count = PEAK_SAMPLES if isinstance(law, PathLaw) else 3
     grid = np.linspace(knots[:-1], knots[1:], count)
@@ -101,7 +105,7 @@ def law_places(law: Law) -> tuple[IntArray, FloatArray]:
 
 
 def _smooth_pieces(law: PathLaw) -> FloatArray:
-    """Times between which s(t) and the joint path are single polynomials."""
+    """Times [s] between which both s(t) and the joint path are one polynomial each."""
     inner = law.joint_path.breaks
     inner = inner[(inner > law.s[0]) & (inner < law.s[-1])]
     return np.unique(np.concatenate([law.breaks, law.reach(inner)[1]]))

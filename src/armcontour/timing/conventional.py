@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from armcontour.arms import Arm, Limits
 from armcontour.motion import JointPath, Method, Stretch, Trajectory
-from armcontour.timing.common import law_peaks, needs_speed, path_law, segment_speeds, tool_path_of
+from armcontour.timing.common import (
+    law_peaks,
+    path_law,
+    require_speed,
+    segment_speeds,
+    tool_path_of,
+)
 from armcontour.timing.unplanned_limits import refuse_broken
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """Uniform tool speed from the first instant to the last, whatever the joints' limits.
+    """Plan uniform tool speed from the first instant to the last, whatever the joint limits.
 
-    Velocities jump at corners and at both ends; limits of joint velocity and acceleration are not
-    looked at, as in Sec. IV of the paper. Torques and the tool's turning are, but for the jumps.
+    Velocities jump at corners and at both ends. Limits of joint velocity and acceleration are not
+    checked, as in Sec. IV of the paper. Limits of torque and of angular motion are checked between
+    the jumps.
 
     Raises:
-        InvalidInput: No assigned velocity.
-        NotRealizable: A torque or the tool's turning would break its limit.
+        InvalidInput: The limits have no assigned velocity.
+        NotRealizable: A torque or the angular motion of the tool would break its limit.
     """
     path = tool_path_of(joint_path, "conventional")
-    speeds = segment_speeds(path, needs_speed(limits, "conventional"))
+    speeds = segment_speeds(path, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)
     refuse_broken(
         [law],

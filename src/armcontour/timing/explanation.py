@@ -1,4 +1,4 @@
-"""Why a plan is not faster: what binds where, and how much is run at the assigned velocity."""
+"""Why a plan is not faster: which limit binds where, and how much runs at the assigned velocity."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
 
-# A limit binds on an interval from this share of it on, which is what margins may take at most;
-# below, the plan is between two limits.
+# A limit binds on an interval from this used share on. Margins may take the rest; below this share
+# the plan passes from one limit to another.
 BINDS = 0.99
 # The assigned velocity counts as reached from this share of it on.
 REACHED = 0.999
-# The speed has turned when it has left its extreme by this share.
+# The speed has passed an extreme when it has left the extreme by this share.
 FLAT = 0.01
-# What an explanation adds up over contours: lengths and times.
-SUMMED = ("asked", "reached")
+# Fields of `_LawExplanation` that are added up over contours: lengths and times.
+SUMMED = ("with_assigned", "reached")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Binding:
-    """A stretch of the path on which one limit binds.
+    """A part of the path on which one limit binds.
 
     Args:
-        limit: Such as "acceleration" or "assigned velocity"; "nothing" where a plan passes from one
-            limit to another.
+        limit: Name of the limit, such as "acceleration" or "assigned velocity"; "nothing" where a
+            plan passes from one limit to another.
         joint: Joint number from 1, or None for a limit of the tool.
-        t: Start and end [s].
-        s: Start and end [m].
-        share: Largest share of the limit in use on it.
+        t: Start and end times [s].
+        s: Arc lengths of start and end [m].
+        share: Largest used share of the limit on this part.
     """
 
     limit: str
@@ -47,20 +47,21 @@ class Binding:
 
     @property
     def name(self) -> str:
-        """What people call it, such as "joint 2 acceleration"."""
+        """The limit with its joint for messages, such as "joint 2 acceleration"."""
         return self.limit if self.joint is None else f"joint {self.joint} {self.limit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shortfall:
-    """A place where the assigned velocity is not reached, and why.
+    """An extreme of the tool speed below the assigned velocity, and the limit that causes it.
 
     Args:
-        kind: "slowest" at a dip of the speed, "fastest" where it turns below the assigned velocity.
-        s: The place [m].
+        kind: "slowest" at a minimum of the speed, "fastest" at a maximum below the assigned
+            velocity.
+        s: Arc length of the extreme [m].
         speed: Tool speed there [m/s].
         assigned: The assigned velocity there [m/s].
-        reason: What binds there, such as "joint 2 acceleration".
+        reason: The limit that binds there, such as "joint 2 acceleration".
     """
 
     kind: str
@@ -71,21 +72,21 @@ class Shortfall:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """The shortfall as one line of a report."""
         return f"{self.reason} at s = {self.s:.3f} m: {self.speed:.3g} of {self.assigned:.3g} m/s"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """What makes a plan take its time.
+    """Which limits determine the duration of a plan.
 
     Args:
-        bindings: Stretch by stretch, from start to end.
-        assigned_length: Share of the length run at the assigned velocity, of that which has one;
-            None without one.
-        assigned_time: Share of the time run at the assigned velocity, of the same part; None
-            without one.
-        shortfalls: Where the assigned velocity is not reached, and why.
+        bindings: The binding limits in order, from the start of the motion to its end.
+        assigned_length: Share of the length at the assigned velocity, counted over the part of the
+            path that has an assigned velocity; None if no part has one.
+        assigned_time: Share of the time at the assigned velocity, counted over the same part; None
+            if no part has one.
+        shortfalls: Speed extremes below the assigned velocity, with their causes.
     """
 
     bindings: tuple[Binding, ...]
@@ -101,43 +102,51 @@ def explain(
     *,
     constraints: Sequence[Constraint] = (),
 ) -> Explanation:
-    """Say which limit binds where on a plan of the method "optimal".
+    """Explain which limit binds where on a plan of the method "optimal".
 
     Args:
         trajectory: The plan.
-        arm: The arm that it was made for.
-        limits: The limits that it was made for; by default the arm's own.
-        constraints: The further constraints that it was made for.
+        arm: The arm that the plan was made for.
+        limits: The limits that the plan was made for; by default the arm's own.
+        constraints: The further constraints that the plan was made for.
 
     Raises:
-        InvalidInput: A plan of another method.
+        InvalidInput: The plan was made by another method.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     laws: list[tuple[float, float, PathLaw]] = []
     for x in trajectory.contour_spans:
-        # The limits bind on intervals of the grid, and these only the law has.
+        # Only the law of the method optimal has the grid intervals on which limits bind.
         law = None if x.trajectory is None else x.trajectory.laws[0]
         if trajectory.method is not Method.OPTIMAL or not isinstance(law, PathLaw):
             raise InvalidInput(
                 f"Only plans of the method optimal can be explained, not of {trajectory.method}."
             )
         laws.append((x.t[0], x.s[0], law))
-    return _together([_of_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
+    return _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """What is said of one law; lengths and times that have an assigned velocity, and reach it."""
+class _LawExplanation:
+    """The explanation of one law.
+
+    Args:
+        bindings: The binding limits in order.
+        shortfalls: Speed extremes below the assigned velocity.
+        with_assigned: Length [m] and time [s] of the intervals that have an assigned velocity.
+        reached: Length [m] and time [s] of the intervals at the assigned velocity.
+    """
 
     bindings: tuple[Binding, ...]
     shortfalls: tuple[Shortfall, ...]
-    asked: tuple[float, float] = (0.0, 0.0)
+    with_assigned: tuple[float, float] = (0.0, 0.0)
     reached: tuple[float, float] = (0.0, 0.0)
 
 
-def _together(parts: Sequence[_Part]) -> Explanation:
-    asked, reached = (np.sum([getattr(x, name) for x in parts], axis=0) for name in SUMMED)
-    shares = [None, None] if asked[0] == 0 else (reached / asked).tolist()
+def _join(parts: Sequence[_LawExplanation]) -> Explanation:
+    """Join the explanations of all laws of a motion."""
+    total, reached = (np.sum([getattr(x, name) for x in parts], axis=0) for name in SUMMED)
+    shares = [None, None] if total[0] == 0 else (reached / total).tolist()
     return Explanation(
         bindings=tuple(x for part in parts for x in part.bindings),
         assigned_length=shares[0],
@@ -146,14 +155,14 @@ def _together(parts: Sequence[_Part]) -> Explanation:
     )
 
 
-def _of_law(
+def _explain_law(
     law: PathLaw,
     arm: Arm,
     bounds: Limits,
     constraints: Sequence[Constraint],
     offsets: tuple[float, float],
-) -> _Part:
-    """What binds on one law, with what is added to its times and places."""
+) -> _LawExplanation:
+    """Explain one law; `offsets` are its start time [s] and start arc length [m] in the motion."""
     active = [*constraints_of(law.joint_path, arm, bounds), *constraints]
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
@@ -173,13 +182,13 @@ def _of_law(
             assigned = constraint.allowed(grid)[:, 0]
             reached = (shares[:, 0] >= REACHED) & np.isfinite(assigned)
             shortfalls = _shortfalls(law, assigned, reached, which, names)
-            return _Part(
+            return _LawExplanation(
                 bindings,
                 tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
                 _extent(law, np.isfinite(assigned)),
                 _extent(law, reached),
             )
-    return _Part(bindings, ())
+    return _LawExplanation(bindings, ())
 
 
 def _bindings(
@@ -189,22 +198,30 @@ def _bindings(
     names: list[tuple[str, int | None]],
     offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
-    """The stretches on which one limit binds, from what binds on every interval, or -1."""
-    later, farther = offsets
+    """Join neighbouring intervals on which the same limit binds.
+
+    Args:
+        law: The law.
+        share: Largest used share of any limit on each interval, (n,).
+        which: Index in `names` of the limit that binds on each interval, or -1, (n,).
+        names: Name and joint number of each limit.
+        offsets: Start time [s] and start arc length [m] of the law in the motion.
+    """
+    t_start, s_start = offsets
     edges = np.flatnonzero(np.diff(which)) + 1
     starts, ends = np.append(0, edges), np.append(edges, len(which))
     largest = np.maximum.reduceat(share, starts)
     found = []
     for i, k, most in zip(starts, ends, largest, strict=True):
         limit, joint = ("nothing", None) if which[i] < 0 else names[which[i]]
-        t = (later + float(law.breaks[i]), later + float(law.breaks[k]))
-        s = (farther + float(law.s[i]), farther + float(law.s[k]))
+        t = (t_start + float(law.breaks[i]), t_start + float(law.breaks[k]))
+        s = (s_start + float(law.s[i]), s_start + float(law.s[k]))
         found.append(Binding(limit=limit, joint=joint, t=t, s=s, share=float(most)))
     return tuple(found)
 
 
 def _extent(law: PathLaw, where: BoolArray) -> tuple[float, float]:
-    """Length and time of some intervals."""
+    """Length [m] and time [s] of the intervals for which `where` is true."""
     return float(np.diff(law.s)[where].sum()), float(np.diff(law.breaks)[where].sum())
 
 
@@ -215,7 +232,15 @@ def _shortfalls(
     which: IntArray,
     names: list[tuple[str, int | None]],
 ) -> tuple[Shortfall, ...]:
-    """The turning points of the speed on every stretch below the assigned velocity, stops apart."""
+    """Extremes of the speed wherever it is below the assigned velocity, except for stops.
+
+    Args:
+        law: The law.
+        assigned: Assigned velocity on each interval [m/s], infinite for none, (n,).
+        reached: Whether each interval reaches the assigned velocity, (n,).
+        which: Index in `names` of the limit that binds on each interval, or -1, (n,).
+        names: Name and joint number of each limit.
+    """
     speed = law.speeds.tolist()
     result = []
     reached = reached | ~np.isfinite(assigned)
@@ -224,10 +249,10 @@ def _shortfalls(
         for i, k, kind in _turning_points(speed, int(first), int(last)):
             if speed[i] == 0:
                 continue
-            # What binds on most of the place and of the intervals next to it.
+            # The limit that binds on most intervals at the extreme and next to it.
             near = which[max(i - 2, 0) : k + 2]
             near = near[near >= 0]
-            reason = "the way between two limits"
+            reason = "the transition between two limits"
             if len(near):
                 limit, joint = names[int(np.bincount(near).argmax())]
                 reason = limit if joint is None else f"joint {joint} {limit}"
@@ -245,10 +270,18 @@ def _shortfalls(
 
 
 def _turning_points(speed: list[float], first: int, last: int) -> list[tuple[int, int, str]]:
-    """Where the speed turns by more than a hundredth: first and last point, and which way.
+    """Extremes of the speed between two points.
 
-    A turn is known once the speed has left its extreme by `FLAT`; all points within `FLAT` of the
-    extreme are its place.
+    An extreme is known once the speed has left it by the share `FLAT`. All points within `FLAT` of
+    the extreme belong to it.
+
+    Args:
+        speed: Tool speed at the points [m/s].
+        first: Index of the first point.
+        last: Index of the last point.
+
+    Returns:
+        First and last index of every extreme, and its kind: "fastest" or "slowest".
     """
     found: list[tuple[int, int, str]] = []
     rising: bool | None = None

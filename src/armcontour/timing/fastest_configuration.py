@@ -1,4 +1,4 @@
-"""Of all configurations that complete a path, the one that does so fastest."""
+"""Choice of the configuration in which an arm completes a path in the least time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armcontour.motion import JointPath
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace_all
 
-# Configurations are compared by plans on a grid of about so many intervals.
+# Configurations are compared by coarse plans with about this many grid intervals.
 ROUGHLY = 400
 
 
@@ -23,18 +23,18 @@ def trace_fastest(
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
 ) -> JointPath:
-    """The joint path of the configuration whose optimal plan takes the least time.
+    """Trace a path in the configuration whose optimal plan takes the least time.
 
     Args:
         path: A tool path.
         arm: The arm.
-        limits: They rule the ranges of the joints too; by default the arm's own.
-        branch: For an arm in the plane: the branch, as in `trace`; there is nothing to choose then.
-        start: For an arm in space: joint positions near to those to start in.
+        limits: Limits, including the joint ranges; by default the arm's own.
+        branch: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
+        start: For an arm in space: joint positions near the required start [rad], (dof,).
 
     Raises:
         Unreachable: No configuration completes the path.
-        InvalidInput: A path that does not fit the arm.
+        InvalidInput: The path does not fit the arm.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
@@ -45,7 +45,7 @@ def trace_fastest(
         try:
             duration = plan_optimal(joint_path, arm, bounds, intervals=ROUGHLY).duration
         except ArmContourError:
-            # If none can be planned so, the plan of the first says why.
+            # If no configuration can be planned, the plan of the first one raises the reason.
             continue
         if duration < least:
             best, least = joint_path, duration

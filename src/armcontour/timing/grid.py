@@ -1,4 +1,4 @@
-"""The grid of the optimal planner: where along the path it decides."""
+"""The grid of the optimal planner: arc lengths at which it chooses the path speed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # More than this does not fit in memory.
 MOST_INTERVALS = 10_000_000
-# What an interval takes of one joint while a plan is made [bytes], measured.
+# Memory for each interval and joint while a plan is made [bytes], measured.
 AT_AN_INTERVAL = 720.0
-# Next to a rest that is made finer, an interval has the square of this many parts, the next one
-# this many, and further ones fewer; all rests together get at most this share of the intervals.
+# The interval next to a rest is split into the square of this many parts, the following one into
+# this many, further ones into fewer. All rests together get at most this share of the intervals.
 PARTS_AT_REST = 8
 SHARE_AT_RESTS = 0.25
-# Share of the intervals that is spread evenly over the length; the rest goes where the path turns.
+# Share of the intervals that is spread evenly over the length. The other intervals go where the
+# joint path turns.
 EVEN_SHARE = 0.5
 
 
@@ -51,17 +52,17 @@ class Grid:
 
 
 def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
-    """A grid that is finer where the direction in joint space changes faster.
+    """Make a grid that is finer where the direction in joint space changes faster.
 
     Every break of the joint path is a grid point, so that each interval lies in one polynomial and
-    both sides of a joint between segments are seen.
+    both sides of a vertex between segments are seen.
 
     Args:
-        joint_path: The path.
-        intervals: How many intervals, about.
+        joint_path: The joint path.
+        intervals: Approximate number of intervals.
 
     Raises:
-        InvalidInput: Not a whole number of at least 2.
+        InvalidInput: `intervals` is not a whole number of at least 2.
     """
     breaks = joint_path.breaks
     pieces = len(breaks) - 1
@@ -89,10 +90,10 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 
 def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
-    """A grid of given points, and the breaks of the joint path.
+    """Make a grid of given points [m] and of the breaks of the joint path.
 
     Raises:
-        InvalidInput: Points that do not lie on the path.
+        InvalidInput: A point does not lie on the path.
     """
     breaks = joint_path.breaks
     if points.ndim != 1 or not len(points) or points.min() < breaks[0] or points.max() > breaks[-1]:
@@ -100,7 +101,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
     s = np.sort(np.concatenate([points, breaks]))
-    # A point that is a break but for rounding is that break.
+    # A point that differs from a break by rounding only is removed.
     close = np.flatnonzero(np.diff(s) < 1e-12 * (breaks[-1] - breaks[0]))
     if len(close):
         second_is_break = np.isin(s[close + 1], breaks)
@@ -113,9 +114,10 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
 
 
 def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
-    """About every so manieth point of a grid, and of which new interval each old one is a part.
+    """Keep about every `by`-th point of a grid, and all ends of pieces of the joint path.
 
-    Pieces of the joint path keep their ends.
+    Returns:
+        The coarse grid, and for each old interval the index of the new interval it lies in, (n,).
     """
     kept = np.zeros(len(grid), dtype=bool)
     kept[::by] = True
@@ -127,7 +129,7 @@ def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
 
 
 def split(grid: Grid, parts: FloatArray) -> Grid:
-    """The grid with every interval cut into so many equal parts (at least 1)."""
+    """Split every interval of a grid into equal parts; `parts` has their numbers, (n,)."""
     count = np.maximum(1, parts).astype(np.intp)
     of = np.repeat(np.arange(len(grid)), count)
     number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
@@ -136,10 +138,14 @@ def split(grid: Grid, parts: FloatArray) -> Grid:
 
 
 def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
-    """The grid with more points next to rests.
+    """Refine a grid next to rests.
 
-    A motion from rest takes long for its first interval, however short. An interval may be the
-    wider the farther it is from a rest: they take about equal times then.
+    A motion from rest takes long for its first interval, however short. If intervals are wider
+    farther from a rest, all take about the same time.
+
+    Args:
+        grid: The grid.
+        rests: Arc lengths at which the tool is at rest [m]; all are grid points.
     """
     most = SHARE_AT_RESTS * len(grid) / max(3 * len(rests), 1)
     parts = min(PARTS_AT_REST, int(np.sqrt(most)))

@@ -1,6 +1,6 @@
-"""How far motion uses its limits: what planning, explaining and certifying ask.
+"""How far motion uses its limits; shared by planning, explanation and certification.
 
-`evaluation` has formulas of its own, so that nothing judges a plan by what made it.
+`evaluation` has its own formulas, so that no plan is judged by the code that made it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 
-# Below this tool speed [m/s] the direction of motion, and so the centripetal part, is not defined.
+# Below this tool speed [m/s] the direction of motion is not defined, so the centripetal
+# acceleration is not defined either.
 SLOWEST = 1e-6
 
 
 @dataclass(frozen=True)
 class States:
-    """Joint states of an arm; what follows for its tool is computed once.
+    """Joint states of an arm, with the tool velocities and accelerations that they cause.
 
     Args:
         arm: The arm.
@@ -49,10 +50,10 @@ class States:
 
 
 def require_orientation(arm: Arm) -> SerialArm:
-    """The arm, if its tool has an orientation.
+    """Return the arm if its tool has an orientation.
 
     Raises:
-        InvalidInput: It has none.
+        InvalidInput: The tool is a point without an orientation.
     """
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
@@ -63,15 +64,19 @@ def require_orientation(arm: Arm) -> SerialArm:
 
 
 def quantity(name: str, states: States) -> FloatArray:
-    """What a limit limits: per joint (n, dof), of the tool (n,); joint accelerations have a sign.
+    """The quantity that a limit applies to, in the unit of the limit.
 
     Args:
         name: A field of `Limits`; "joint_acceleration" stands for deceleration too.
         states: The motion.
 
+    Returns:
+        Values per joint, (n, dof), or of the tool, (n,). Joint accelerations have a sign, all other
+        values are amounts.
+
     Raises:
-        InvalidInput: No such limit, torques of an arm without masses, or turning of a tool without
-            orientation.
+        InvalidInput: There is no such limit, the arm has no masses for torques, or the tool has no
+            orientation for angular motion.
     """
     if name not in QUANTITIES:
         raise InvalidInput(
@@ -81,11 +86,11 @@ def quantity(name: str, states: States) -> FloatArray:
 
 
 def allowed(name: str, limits: Limits, states: States) -> FloatArray:
-    """What limits allow of a quantity, infinite without a limit; signed as the quantity is.
+    """Largest values that limits allow, infinite without a limit; signed as the quantity is.
 
     Args:
-        name: As in `quantity`.
-        limits: With values per joint.
+        name: A field of `Limits`, as in `quantity`.
+        limits: The limits, with one value per joint.
         states: The motion.
     """
     if name == "joint_acceleration":
@@ -96,7 +101,7 @@ def allowed(name: str, limits: Limits, states: States) -> FloatArray:
 
 
 def ratio(name: str, limits: Limits, states: States) -> FloatArray:
-    """How far a limit is used, 1 is all of it; arguments as in `quantity` and `allowed`."""
+    """Used share of a limit: 1 is the limit. Arguments as in `quantity` and `allowed`."""
     return np.asarray(quantity(name, states) / allowed(name, limits, states))
 
 
@@ -105,6 +110,7 @@ def _or_infinite(value: float | None) -> FloatArray:
 
 
 def _centripetal(states: States) -> FloatArray:
+    """Tool acceleration at right angles to the motion [m/s²], (n,); zero below `SLOWEST`."""
     velocity, acceleration = states.tool_velocity, states.tool_acceleration
     speed = _length(velocity)
     direction = velocity / np.maximum(speed, SLOWEST)[:, None]

@@ -1,8 +1,8 @@
 """The paper's method: maximum joint acceleration on lines, uniform speed on corners, Sec. III-A.
 
 Lines are in `mac_line.py`. Corners are arcs run at one speed, (16)-(17). Where a line is too short
-to reach a corner's speed or to brake to it, on which the paper is silent, that corner's speed is
-lowered to what the line can reach.
+to reach the speed of a corner or to brake to it, the speed of that corner is lowered to what the
+line can reach; the paper has no rule for this case.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, check_interval
 from armcontour.timing.common import (
     law_peaks,
-    needs_speed,
     path_law,
+    require_speed,
     segment_speeds,
     tool_path_of,
 )
@@ -32,9 +32,9 @@ from armcontour.timing.unplanned_limits import refuse_broken
 FEWEST_LAPS = 8
 # More than this does not fit in memory.
 MOST_LAPS = 10_000_000
-# Next to a rest the speed multiplies from knot to knot, and one lap there would be a coarse step.
+# Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
 LAPS_AT_REST = 10
-# What every part is checked for: the method does not look at it everywhere, or at all.
+# Limits that every part is checked for, because the method does not check them everywhere.
 CHECKED = (
     "joint_velocity",
     "joint_acceleration",
@@ -46,11 +46,11 @@ CHECKED = (
 
 @dataclass(slots=True)
 class Junction:
-    """What lies before, between or after the lines: arcs at one speed, a joint, or a stop.
+    """The part of a path before, between or after lines: arcs at one speed, a vertex, or a stop.
 
     Args:
         arcs: Segment indices of the arcs; empty where lines meet.
-        speed: Speed through it [m/s]; lowered where the lines cannot reach it.
+        speed: Tool speed through the junction [m/s]; lowered where the lines cannot reach it.
     """
 
     arcs: range
@@ -65,16 +65,16 @@ def plan_mac(
     knots: int | None = None,
     period: float = 4e-3,
 ) -> Trajectory:
-    """Plan by the paper's method.
+    """Plan a path of lines and arcs by the paper's method.
 
     Args:
         joint_path: A traced path of lines and arcs.
         arm: The arm.
-        limits: With joint accelerations and assigned velocity; the centripetal acceleration sets
-            the corner speed (16).
-        knots: Laps of equal length per line, at least 8; by default as many as keep the knots no
-            farther apart than the assigned velocity takes the tool in one command interval. The
-            lap next to a rest is divided further.
+        limits: Limits with joint accelerations and an assigned velocity; the centripetal
+            acceleration sets the corner speed (16).
+        knots: Laps of equal length per line, at least 8. By default the knots are no farther apart
+            than the tool moves in one command interval at the assigned velocity. The lap next to a
+            rest is divided further.
         period: Command interval [s].
 
     Raises:
@@ -83,23 +83,23 @@ def plan_mac(
         InvalidInput: A limit that the method needs is missing.
     """
     path = tool_path_of(joint_path, "mac")
-    assigned = segment_speeds(path, needs_speed(limits, "mac"))
+    assigned = segment_speeds(path, require_speed(limits, "mac"))
     _refuse_limits(limits)
     interval = check_interval(period)
     if knots is not None:
         knots = _checks.whole("knots a line", knots, FEWEST_LAPS, MOST_LAPS)
     junctions = _junctions(path, _straight(path), assigned, limits)
-    lines = _lines(joint_path, arm, limits, assigned, junctions, knots, interval)
-    _match(lines, junctions)
-    return _joined(lines, junctions, arm, limits)
+    lines = _make_lines(joint_path, arm, limits, assigned, junctions, knots, interval)
+    _match_speeds(lines, junctions)
+    return _join(lines, junctions, arm, limits)
 
 
 def _straight(path: Path) -> list[int]:
-    """Segments that are lines."""
+    """Indices of the segments that are lines."""
     return list(np.flatnonzero(path.curvatures == 0).tolist())
 
 
-def _lines(
+def _make_lines(
     joint_path: JointPath,
     arm: Arm,
     limits: Limits,
@@ -108,10 +108,10 @@ def _lines(
     knots: int | None,
     interval: float,
 ) -> list[Line]:
-    """The lines of a path with their knots; arguments as in `plan_mac`.
+    """Place the knots on the lines of a path; arguments as in `plan_mac`.
 
     Raises:
-        InvalidInput: Too many knots.
+        InvalidInput: A line would have too many knots.
     """
     path = tool_path_of(joint_path, "mac")
     lines = []
@@ -132,10 +132,10 @@ def _lines(
 
 
 def _refuse_limits(limits: Limits) -> None:
-    """Refuse limits without what the method needs, or with what it does not know.
+    """Refuse limits that the method needs and lacks, and limits that it cannot keep.
 
     Raises:
-        InvalidInput: Such limits.
+        InvalidInput: No joint acceleration, a tool acceleration, or a joint deceleration.
     """
     if limits.joint_acceleration is None:
         raise InvalidInput(
@@ -143,7 +143,7 @@ def _refuse_limits(limits: Limits) -> None:
         )
     if limits.tool_acceleration is not None:
         raise InvalidInput(
-            "The method mac does not look at the tool's acceleration: leave tool_acceleration out, "
+            "The method mac does not limit the tool's acceleration: leave tool_acceleration out, "
             "or plan by the method optimal."
         )
     if not limits.same_both_ways():
@@ -154,10 +154,16 @@ def _refuse_limits(limits: Limits) -> None:
 
 
 def _usual_knots(length: float, speed: float, interval: float, number: int) -> int:
-    """Laps of a line that take one command interval each at the assigned velocity.
+    """Number of laps of a line that take one command interval each at the assigned velocity.
+
+    Args:
+        length: Length of the line [m].
+        speed: Assigned velocity [m/s].
+        interval: Command interval [s].
+        number: Number of the line from 0, for the error message.
 
     Raises:
-        InvalidInput: Too many.
+        InvalidInput: There would be too many laps.
     """
     wanted = length / (speed * interval)
     if not wanted <= MOST_LAPS:
@@ -168,11 +174,11 @@ def _usual_knots(length: float, speed: float, interval: float, number: int) -> i
     return max(FEWEST_LAPS, int(np.ceil(wanted)))
 
 
-def _joined(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits) -> Trajectory:
-    """All lines and corners, one after the other.
+def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits) -> Trajectory:
+    """Plan all lines and corners, one after the other, and join them.
 
     Raises:
-        NotRealizable: One of them would break a limit.
+        NotRealizable: A line or a corner would break a limit.
     """
     joint_path = lines[0].joint_path
     laws: list[LawAlongPath] = []
@@ -203,20 +209,33 @@ def _junctions(
     assigned: FloatArray,
     limits: Limits,
 ) -> list[Junction]:
-    """One junction before the first line, one after each line, with its largest speed."""
+    """Find the junctions of a path with their largest speeds.
+
+    Args:
+        path: The tool path.
+        lines: Indices of the segments that are lines.
+        assigned: Assigned velocity of each segment [m/s], (segments,).
+        limits: The limits.
+
+    Returns:
+        One junction before the first line and one after each line.
+
+    Raises:
+        NotRealizable: The tool is at rest next to an arc.
+    """
     ends = np.concatenate([[-1], lines, [len(path)]])
-    stop_joints = set(np.searchsorted(path.breaks, path.stops).tolist())
+    stop_vertices = set(np.searchsorted(path.breaks, path.stops).tolist())
     result = []
     for number, (before, after) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
         arcs = range(int(before) + 1, int(after))
         rest = number in (0, len(lines)) or any(
-            joint in stop_joints for joint in range(int(before) + 1, int(after) + 1)
+            vertex in stop_vertices for vertex in range(int(before) + 1, int(after) + 1)
         )
         if rest and len(arcs):
             s = float(path.breaks[arcs[0]])
             raise NotRealizable(
                 f"At {s:.4g} m along the path the tool is at rest next to an arc: the method mac "
-                "runs arcs at one speed and has no rule for that; begin and end arcs on lines, or "
+                "runs arcs at one speed and has no rule for that; start and end on lines, or "
                 "plan by the method optimal.",
                 s=s,
                 point=path(s).tolist(),
@@ -231,7 +250,16 @@ def _junctions(
 
 
 def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> FloatArray:
-    """Equal laps, the first or last divided so that its parts take equal times from rest."""
+    """Knots of a line with laps of equal length.
+
+    The first or last lap is divided so that its parts take equal times from rest.
+
+    Args:
+        start: Arc length of the start of the line [m].
+        end: Arc length of the end of the line [m].
+        count: Number of laps.
+        rest: Whether the tool is at rest at the start and at the end.
+    """
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
     if rest[0]:
@@ -243,8 +271,8 @@ def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> Flo
     return s
 
 
-def _match(lines: list[Line], junctions: list[Junction]) -> None:
-    """Lower the junctions' speeds to what the lines can reach, forwards and then backwards."""
+def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
+    """Lower the speeds of junctions to what the lines can reach, forwards and then backwards."""
     for number, line in enumerate(lines):
         run = line.forward(junctions[number].speed)
         if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
@@ -258,7 +286,7 @@ def _match(lines: list[Line], junctions: list[Junction]) -> None:
 
 
 def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
-    """An arc at one speed, (17)."""
+    """Plan an arc at one speed, (17)."""
     path = tool_path_of(joint_path, "mac")
     law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
     ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
@@ -266,11 +294,13 @@ def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
 
 
 def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
-    """What there is to say of a part that starts at time `now`.
+    """Check a part that starts at the time `now` [s], and find its peaks.
+
+    MAC itself does not check the middle path, the corners, joint velocities, torques or the angular
+    motion of the tool, so they are checked here.
 
     Raises:
-        NotRealizable: A limit is broken; MAC itself never looks at the middle path, the corners,
-            joint velocities, torques or the tool's turning, so this is where its claim is checked.
+        NotRealizable: A limit is broken.
     """
     refuse_broken(
         part.laws,
@@ -280,8 +310,8 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
         where=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m along "
         "the path",
         t=now,
-        mends="the method mac does not look at it there; a lower assigned velocity or centripetal "
-        "acceleration, or the method optimal, helps",
+        mends="the method mac does not plan for this limit there; a lower assigned velocity or "
+        "centripetal acceleration, or the method optimal, helps",
     )
     peaks = [law_peaks(law, arm) for law in part.laws]
     return Stretch(

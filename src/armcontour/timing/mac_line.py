@@ -1,9 +1,9 @@
 """One straight line by the paper's criteria: MAC from its start, MDC to its end, AVC between.
 
-Both passes run over the whole line, each until it would break a joint limit. They are used up to
-where they reach the assigned velocity, (23), and the tool moves with uniform acceleration between
-those places, (24)-(25). Where the passes meet below the assigned velocity, on which the paper is
-silent, they are switched there: one lap of uniform tool acceleration joins them.
+Two passes run over the line, one from each end, each until it would break a joint limit. Each pass
+is used up to the knot where it reaches the assigned velocity, (23). Between those knots the tool
+moves with uniform acceleration, (24)-(25). Where the passes meet below the assigned velocity, one
+lap of uniform tool acceleration joins them; the paper has no rule for this case.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from armcontour.timing.common import law_peaks, path_law, tool_path_of
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """A line run from one end with maximum joint acceleration; knots in the order they are met.
+    """Motion along a line from one end with maximum joint acceleration; knots in order of time.
 
     Args:
         h: Lap times [s], (n,).
@@ -30,8 +30,8 @@ class Pass:
         dq: Joint velocities at the start of the laps [rad/s], (n, dof).
         ddq: Joint accelerations in the laps [rad/s²], (n, dof).
         done: Number of laps that keep the limit.
-        joint: Joint that would break it in the next lap, from 0; -1 if there is none.
-        needed: Acceleration that joint would need [rad/s²].
+        joint: Joint that would break the limit in the next lap, from 0; -1 for no joint.
+        needed: Acceleration that this joint would need [rad/s²].
     """
 
     h: FloatArray
@@ -43,21 +43,21 @@ class Pass:
     needed: float
 
     def last_within(self, speed: float) -> int:
-        """The last knot before the first that is faster than `speed`."""
+        """The last knot before the tool speed exceeds `speed` [m/s] for the first time."""
         faster = np.flatnonzero(self.speed[: self.done + 1] > speed * (1 + 1e-12))
         return max(int(faster[0]) - 1, 0) if len(faster) else self.done
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A law of motion and the rule that made it.
+    """A time law and the rule that made it.
 
     Args:
         law: The law.
         kind: "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC.
-        s: Start and end on the path [m].
-        switch: For a meeting lap, where in it the two passes have the same speed: time and arc
-            length from its start [s, m].
+        s: Arc lengths of start and end on the path [m].
+        switch: For a meeting lap, time [s] and arc length [m] from its start to the point where
+            both passes have the same speed.
     """
 
     law: LawAlongPath
@@ -68,14 +68,14 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What one rule made of a line or a corner, and the laws it lies in.
+    """The part of a line or a corner that one rule made.
 
     Args:
-        name: Such as "line 1".
+        name: Name of the line or corner, such as "line 1".
         kind: "MAC", "AVC", "MDC" or "corner".
-        duration: Its time [s].
-        s: Start and end on the path [m].
-        laws: The laws it lies in, whole.
+        duration: Duration [s].
+        s: Arc lengths of start and end on the path [m].
+        laws: The whole laws that contain the part.
     """
 
     name: str
@@ -86,15 +86,15 @@ class Part:
 
 
 def parts_by_rule(name: str, pieces: list[Piece]) -> list[Part]:
-    """The parts of a line; a meeting lap is MAC before the switch and MDC after it."""
+    """Group the pieces of a line by rule; a meeting lap is MAC before its switch and MDC after."""
     parts = []
     for piece in pieces:
         time = float(piece.law.breaks[-1])
         if piece.kind != "meeting":
             parts.append(Part(name, piece.kind, time, piece.s, [piece.law]))
             continue
-        before, way = piece.switch
-        middle = piece.s[0] + way
+        before, length = piece.switch
+        middle = piece.s[0] + length
         parts.append(Part(name, "MAC", before, (piece.s[0], middle), [piece.law]))
         parts.append(Part(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
     joined: list[Part] = []
@@ -116,12 +116,12 @@ class Line:
     """A straight segment of a traced path, with its knots.
 
     Args:
-        name: Such as "line 1".
-        joint_path: The joint path it lies on.
+        name: Name for messages, such as "line 1".
+        joint_path: The joint path that contains the line.
         arm: The arm.
         limit: Joint acceleration limits [rad/s²], (dof,).
-        s: Its knots [m], (n + 1,).
-        assigned: Assigned velocity on it [m/s].
+        s: Arc lengths of the knots [m], (n + 1,).
+        assigned: Assigned velocity on the line [m/s].
     """
 
     def __init__(
@@ -144,27 +144,27 @@ class Line:
         self.dq_ds = np.concatenate([after, before])
 
     def forward(self, speed: float) -> Pass:
-        """The pass from the start of the line, entered at `speed`."""
+        """Run the pass from the start of the line, with the tool speed `speed` [m/s] there."""
         return Pass(*laps(self.q, self.dq_ds, speed, self.limit))
 
     def reverse(self, speed: float) -> Pass:
-        """The pass from the end of the line backwards in time, which leaves it at `speed`."""
+        """Run the pass backwards in time from the end of the line, with the tool speed `speed`."""
         return Pass(*laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
-    def plan(self, begin: float, end: float) -> list[Piece]:
-        """The line from speed `begin` to speed `end`.
+    def plan(self, start: float, end: float) -> list[Piece]:
+        """Plan the line from the tool speed `start` to the tool speed `end` [m/s].
 
         Raises:
-            NotRealizable: The passes neither reach the assigned velocity nor each other before a
+            NotRealizable: The passes reach neither the assigned velocity nor each other before a
                 joint would break its limit.
         """
-        forward, reverse = self.forward(begin), self.reverse(end)
+        forward, reverse = self.forward(start), self.reverse(end)
         n = len(self.s) - 1
         backward = reverse.speed[::-1]  # the reverse pass in the order of the path
         last = forward.last_within(self.assigned)
         first = n - reverse.last_within(self.assigned)
         if first <= last:
-            # They overlap: leave the forward pass at the last knot where it is the slower one.
+            # The passes overlap: leave the forward pass at the last knot where it is slower.
             both = np.arange(first, last + 1)
             slower = both[forward.speed[both] <= backward[both]]
             last = int(slower[-1]) if len(slower) else first - 1
@@ -186,9 +186,11 @@ class Line:
         return pieces
 
     def _mac(self, run: Pass, last: int) -> Piece:
+        """The forward pass up to the knot `last`."""
         return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> Piece:
+        """The reverse pass, turned round in time, from the knot `first` on."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
         h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
@@ -197,7 +199,7 @@ class Line:
     def _piece(
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> Piece:
-        """Laps from one knot to another one."""
+        """The laps from the knot `first` to the knot `last`, with their times and joint motion."""
         ends = (float(self.s[first]), float(self.s[last]))
         law = LineLaw(
             breaks=np.concatenate([[0.0], np.cumsum(h)]),
@@ -214,36 +216,53 @@ class Line:
     def _meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
-        """Knots around the place where the passes meet, between which the limit is kept.
+        """Knots around the point where the passes meet, between which the limit is kept.
 
-        One lap; but where they meet next to one of its ends, it would be MAC or MDC throughout with
-        uniform acceleration of the tool, not of the joints, and need a little too much: then two.
+        One lap is usual. Where the passes meet next to an end of the lap, uniform acceleration of
+        the tool would need slightly more joint acceleration than the limit: then two laps.
+
+        Args:
+            low: Knot before the meeting point.
+            high: Knot after the meeting point.
+            forward: Tool speed of the forward pass at the knots [m/s], (n + 1,).
+            backward: Tool speed of the reverse pass at the knots [m/s], (n + 1,).
         """
-        for begin, end in ((low, high), (low - 1, high), (low, high + 1)):
-            if begin < 0 or end >= len(self.s) or np.isnan([forward[begin], backward[end]]).any():
+        for start, end in ((low, high), (low - 1, high), (low, high + 1)):
+            if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
                 continue
-            law = path_law(self.joint_path, self.s[[begin, end]], forward[[begin]], backward[[end]])
+            law = path_law(self.joint_path, self.s[[start, end]], forward[[start]], backward[[end]])
             if (law_peaks(law, self.arm).acceleration <= self.limit).all():
-                return begin, end
+                return start, end
         return low, high
 
     def _middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
     ) -> Piece:
+        """The piece with uniform tool acceleration between the passes; arguments as `_meeting`."""
         s = self.s[[low, high]]
-        begin, end = forward[low], backward[high]
-        law = path_law(self.joint_path, s, np.array([begin]), np.array([end]))
+        start, end = forward[low], backward[high]
+        law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
         places = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
             return Piece(law, "AVC", places)
-        ahead, after = backward[low] ** 2 - begin**2, forward[high] ** 2 - end**2
-        way = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
+        ahead, after = backward[low] ** 2 - start**2, forward[high] ** 2 - end**2
+        length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
         acceleration = law.rates.dds[0]
-        time = 2 * way / (begin + np.sqrt(max(begin**2 + 2 * acceleration * way, 0.0)))
-        return Piece(law, "meeting", places, (float(time), way))
+        time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
+        return Piece(law, "meeting", places, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
-        """Raise if a pass ended at a joint limit instead of at the assigned velocity."""
+        """Refuse a line on which a pass ended at a joint limit, not at the assigned velocity.
+
+        Args:
+            forward: The forward pass.
+            last: Last knot of the forward pass that is used.
+            reverse: The reverse pass.
+            count: Number of its laps that are used.
+
+        Raises:
+            NotRealizable: A pass ended at a joint limit.
+        """
         broken = [
             (run, place)
             for run, end, place in (
@@ -260,7 +279,7 @@ class Line:
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
             f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g}: it "
-            "cannot turn round in time, because the method does not look ahead; a lower assigned "
+            "cannot reverse in time, because the method does not look ahead; a lower assigned "
             "velocity or the method optimal helps.",
             point=point,
             s=s,

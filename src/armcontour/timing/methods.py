@@ -1,4 +1,4 @@
-"""The timing methods by their names, with what all contours and rapids of a plan share."""
+"""The timing methods by name, and how each of them times contours and rapids."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ OPTIONS = {
     "mac": ("knots", "period"),
     "conventional": (),
 }
-# A rapid's grid: its limits change little along a straight line of the joints or of the tool.
+# Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
 RAPID_INTERVALS = 200
 
 
 class MoveTiming(Protocol):
-    """What times the moves of a program one after the other, knowing the laws before each."""
+    """Times the moves of a program one after the other, given the laws before each move."""
 
     @property
     def arm(self) -> Arm:
         """The arm that moves."""
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """The motion along a contour, after the laws before it."""
+        """Plan the motion along a contour, given the laws before it."""
 
     def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """A free motion, after the laws before it."""
+        """Plan a rapid, given the laws before it."""
 
     def pause(self, before: Sequence[Law]) -> float:
-        """How long the joints stand still between some laws and the contour after them [s]."""
+        """Time that the joints stand still between the laws so far and the next contour [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How joint paths are timed.
+    """A timing method with its options, which plans each move independently of the others.
 
     Args:
         arm: The arm.
-        limits: Those that the plan keeps: what is reserved for the servo is taken off.
+        limits: The limits that the plan keeps, less the reserve for the servo.
         method: One of METHODS.
         options: Options of the method.
-        memory: What the program may take [bytes].
+        memory: Largest memory of the process [bytes].
     """
 
     arm: Arm
@@ -59,7 +59,7 @@ class Timing:
     memory: float
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """The motion along a contour, by the method; what is before does not matter."""
+        """Plan the motion along a contour by the method; the laws before it do not matter."""
         if self.method == Method.OPTIMAL:
             return plan_optimal(
                 joint_path, self.arm, self.limits, memory=self.memory, **self.options
@@ -69,19 +69,19 @@ class Timing:
         return plan_conventional(joint_path, self.arm, self.limits)
 
     def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """A free motion; what is before does not matter."""
+        """Plan a rapid; the laws before it do not matter."""
         return plan_rapid(joint_path, self.arm, self.limits)
 
     def pause(self, before: Sequence[Law]) -> float:
-        """No time: a contour starts as soon as the rapid before it has ended."""
+        """Zero [s]: a contour starts as soon as the rapid before it has ended."""
         return 0.0
 
 
 def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """The fastest free motion: the limits of the joints hold, and no limit of the tool.
+    """Plan the fastest rapid, which keeps the limits of the joints and ignores those of the tool.
 
     Args:
-        joint_path: What the joints follow.
+        joint_path: The joint path of the rapid.
         arm: The arm.
         limits: Limits of the arm, one value per joint.
     """

@@ -1,9 +1,9 @@
-"""The optimal planner: the fastest timing of a path that keeps every limit, at every instant.
+"""The optimal planner: the fastest timing of a path that keeps every limit at every instant.
 
-Backward and forward reachability in (s, ds²) after TOPP-RA. On each interval the path acceleration
-is linear in s with a slope given beforehand, so that the binding constraint binds all along it;
-every constraint is kept at both ends, drawn in by a bound of what can happen between them. See
-docs/concepts/optimal.md for the proof.
+Backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the path acceleration
+is linear in s. Its slope is chosen beforehand so that the binding constraint binds on the whole
+interval. Every constraint is kept at both ends of an interval, less a margin that bounds what can
+happen between them. See docs/concepts/optimal.md for the proof.
 """
 
 from __future__ import annotations
@@ -49,35 +49,37 @@ from armcontour.timing.grid import (
     split,
 )
 
-# Where the margin for what happens between the points costs more than this share of a limit, the
-# grid is made finer, at most this many times; each time a larger share will do, up to the last.
+# Where the margin between grid points costs more than this share of a limit, the grid is refined,
+# at most MOST_REFINEMENTS times; the allowed share grows each time, up to LARGEST_MARGIN_EVER.
 LARGEST_MARGIN = 1e-2
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
 MOST_REFINEMENTS = 12
-# A refinement that would make the grid this many times as large at once is no cure.
+# A refinement that would make the grid this many times as large at once is not tried.
 MOST_GROWTH = 200
 MOST_PARTS = 100
-# The margins are taken for speeds this much above those of the first pass, and checked afterwards.
+# Margins are computed for ds² this much above that of the first pass, and checked afterwards.
 HEADROOM = 1.05
-# A start or end speed is refused for the margins' sake only on a grid of more intervals than this.
+# A start or end speed is refused because of margins only on a grid of more intervals than this.
 FINE_ENOUGH = 20_000
-# Times that a grid is tried, with more headroom or with fewer intervals skewed.
+# Attempts on one grid, with more headroom or with fewer skewed intervals.
 MOST_TRIES = 30
-# An interval takes no skew that would let ds² dip between its ends by more than about this share.
+# An interval gets no skew that would let ds² dip between its ends by more than about this share.
 LARGEST_DIP = 0.25
-# The first pass takes every so manieth point, unless that leaves fewer intervals than this.
+# The first pass takes every COARSER-th point, unless fewer intervals than FEWEST_COARSE remain.
 COARSER = 2
 FEWEST_COARSE = 200
-# Where rows stand for a curve, the first pass is repeated with their tangents at its last plan:
-# each time squares the error of the speeds, and this much of ds² is within the first bracket.
+# Where rows stand for a curve, the first pass is repeated with tangents at its last plan. Each
+# repetition squares the error of ds²; an error of the share NEAR_TANGENT is within the first
+# bracket.
 MOST_TANGENTS = 6
 NEAR_TANGENT = 1e-2
-# The first brackets around a plan have the headroom above; where a plan leaves its bracket, that is
-# widened by this ratio.
+# The first brackets around a plan have the headroom above. Where a plan leaves its bracket, the
+# bracket is widened by this ratio.
 WIDER = 1.5
-# A plan that keeps to its brackets is made again in brackets of this ratio around it, which cost
-# about 1e-6 of the duration, until that gains less than this; or plans left them this often.
+# A plan within its brackets is made again in brackets of the ratio CLOSE around it, which cost
+# about 1e-6 of the duration, until a repetition gains less than LEAST_GAIN or plans have left the
+# brackets MOST_MOVES times.
 CLOSE = 1.02
 LEAST_GAIN = 1e-6
 MOST_MOVES = 4
@@ -98,19 +100,20 @@ def plan_optimal(
     """Plan the fastest motion along a path.
 
     Args:
-        joint_path: A traced path, or a joint path of its own (which takes no tool limits).
+        joint_path: A traced path, or a joint path without a tool path (then without tool limits).
         arm: The arm.
-        limits: All of them are kept but for jerk and range; each path segment's own speed too.
-        intervals: Number of grid intervals, about; 4000 by default.
-        grid: Grid points [m] instead; the breaks of the joint path are added to them.
-        start_speed: ds at the start [m/s].
-        end_speed: ds at the end [m/s].
+        limits: The limits. All are kept except those of jerk and range; the speed of each path
+            segment is kept too.
+        intervals: Approximate number of grid intervals; 4000 by default.
+        grid: Grid points [m], in place of `intervals`; the breaks of the joint path are added.
+        start_speed: Path speed ds at the start [m/s].
+        end_speed: Path speed ds at the end [m/s].
         constraints: Further constraints.
-        memory: What the program may take [bytes]: a grid is made no finer than that.
+        memory: Largest memory of the process [bytes], which bounds the refinement of the grid.
 
     Raises:
-        NotRealizable: A start or end speed that cannot be had, or a place where nothing is allowed.
-        InvalidInput: No limit of acceleration at all, or tool limits without a tool path.
+        NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
+        InvalidInput: Nothing limits the acceleration, or tool limits without a tool path.
     """
     for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
         _checks.not_negative(name, speed, "m/s")
@@ -125,11 +128,11 @@ def plan_optimal(
 
 
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
-    """The constraints that limits mean for a path.
+    """Make the constraints of the planner from the limits of an arm and a path.
 
     Raises:
-        InvalidInput: Tool limits without a tool path or for a tool that has no orientation, or
-            torque limits of an arm without masses.
+        InvalidInput: Tool limits without a tool path, limits of angular motion for a tool without
+            orientation, or torque limits for an arm without masses.
     """
     active: list[Constraint] = []
     if limits.joint_velocity is not None:
@@ -146,11 +149,13 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
                 f"with limits.replace({', '.join(f'{x}=None' for x in tool)})."
             )
         return active
-    return active + _of_tool(joint_path, joint_path.tool_path, arm, limits)
+    return active + _tool_constraints(joint_path, joint_path.tool_path, arm, limits)
 
 
-def _of_tool(joint_path: JointPath, path: Path, arm: Arm, limits: Limits) -> list[Constraint]:
-    """The constraints that limits of the tool mean, and segments' own speeds."""
+def _tool_constraints(
+    joint_path: JointPath, path: Path, arm: Arm, limits: Limits
+) -> list[Constraint]:
+    """Make the constraints from the tool limits and from the speeds of segments."""
     active: list[Constraint] = []
     own = path.speeds
     tool = (limits.speed, limits.tool_acceleration, limits.centripetal_acceleration)
@@ -176,7 +181,7 @@ def _of_tool(joint_path: JointPath, path: Path, arm: Arm, limits: Limits) -> lis
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """What is to be planned on whatever grid.
+    """The planning problem, independent of the grid.
 
     Args:
         active: The constraints.
@@ -197,25 +202,27 @@ class _Task:
 
     @property
     def bracketed(self) -> bool:
-        """Whether x is to be kept within brackets."""
+        """Whether x must stay within brackets."""
         return any(x.bracketed for x in self.active)
 
     def rests(self, grid: Grid) -> FloatArray:
-        """Where the path is at rest [m]."""
+        """Arc lengths at which the tool is at rest [m]."""
         start = grid.s[: 1 if self.start_speed == 0 else 0]
         end = grid.s[len(grid) + (0 if self.end_speed == 0 else 1) :]
         return np.concatenate([start, grid.joint_path.stops, end])
 
 
 class Problem:
-    """Everything the kernel needs, from all constraints.
+    """The arrays of the compiled planner, collected from all constraints.
 
     Args:
         grid: The grid.
-        path: Derivatives of the joint path on it.
+        path: Derivatives of the joint path on the grid.
         active: The constraints.
-        bounds: For what happens between the points; None leaves that out.
-        about: Without bounds: x per interval near which rows that stand for a curve are wanted.
+        bounds: Bounds of x and u, from which margins between the points follow; None for no
+            margins.
+        about: Without bounds: x on each interval [m²/s²] near which rows that stand for a curve
+            are linearized, (n,).
     """
 
     def __init__(
@@ -229,7 +236,7 @@ class Problem:
         n = len(grid)
         self.grid = grid
         self.c, self.radius, self.shifts = np.zeros((2, n)), np.full(n, np.inf), np.zeros(n)
-        self.lost = np.zeros(n)  # share of any limit that margins have taken
+        self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
         rows: list[Rows] = []
         for constraint in active:
@@ -252,7 +259,7 @@ class Problem:
                     )
                 self.c, self.radius = np.ascontiguousarray(disc.c), disc.r
         self.ceiling = _lowest(ceilings, n)
-        self.rows = rows[0] if len(rows) == 1 else _beside(rows, n)
+        self.rows = rows[0] if len(rows) == 1 else _concatenate(rows, n)
         if bounds is not None:
             self.shifts = bounds.skew * grid.width**2
             # Where u falls, x lies above its chord by up to |skew| width² / 4.
@@ -260,10 +267,10 @@ class Problem:
         self.at_points = self._at_points()
 
     def solve(self, start_speed: float, end_speed: float) -> FloatArray:
-        """The largest x at every grid point.
+        """Find the largest x at every grid point [m²/s²], (n + 1,).
 
         Raises:
-            NotRealizable: A start or end speed that cannot be had, or no way on.
+            NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
         """
         grid, rows, ceiling = self.grid, self.rows, self.at_points
         start, end = start_speed**2, end_speed**2
@@ -294,7 +301,11 @@ class Problem:
         return np.asarray(x)
 
     def skews(self, x: FloatArray) -> FloatArray:
-        """Slopes of dds over s that keep what binds in the plan x binding all along an interval."""
+        """Slopes of dds over s, (n,), with which a binding constraint binds all along an interval.
+
+        Args:
+            x: The plan: ds² at the grid points [m²/s²], (n + 1,).
+        """
         rows = self.rows
         return np.asarray(
             skews(
@@ -313,7 +324,7 @@ class Problem:
     def margin_lost(self, half_turn: FloatArray) -> FloatArray:
         """Largest share of any limit that margins take on each interval, (n,).
 
-        It is 1 where rest would not be safe for certain.
+        The share is 1 where the margins do not even allow rest.
 
         Args:
             half_turn: Change of u over half of each interval, (n,).
@@ -327,7 +338,7 @@ class Problem:
         return np.asarray(lost)
 
     def _at_points(self) -> FloatArray:
-        """Ceiling of x at the grid points: the lower of both sides, and 0 where the tool stops."""
+        """Largest x at the grid points: the lower one of both sides, and 0 where the tool stops."""
         at = np.empty(len(self.grid) + 1)
         at[0], at[-1] = self.ceiling[0, 0], self.ceiling[1, -1]
         np.minimum(self.ceiling[1, :-1], self.ceiling[0, 1:], out=at[1:-1])
@@ -338,20 +349,20 @@ class Problem:
 
 
 def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
-    """The law on the grid, which is made finer where that is needed.
+    """Plan on a grid, which is refined where margins are too large.
 
-    A first pass without margins and without skew tells how large x and u get, and how u has to run
-    on every interval; the second keeps the limits between the points, for all x and u up to those.
+    A first pass without margins and without skew finds how large x and u get, and the slope of u on
+    every interval. The second pass keeps the limits between the points for all x and u up to those.
 
     Raises:
         InvalidInput: Nothing limits the acceleration.
-        NotRealizable: A start or end speed that cannot be had, or no way on.
+        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     if task.bracketed:
         grid = finer_at_rests(grid, task.rests(grid))
     for round_ in range(MOST_REFINEMENTS):
         most = min(LARGEST_MARGIN * MORE_EACH_TIME**round_, LARGEST_MARGIN_EVER)
-        found, lost = _on_grid(grid, task, most)
+        found, lost = _solve_on_grid(grid, task, most)
         if found is not None:
             return found
         s = float(grid.s[int(np.argmax(lost))])
@@ -366,14 +377,18 @@ def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
     )
 
 
-def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, FloatArray]:
-    """The law on a grid, or None where margins take more than `most`; and what they take, (n,).
+def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, FloatArray]:
+    """Plan on a grid without refining it.
+
+    Returns:
+        The law, or None where margins take more than the share `most` of a limit; and the share
+        that margins take on each interval, (n,).
 
     Raises:
         InvalidInput: Nothing limits the acceleration.
-        NotRealizable: A start or end speed that cannot be had, or no way on.
+        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    steady = np.zeros(len(grid), dtype=bool)  # intervals that take no skew
+    steady = np.zeros(len(grid), dtype=bool)  # intervals without skew
     bracket, path = _first_pass(grid, task), JointDerivatives.on(grid)
     for _ in range(MOST_TRIES):
         skew = np.where(steady, 0.0, bracket.slope)
@@ -381,7 +396,7 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
         problem = Problem(grid, path, task.active, bounds)
         lost = problem.margin_lost(skew * grid.width / 2)
         if (lost > most).any():
-            # Without skew they may do, where it alone is at fault or finer grids did not help.
+            # Retry without skew where skew is the cause, or where finer grids did not help.
             skewed = (lost > most) & (skew != 0) & ((lost >= 1) | (most > LARGEST_MARGIN))
             if not skewed.any():
                 return bracket.found, lost
@@ -390,7 +405,7 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
         try:
             x = problem.solve(task.start_speed, task.end_speed)
         except NotRealizable:
-            # The first pass allowed it, so it is the margins that do not: a finer grid has less.
+            # The first pass succeeded, so the margins are the cause: a finer grid has smaller ones.
             if bracket.found is None and len(grid) > FINE_ENOUGH:
                 raise
             return bracket.found, np.full(len(grid), 4 * LARGEST_MARGIN)
@@ -409,12 +424,12 @@ def _on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None, Floa
 
 
 def _sag(grid: Grid, skew: FloatArray) -> FloatArray:
-    """How far x leaves its chord on every interval."""
+    """Largest distance of x from its chord on every interval [m²/s²], (n,)."""
     return np.asarray(np.abs(skew) * grid.width**2 / 4)
 
 
 def _dips(grid: Grid, x: FloatArray, skew: FloatArray) -> BoolArray:
-    """Intervals on which x, with a growing u, may come near 0 between its points."""
+    """Whether x may come near 0 inside an interval because u grows there, (n,)."""
     speed = np.sqrt(x)
     return np.asarray(
         4 * _sag(grid, skew) * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
@@ -423,15 +438,15 @@ def _dips(grid: Grid, x: FloatArray, skew: FloatArray) -> BoolArray:
 
 @dataclass(slots=True)
 class _Bracket:
-    """Where x is expected on every interval.
+    """The range in which x is expected on every interval.
 
     Args:
-        most: The larger end x, (n,).
-        least: The smaller, (n,).
-        slope: How u has to run: its slope over s, (n,).
-        reach: The bracket goes beyond both by this ratio, (n,).
-        found: A law that keeps the limits and could be made faster.
-        moves: How often plans have left the bracket since then.
+        most: The larger x of both interval ends [m²/s²], (n,).
+        least: The smaller x of both interval ends [m²/s²], (n,).
+        slope: Required slope of u over s [1/s²], (n,).
+        reach: Ratio by which the bracket extends beyond `most` and `least`, (n,).
+        found: A law that keeps the limits and may not be the fastest yet.
+        moves: How often plans have left the bracket since `found` was made.
     """
 
     most: FloatArray
@@ -442,34 +457,34 @@ class _Bracket:
     moves: int = 0
 
     def floor(self, sag: FloatArray) -> FloatArray:
-        """The smallest x of the bracket."""
+        """Smallest x of the bracket [m²/s²], (n,); between two points x leaves its chord by sag."""
         return np.maximum(self.least / self.reach - sag, 0.0)
 
     def left(self, x: FloatArray, bounds: Bounds, sag: FloatArray, bracketed: bool) -> BoolArray:
-        """Where a plan leaves the bounds; between two points x leaves its chord by sag."""
+        """Whether a plan x leaves the bounds on each interval, (n,); `sag` as in `floor`."""
         over = np.maximum(x[:-1], x[1:]) > bounds.x - sag
         if bracketed:
             over |= np.maximum(np.minimum(x[:-1], x[1:]) - sag, 0.0) < bounds.least
         return over
 
     def widen(self, x: FloatArray, where: BoolArray) -> None:
-        """Let the bracket hold a plan too, and more around it, at some intervals."""
+        """Widen the bracket on some intervals so that it contains the plan x and more around it."""
         self.most[where] = np.maximum(self.most, np.maximum(x[:-1], x[1:]))[where]
         self.least[where] = np.minimum(self.least, np.minimum(x[:-1], x[1:]))[where]
         self.reach[where] *= WIDER
         self.moves += 1
 
     def close_in(self, x: FloatArray, law: PathLaw) -> None:
-        """A narrow bracket around a plan, whose law will do if there is nothing better."""
+        """Replace the bracket by a narrow one around the plan x, and keep its law."""
         self.most, self.least = np.maximum(x[:-1], x[1:]), np.minimum(x[:-1], x[1:])
         self.reach, self.found, self.moves = np.full(len(law.s) - 1, CLOSE), law, 0
 
     def gains(self, law: PathLaw) -> bool:
-        """Whether a law is faster than the one before it by enough to go on."""
+        """Whether a law is so much faster than the law found before that a repetition pays."""
         return self.found is None or bool(law.breaks[-1] < self.found.breaks[-1] * (1 - LEAST_GAIN))
 
     def better(self, law: PathLaw) -> PathLaw:
-        """The faster one of a law and the one before it."""
+        """The faster one of a law and the law found before."""
         if self.found is None or law.breaks[-1] <= self.found.breaks[-1]:
             return law
         return self.found
@@ -478,7 +493,7 @@ class _Bracket:
 def _bounds(
     grid: Grid, path: JointDerivatives, task: _Task, bracket: _Bracket, skew: FloatArray
 ) -> Bounds:
-    """How large x and u get on every interval, if the plan keeps to its bracket.
+    """Bounds of x and u on every interval for a plan that stays within its bracket.
 
     Raises:
         InvalidInput: Nothing limits the acceleration.
@@ -487,7 +502,7 @@ def _bounds(
     largest, least = bracket.reach * bracket.most + sag, bracket.floor(sag)
     u = _largest_u(grid, path, task, largest) + 2 * half_turn
     if task.bracketed:
-        # Where x is kept between both, u is at most what takes it from one to the other.
+        # If x stays between `least` and `largest`, u is at most what takes x from one to the other.
         u = np.minimum(u, (largest - least) / (2 * grid.width) + 3 * half_turn)
     return Bounds(largest, u, skew, least)
 
@@ -496,7 +511,7 @@ def _largest_u(grid: Grid, path: JointDerivatives, task: _Task, x: FloatArray) -
     """Largest |dds| on every interval, given the largest x.
 
     Raises:
-        InvalidInput: Nothing limits it.
+        InvalidInput: Nothing limits the acceleration.
     """
     found = [constraint.largest_u(grid, path, x) for constraint in task.active]
     bounds = [y for y in found if y is not None]
@@ -510,13 +525,13 @@ def _largest_u(grid: Grid, path: JointDerivatives, task: _Task, x: FloatArray) -
 
 
 def _first_pass(grid: Grid, task: _Task) -> _Bracket:
-    """Where x is on every interval, about, and how u has to run there.
+    """Estimate x and the slope of u on every interval.
 
-    A plan without margins and without skew tells. A coarser grid does for that: what is taken from
-    it is checked on the grid itself.
+    The estimate is a plan without margins and without skew, on a coarser grid; the second pass
+    checks the estimate on the grid itself.
 
     Raises:
-        NotRealizable: A start or end speed that cannot be had, or no way on.
+        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     by = COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1
     try:
@@ -529,7 +544,7 @@ def _first_pass(grid: Grid, task: _Task) -> _Bracket:
 
 
 def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
-    """The first pass on about every so manieth point of a grid."""
+    """Run the first pass on about every `by`-th point of a grid."""
     coarse, of = coarsen(grid, by)
     path = JointDerivatives.on(coarse)
     plain = Problem(coarse, path, task.active)
@@ -546,13 +561,14 @@ def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
 
 
 def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:
+    """The lowest of several upper bounds of x at the ends of n intervals, (2, n)."""
     if not ceilings:
         return np.full((2, n), np.inf)
     return ceilings[0] if len(ceilings) == 1 else np.min(ceilings, axis=0)
 
 
-def _beside(rows: list[Rows], n: int) -> Rows:
-    """Rows of several constraints as one set."""
+def _concatenate(rows: list[Rows], n: int) -> Rows:
+    """Join the rows of several constraints on n intervals."""
     if not rows:
         none = np.zeros((2, n, 0))
         return Rows(none, none, none, none, none[0])
@@ -562,27 +578,33 @@ def _beside(rows: list[Rows], n: int) -> Rows:
 
 
 def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
-    """The continuous law: a path acceleration linear in s on every interval.
+    """Make the continuous time law: the path acceleration is linear in s on every interval.
+
+    Args:
+        grid: The grid.
+        x: ds² at the grid points [m²/s²], (n + 1,).
+        skew: Slope of dds over s on each interval [1/s²], (n,).
 
     Raises:
-        NotRealizable: Two neighbouring points at rest.
+        NotRealizable: Two neighbouring points are at rest.
     """
     speed = np.sqrt(x)
     if not (speed[:-1] + speed[1:]).all():
         _refuse_stuck(grid, int(np.flatnonzero(speed[:-1] + speed[1:] == 0)[0]))
-    begin = np.diff(x) / (2 * grid.width) - skew * grid.width / 2
+    start = np.diff(x) / (2 * grid.width) - skew * grid.width / 2
     times = interval_times(grid.width, speed[:-1], speed[1:], skew)
     return PathLaw(
         joint_path=grid.joint_path,
         breaks=np.concatenate([[0.0], np.cumsum(times)]),
         s=grid.s,
-        rates=Rates(ds=speed[:-1], dds=begin, slope=skew),
+        rates=Rates(ds=speed[:-1], dds=start, slope=skew),
     )
 
 
 def _refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
+    """Refuse a start or end speed; `x` and `allowed` are squares of speeds [m²/s²]."""
     raise NotRealizable(
-        f"The {name} speed of {np.sqrt(x):.6g} m/s cannot be had: at {s:.6g} m along the path the "
+        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high: at {s:.6g} m along the path the "
         f"limits allow {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
         s=s,
         limit=f"{name} speed",
@@ -592,9 +614,10 @@ def _refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
+    """Refuse a path on which the limits allow no motion in the interval i."""
     s = float(grid.s[i])
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits leave no way on: a constraint there allows no "
-        "motion at all; check the limits, or move the path away from the singularity.",
+        f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "
+        "the path away from the singularity.",
         s=s,
     )

@@ -1,4 +1,4 @@
-"""Entry point `plan`: checks its input, traces what is not traced yet, and times it."""
+"""Entry point `plan`: checks the input, traces paths that are not traced yet, and times them."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
 
-# Limits of which a reserve is a share.
+# Limits that a reserve reduces.
 RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
-# Options that mean one path: a program has many, and rests between them.
+# Options that apply to one path only: a program has many paths, and rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
-# Of many contours each has fewer grid intervals: they are shorter, and all of them cost time.
+# With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
-# Options that say how many places there are; a lap of a line takes what an interval does.
+# Options that are numbers of grid intervals or laps; a lap takes as much memory as an interval.
 COUNTS = ("intervals", "knots")
 # A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
 LONGEST_MOTION = 1e6
@@ -49,22 +49,22 @@ def plan(
     memory: float = _memory.DEFAULT,
     **options: Any,
 ) -> Trajectory:
-    """Time a path: the realizable trajectory.
+    """Time a path or a program: compute its realizable trajectory.
 
     Args:
         path: A tool path, or a program of several with rapids between them, which are traced first;
-            or what is traced already.
+            or a joint path or tracing.
         arm: The arm.
-        limits: By default the arm's own.
-        method: "optimal", the fastest that keeps every limit; "mac", the paper's; or
+        limits: The limits; by default the arm's own.
+        method: "optimal", the fastest timing that keeps every limit; "mac", the paper's method; or
             "conventional", uniform speed along the raw path.
-        branch: Of an arm in the plane, the branch of its inverse kinematics.
-        start: Of an arm in space, joint positions near to those to start in [rad]; by default the
-            configuration that is fastest along the path.
+        branch: For an arm in the plane: the branch of its inverse kinematics.
+        start: For an arm in space: joint positions near the required start [rad], (dof,); by
+            default the configuration that is fastest along the path.
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         progress: Called after every contour with the step "timing" and the share that is done.
-        memory: What the program may take [bytes].
+        memory: Largest memory of the process [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
             `plan_optimal`); a program of more than one path takes neither grid nor speeds, and
             `intervals` hold for every contour, by default fewer the more contours there are. For
@@ -72,8 +72,8 @@ def plan(
 
     Raises:
         InvalidInput: An unknown method or option, a limit that the method needs is missing, more
-            intervals than the memory takes, or a speed at which the path takes for ever.
-        Unreachable: A place of the path is out of reach, out of a joint's range or singular.
+            intervals than fit in memory, or a speed at which the motion takes too long.
+        Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
     """
     _checks.choice("method", method, METHODS)
@@ -95,11 +95,11 @@ def _trace(
     branch: str | None,
     start: npt.ArrayLike | None,
 ) -> Tracing | JointPath:
-    """A program with what the joints follow; a curve of the joints that no tool path has stays.
+    """Trace a path or program unless it is traced; a joint path without a tool path is returned.
 
     Raises:
-        InvalidInput: What is no path, or takes for ever, or is traced for another arm.
-        Unreachable: A place of the path is out of reach, out of a joint's range or singular.
+        InvalidInput: `path` is no path, takes too long, or is traced for another arm.
+        Unreachable: A point of the path is out of reach, out of a joint range or singular.
     """
     if isinstance(path, JointPath):
         _refuse_foreign((TracedMove(move=None, joint_path=path),), arm, limits, branch, start)
@@ -116,9 +116,9 @@ def _bounds(arm: Arm, limits: Limits | None) -> Limits:
     """The limits of a plan, one value per joint.
 
     Raises:
-        InvalidInput: No arm, or no limits.
+        InvalidInput: `arm` is no arm, or `limits` are no limits.
     """
-    # Whatever has joints will do for a joint path, so this looks for no more.
+    # To time a joint path, an arm needs a number of joints only.
     if not hasattr(arm, "dof"):
         raise InvalidInput(
             f"plan needs an Arm, such as load_arm('ur5e'), not {type(arm).__name__}."
@@ -132,7 +132,11 @@ def _bounds(arm: Arm, limits: Limits | None) -> Limits:
 
 
 def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: float) -> None:
-    """Refuse options that a method does not know, and more places than the memory takes."""
+    """Refuse options that a method does not have, and grids that do not fit in memory [bytes].
+
+    Raises:
+        InvalidInput: Such an option or grid.
+    """
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -150,10 +154,10 @@ def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: f
 
 
 def _fit_options(program: Program, method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a method for all contours of a program.
+    """Fit the options of a method to all contours of a program.
 
     Raises:
-        InvalidInput: An option that means one path.
+        InvalidInput: An option that applies to one path only.
     """
     for name in OF_ONE_PATH:
         if name in options and program.single_path is None:
@@ -167,7 +171,7 @@ def _fit_options(program: Program, method: str, options: Mapping[str, Any]) -> d
 
 
 def intervals_of(program: Program) -> int | None:
-    """Grid intervals of every contour of a program; None for those of a path by itself."""
+    """Grid intervals for each contour of a program; None for the default of a single path."""
     count = len(program.contours)
     if count <= MOST_BY_DEFAULT // DEFAULT_INTERVALS:
         return None
@@ -175,10 +179,10 @@ def intervals_of(program: Program) -> int | None:
 
 
 def refuse_endless(program: Program, limits: Limits) -> None:
-    """Refuse assigned velocities and dwells that take longer than LONGEST_MOTION.
+    """Refuse a program that takes longer than LONGEST_MOTION at its assigned velocities.
 
     Raises:
-        InvalidInput: They do.
+        InvalidInput: The program takes longer.
     """
     total = assigned_time(program, limits)
     if not total <= LONGEST_MOTION:
@@ -192,30 +196,30 @@ def refuse_endless(program: Program, limits: Limits) -> None:
 
 
 def assigned_time(program: Program, limits: Limits) -> float:
-    """Time that a program takes at its assigned velocities, where it has any, and its dwells [s].
+    """Time of a program at its assigned velocities, where given, and of its dwells [s].
 
-    Rounded corners make it shorter, limits longer.
+    Rounded corners make the motion shorter, limits make it longer.
     """
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
 
 
 def _assigned_time(path: Path, limits: Limits) -> float:
-    # A segment without a velocity takes a time that is not known yet.
+    """Time of a path at its assigned velocities [s]; segments without one count as zero."""
     speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
     return float(np.sum(path.lengths / np.where(np.isnan(speeds), np.inf, speeds)))
 
 
 def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:
-    """The trajectory, which takes no longer than LONGEST_MOTION.
+    """Return a trajectory that takes at most LONGEST_MOTION.
 
     Raises:
-        NotRealizable: It takes longer, or its duration is not a number.
+        NotRealizable: The trajectory takes longer, or its duration is not a number.
     """
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(
             f"The motion would take {trajectory.duration:.3g} s, but lasts {LONGEST_MOTION:g} s at "
-            "most: raise the limits that hold it back.",
+            "most: raise the limits that bind.",
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )
@@ -223,10 +227,14 @@ def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:
 
 
 def with_reserve(limits: Limits, reserve: float) -> Limits:
-    """Limits of which a share of joint acceleration and torque is left over.
+    """Reduce the limits of joint acceleration and torque by a share.
+
+    Args:
+        limits: The limits.
+        reserve: Share to subtract, from 0 to below 1.
 
     Raises:
-        InvalidInput: No share below 1.
+        InvalidInput: `reserve` is out of this range.
     """
     if not 0 <= _checks.number("reserve", reserve) < 1:
         raise InvalidInput(f"reserve must be a share from 0 to below 1, but is {reserve:g}.")
@@ -245,15 +253,15 @@ def _refuse_foreign(
     branch: str | None,
     start: npt.ArrayLike | None,
 ) -> None:
-    """Refuse what is traced already, but for another arm, or out of the joints' ranges.
+    """Refuse traced paths that are for another arm or out of the joint ranges.
 
     Raises:
-        InvalidInput: Joint paths of another arm, or a branch or a start for them.
-        Unreachable: A place out of a joint's range.
+        InvalidInput: A joint path of another arm, or a `branch` or `start` for a traced path.
+        Unreachable: A joint path leaves a joint range.
     """
     if not (branch is None and start is None):
         given = "start" if branch is None else "branch"
-        raise InvalidInput(f"A joint path is on its way already: give {given} to trace instead.")
+        raise InvalidInput(f"A joint path is traced already: give {given} to trace instead.")
     for x in steps:
         if x.joint_path is None:
             continue
@@ -270,7 +278,7 @@ def refuse_jerk(limits: Limits, ignored: bool) -> None:
     """Refuse limits of jerk unless they are ignored on purpose.
 
     Raises:
-        NotRealizable: There are such limits.
+        NotRealizable: There are limits of jerk.
     """
     if limits.joint_jerk is not None and not ignored:
         raise NotRealizable(

@@ -1,4 +1,4 @@
-"""Tracing a program: what the joints follow, move by move, before any of it is timed."""
+"""Joint paths of all moves of a program, before the program is timed."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.tracing import trace
 
-# Joint positions nearer than this are the same [rad]: what exact inverse kinematics leaves.
+# Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
 SAME_POSITION = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracedMove:
-    """What the joints do for a move of a program, or to get from one move to the next.
+    """The joint path of a move of a program, or of the rapid from one move to the next.
 
     Args:
-        move: Index of the move; None for the rapid between two moves that do not meet.
-        joint_path: What the joints follow; None where they stand still.
-        called: What sentences call it; empty for a path alone.
+        move: Index of the move; None for a rapid between two moves that do not meet.
+        joint_path: The joint path; None where the joints stand still.
+        called: Name of the move in error messages; empty for a single path.
     """
 
     move: int | None
@@ -42,17 +42,17 @@ class TracedMove:
     called: str = ""
 
     def named(self) -> AbstractContextManager[None]:
-        """Errors that occur inside begin with what the step is called."""
+        """A context in which error messages start with the name of the move."""
         return locate_errors(self.called) if self.called else nullcontext()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracing:
-    """A program with what the joints follow; plans that differ only in timing share it.
+    """A program with its joint paths; plans that differ only in timing share it.
 
     Args:
         program: The program.
-        steps: What the joints do, in order.
+        steps: The joint paths in order.
     """
 
     program: Program
@@ -60,12 +60,12 @@ class Tracing:
 
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
-        """The program of one path that is traced already."""
+        """The tracing of one path that is traced already."""
         return cls(program=Program.of(path), steps=(TracedMove(move=0, joint_path=joint_path),))
 
     @property
     def joint_paths(self) -> tuple[JointPath, ...]:
-        """What the joints follow, step by step; they stand still between some."""
+        """The joint paths in order, without the steps at which the joints stand still."""
         return tuple(x.joint_path for x in self.steps if x.joint_path is not None)
 
 
@@ -78,24 +78,24 @@ def trace_program(
     start: npt.ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Tracing:
-    """What the joints follow along all moves of a program.
+    """Trace all moves of a program.
 
-    The first contour starts in the configuration that is fastest along it; every other one in that
-    which is nearest to where the joints are then, or in the fastest if that does not complete it.
-    A rapid without a path, and whatever gap is left between two moves, is a straight line of the
-    joints.
+    The first contour starts in its fastest configuration. Every other contour starts in the
+    configuration nearest to the joint positions before it, or in its fastest configuration if the
+    nearest one does not complete it. A rapid without a path, and a gap between two moves, becomes a
+    straight line in joint space.
 
     Args:
-        program: The program, with its corners rounded and the tool's orientation given.
+        program: The program, with rounded corners and the required tool orientation.
         arm: The arm.
-        limits: They rule the ranges of the joints, and which configuration is the fastest; by
-            default the arm's own.
+        limits: Limits with the joint ranges; they also decide which configuration is the fastest.
+            By default the arm's own.
         branch: As in `plan`.
         start: As in `plan`.
         progress: Called after every contour with the step "tracing" and the share that is done.
 
     Raises:
-        ArmContourError: As tracing raises it, with the contour's name.
+        ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     tracer = _Tracer(program.single_path, program.contours, arm, bounds, branch, start)
@@ -108,7 +108,7 @@ def trace_program(
 
 @dataclass(slots=True)
 class _Tracer:
-    """Steps so far, each of which starts where the one before ended."""
+    """Traces the moves of a program one after the other; each starts where the last one ended."""
 
     single_path: Path | None
     contours: tuple[Contour, ...]
@@ -123,7 +123,7 @@ class _Tracer:
     def follow(self, i: int, move: Move) -> None:
         """Add the steps of a move; a rapid without a path is the gap before the next move."""
         if isinstance(move, Contour):
-            # A path alone has no number.
+            # A single path has no number.
             alone = self.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
@@ -149,7 +149,7 @@ class _Tracer:
             self._append(i, found, called)
 
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
-        """Add what the joints follow, and a straight line of the joints to where it starts."""
+        """Append a joint path, with a straight line in joint space to its start if needed."""
         if self.last is not None:
             end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
             if np.abs(q - end).max() > SAME_POSITION:
@@ -159,7 +159,7 @@ class _Tracer:
         self.last = joint_path
 
     def _trace(self, path: Path) -> JointPath:
-        """A path from the configuration that the joints are in, if that completes it."""
+        """Trace a path from the present configuration, else from the fastest one."""
         if self.last is None or isinstance(self.arm, PlanarTwoLink):
             start = self.start if self.last is None else None
             return trace_fastest(path, self.arm, self.limits, branch=self.branch, start=start)
@@ -169,7 +169,7 @@ class _Tracer:
             return trace_fastest(path, self.arm, self.limits)
 
     def _trace_to(self, contour: Contour, path: Path) -> JointPath:
-        """A rapid before the first contour, in the configuration that is fastest along that."""
+        """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limits = self.arm, self.limits
         if isinstance(arm, PlanarTwoLink):
             return self._trace(path)
@@ -178,23 +178,23 @@ class _Tracer:
             back = trace(reverse_path(path), arm, limits=limits, start=fastest(0.0))
             return trace(path, arm, limits=limits, start=back(back.length))
         except ArmContourError:
-            # In another configuration, if there is one; what is wrong with the contour, it says.
+            # Try the other configurations; errors of the contour are raised when it is traced.
             return self._trace(path)
 
 
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
-    """Where the joints are at the start and at the end of a joint path [rad], (dof,) each."""
+    """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
     first, last = joint_path.breaks[[0, -1]]
     return joint_path(first), joint_path(last, side="left")
 
 
 def _turn_tool(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """A rapid's path with the tool turning from the last contour's orientation to the next one's.
+    """Turn the tool along a rapid from the orientation of the last contour to that of the next.
 
     Args:
-        path: The path.
-        before: The contour before it, if there is one.
-        after: The contour after it, if there is one.
+        path: The path of the rapid.
+        before: The contour before the rapid, or nothing.
+        after: The contour after the rapid, or nothing.
     """
     if path.orientation is not None or path.dimension == 2:
         return path
@@ -205,7 +205,8 @@ def _turn_tool(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
         return path
     free = all(x.axis_only for x, _ in given)
     first, last = given[0][0](given[0][1]), given[-1][0](given[-1][1])
-    # Of two ways of half a turn either will do, and an axis that is free to turn asks for none.
+    # If only tool axes are given, the tool does not turn about its axis. For opposite orientations
+    # either direction of rotation will do.
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first

@@ -1,4 +1,4 @@
-"""Timing a program: every contour by itself, free rapids between them, one trajectory of all."""
+"""Timing of a program: contours, rapids, dwells and events as one trajectory."""
 
 from __future__ import annotations
 
@@ -22,37 +22,37 @@ SAME_TIME = 1e-9
 def time_program(
     traced: Tracing, timing: MoveTiming, progress: Progress | None = None
 ) -> Trajectory:
-    """One trajectory of all moves of a program, at rest between any two of them.
+    """Time all moves of a program, with the arm at rest between any two of them.
 
-    Limits of the tool hold along contours; rapids have those of the joints.
+    Contours keep the limits of the tool and of the joints; rapids keep those of the joints only.
 
     Args:
-        traced: The program with what the joints follow.
+        traced: The program with its joint paths.
         timing: How contours and rapids are timed.
         progress: Called after every contour with the step "timing" and the share that is done.
 
     Raises:
-        ArmContourError: As planning raises it, with the contour's name.
+        ArmContourError: A move cannot be planned; the message starts with the name of the contour.
     """
     chain = _Chain(traced, timing)
     number, count = 0, len(traced.program.contours)
     for step in traced.steps:
         move = None if step.move is None else traced.program.moves[step.move]
         if isinstance(move, Contour):
-            chain.contour(step, move)
+            chain.add_contour(step, move)
             number += 1
             if progress is not None:
                 progress(Step(("timing",), number / count))
         elif isinstance(move, Event | Dwell):
-            chain.still(step, move)
+            chain.add_still(step, move)
         else:
-            chain.rapid(step)
+            chain.add_rapid(step)
     return chain.trajectory()
 
 
 @dataclass(slots=True)
 class _Chain:
-    """Moves timed so far, each beginning where the one before ended."""
+    """Moves timed so far; each starts where the one before ended."""
 
     traced: Tracing
     timing: MoveTiming
@@ -64,16 +64,16 @@ class _Chain:
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
 
-    def contour(self, step: TracedMove, move: Contour) -> None:
-        """A contour, with what is switched along it."""
+    def add_contour(self, step: TracedMove, move: Contour) -> None:
+        """Plan and append a contour with its events."""
         assert step.joint_path is not None
         with step.named():
             self._pause()
-            planned = self.timing.contour(step.joint_path, self.laws)
-        begun, end = self.t, self.t + planned.duration
-        work = (begun, end)
+            trajectory = self.timing.contour(step.joint_path, self.laws)
+        start, end = self.t, self.t + trajectory.duration
+        work = (start, end)
         if move.work is not None:
-            on, off = (begun + planned.time_at(move.work)).tolist()
+            on, off = (start + trajectory.time_at(move.work)).tolist()
             work = (on, off)
         s = (self.length, self.length + move.path.length)
         self._append(
@@ -82,39 +82,43 @@ class _Chain:
                 move=step.move,
                 kind="contour",
                 name=move.name,
-                t=(begun, end),
+                t=(start, end),
                 s=s,
                 work=work,
-                trajectory=planned,
+                trajectory=trajectory,
             ),
         )
-        self.last, self.length = planned, s[1]
+        self.last, self.length = trajectory, s[1]
         for x in move.events:
-            self._timed(x, move, planned, begun, s[0], step.called)
+            self._add_event(x, move, trajectory, start, s[0], step.called)
 
-    def rapid(self, step: TracedMove) -> None:
-        """A rapid, along its path or along a straight line of the joints."""
+    def add_rapid(self, step: TracedMove) -> None:
+        """Plan and append a rapid, along its path or along a straight line in joint space."""
         assert step.joint_path is not None
         with step.named():
-            planned = self.timing.rapid(step.joint_path, self.laws)
-        t, s = (self.t, self.t + planned.duration), (self.length, self.length)
-        span = Span(move=step.move, kind="rapid", t=t, s=s, trajectory=planned)
+            trajectory = self.timing.rapid(step.joint_path, self.laws)
+        t, s = (self.t, self.t + trajectory.duration), (self.length, self.length)
+        span = Span(move=step.move, kind="rapid", t=t, s=s, trajectory=trajectory)
         self._append(step.joint_path, span)
 
-    def still(self, step: TracedMove, move: Event | Dwell) -> None:
-        """What comes where the joints stand."""
+    def add_still(self, step: TracedMove, move: Event | Dwell) -> None:
+        """Append a dwell, or an event between moves."""
         if isinstance(move, Dwell):
             self._stand(step.move, move.duration)
         else:
-            self._switch(move)
+            self._add_event_at_rest(move)
 
     def trajectory(self) -> Trajectory:
-        """All that was planned."""
+        """The trajectory of all moves so far.
+
+        Raises:
+            InvalidInput: An event would come before the motion starts, or out of order.
+        """
         early = next((x for x in self.events if x.t < 0), None)
         if early is not None:
             raise InvalidInput(
                 f"The event {early.name} is to come {-early.t:.6g} s before the motion begins: "
-                "begin with a longer lead-in or a dwell, or give it less lead.",
+                "start with a longer lead-in or a dwell, or give the event less advance.",
                 t=early.t,
                 allowed=0.0,
             )
@@ -125,23 +129,23 @@ class _Chain:
             laws=tuple(self.laws),
             method=self.last.method,
             path=single_path,
-            # Stretches have times and places of their own path.
+            # The times and arc lengths of stretches count from the start of their own path.
             stretches=() if single_path is None else self.last.stretches,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),
         )
 
     def _refuse_disorder(self) -> None:
-        """Refuse leads that bring what is switched into another order than it is meant in."""
+        """Refuse advances that change the order in which one output is switched."""
         last: dict[str, TimedEvent] = {}
         for x in self.events:
             before = last.get(x.name)
             if before is not None and x.t < before.t - SAME_TIME and x.value != before.value:
                 raise InvalidInput(
                     f"The event {x.name} to {x.value} at {x.s:.6g} m would come at {x.t:.6g} s, "
-                    f"with its lead, and so before the one to {before.value} at {before.s:.6g} m, "
-                    f"which comes at {before.t:.6g} s: give it less lead, or more way or time "
-                    "between them.",
+                    f"with its advance, before the one to {before.value} at {before.s:.6g} m, "
+                    f"which comes at {before.t:.6g} s: give it less advance, or more distance or "
+                    "time between them.",
                     s=x.s,
                     t=x.t,
                     allowed=before.t,
@@ -156,26 +160,26 @@ class _Chain:
 
     @property
     def _q(self) -> FloatArray:
-        """Where the joints stand now [rad], (dof,)."""
+        """Joint positions after the moves so far [rad], (dof,)."""
         if self.done is None:
             return ends_of(self.traced.joint_paths[0])[0]
         return ends_of(self.done)[1]
 
     def _stand(self, move: int | None, duration: float) -> None:
-        """Stand still for a dwell of the program, or for a pause that is none of its moves."""
+        """Append a standstill [s]; `move` is the index of its dwell, None for a pause."""
         t, s = (self.t, self.t + duration), self.length
         self.laws.append(stand_still(self._q, duration))
         self.spans.append(Span(move=move, kind="dwell", t=t, s=(s, s)))
         self.t = t[1]
 
     def _pause(self) -> None:
-        """Stand still until the contour that follows may start."""
+        """Append the standstill that the next contour needs before its start."""
         duration = self.timing.pause(self.laws) if self.laws else 0.0
         if duration > 0:
             self._stand(None, duration)
 
-    def _switch(self, x: Event) -> None:
-        """What is switched where the joints stand now."""
+    def _add_event_at_rest(self, x: Event) -> None:
+        """Append an event at the present joint positions."""
         self.events.append(
             TimedEvent(
                 name=x.name,
@@ -187,9 +191,28 @@ class _Chain:
             )
         )
 
-    def _timed(
-        self, x: Event, move: Contour, planned: Trajectory, begun: float, offset: float, called: str
+    def _add_event(
+        self,
+        x: Event,
+        move: Contour,
+        trajectory: Trajectory,
+        start: float,
+        offset: float,
+        called: str,
     ) -> None:
+        """Append an event of a contour.
+
+        Args:
+            x: The event.
+            move: The contour.
+            trajectory: The motion along the contour.
+            start: Start time of the contour [s].
+            offset: Length of the contours before it [m].
+            called: Name of the contour in error messages.
+
+        Raises:
+            InvalidInput: The event would be switched off the contour.
+        """
         early = x.s - x.lead_distance
         if not -REPEATED_POINT <= early <= move.path.length + REPEATED_POINT:
             leads = x.lead_distance > 0
@@ -202,7 +225,7 @@ class _Chain:
                 allowed=x.s if leads else move.path.length - x.s,
             )
         places = np.clip([x.s, early], 0.0, move.path.length)
-        due, t = (begun + planned.time_at(places)).tolist()
+        due, t = (start + trajectory.time_at(places)).tolist()
         self.events.append(
             TimedEvent(
                 name=x.name,

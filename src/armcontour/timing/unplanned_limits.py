@@ -1,4 +1,4 @@
-"""Limits that a method does not plan for: its laws are checked for them."""
+"""Check of the laws of a method for limits that the method does not plan for."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import UNITS
 from armcontour.errors import NotRealizable
 from armcontour.motion import LawAlongPath
-from armcontour.timing.common import law_places, law_states
+from armcontour.timing.common import law_states, sample_times
 from armcontour.timing.limit_use import States, allowed, quantity
 
 # A law may exceed a limit by rounding only.
 ROUNDING = 1e-6
-# What a unit alone does not tell.
+# Words after a unit that does not name the quantity by itself.
 OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 
 
@@ -29,28 +29,29 @@ def refuse_broken(
     t: float,
     mends: str,
 ) -> None:
-    """Refuse laws that break one of the named limits at a place that is looked at.
+    """Refuse laws that break one of the named limits at a sample.
 
     Args:
         laws: The laws, one after the other.
         arm: The arm.
-        limits: The limits; of those named, what is not given is not limited.
-        names: Fields of `Limits`.
-        where: Begins the sentence; what follows it is the place along the path.
-        t: When they begin [s].
-        mends: Ends the sentence.
+        limits: The limits. A named limit that is None is not checked.
+        names: Fields of `Limits` to check.
+        where: First words of the error message; the arc length follows.
+        t: Start time of the first law [s].
+        mends: Last words of the error message: what would help.
 
     Raises:
-        NotRealizable: With place and time, the joint, what it would need, and the limit.
-        InvalidInput: Torques of an arm without masses, or turning of a tool without orientation.
+        NotRealizable: With position and time, the joint, the value it would need, and the limit.
+        InvalidInput: A torque limit for an arm without masses, or a limit of angular motion for a
+            tool without orientation.
     """
     given = [name for name in names if getattr(limits, name) is not None]
-    begun = t
+    start = t
     for law in laws if given else ():
         states = law_states(law, arm)
         for name in given:
-            _refuse_in_law(law, states, limits, name, where, begun, mends)
-        begun += float(law.breaks[-1])
+            _refuse_in_law(law, states, limits, name, where, start, mends)
+        start += float(law.breaks[-1])
 
 
 def _refuse_in_law(
@@ -59,13 +60,13 @@ def _refuse_in_law(
     limits: Limits,
     name: str,
     where: str,
-    begun: float,
+    start: float,
     mends: str,
 ) -> None:
-    """Refuse a law that begins at a time [s] and breaks one limit.
+    """Refuse a law that starts at the time `start` [s] and breaks one limit.
 
     Raises:
-        NotRealizable: With place and time, the joint, what it would need, and the limit.
+        NotRealizable: With position and time, the joint, the value it would need, and the limit.
     """
     found = quantity(name, states)
     most = np.broadcast_to(allowed(name, limits, states), found.shape)
@@ -76,13 +77,13 @@ def _refuse_in_law(
     joint = int(at[1]) + 1 if len(at) == 2 else None
     needed, limit = abs(float(found[at])), abs(float(most[at]))
     who = "the tool" if joint is None else f"joint {joint}"
-    intervals, times = law_places(law)
+    intervals, times = sample_times(law)
     s = float(law.path_position(intervals[at[0]], times[at[0]]))
     raise NotRealizable(
         f"{where}, at {s:.4g} m, {who} would need {needed:.4g} {UNITS[name]}{OF.get(name, '')}, "
         f"but its limit is {limit:.4g} {UNITS[name]}: {mends}.",
         s=s,
-        t=begun + float(times[at[0]]),
+        t=start + float(times[at[0]]),
         joint=joint,
         limit=name,
         needed=needed,

@@ -1,4 +1,4 @@
-"""Constraints of the optimal planner: one class each, all answering to `Constraint`."""
+"""Constraints of the optimal planner: one subclass of `Constraint` for each kind of limit."""
 
 from armcontour.timing.constraints.angular import (
     AngularAcceleration,

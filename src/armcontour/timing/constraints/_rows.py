@@ -1,4 +1,4 @@
-"""The compiled part of joint constraints: values at interval ends, and how far they can bulge."""
+"""The compiled part of joint constraints: values at interval ends, and margins between them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
 
-# Differences of x carry this much rounding of x itself.
+# Relative rounding error of x in differences of x.
 ROUNDING = 2e-15
 
 
@@ -77,9 +77,9 @@ def acceleration_bulge(
     skew: FloatArray,
     bulge: FloatArray,
 ) -> None:
-    """Write how far joint accelerations can rise above their chords into `bulge`, (n, dof).
+    """Write the largest rise of joint accelerations above their chords into `bulge`, (n, dof).
 
-    What rounding of x makes of u, a difference of x over the width, is added.
+    The rounding error of u, which is a difference of x over the width, is added.
 
     With u linear in s, its second derivative is `5 q''' u + q'''' x + 4 q'' skew`; a function rises
     above its chord by at most width² / 8 times the largest amount of that.
@@ -173,8 +173,8 @@ def velocity_ceiling(
             bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + width[i] * third[i, j]
             rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
             bulge = share * (rate + 2 * abs(skew[i]) * slope * slope)
-            # Both ends by the first rule, or both slow enough for the steepest place of the
-            # interval: one end by the one and the other by the other would prove nothing.
+            # Take either both ends with the bulge, or both ends slow enough for the largest dq_ds
+            # of the interval. A mix of the two rules would prove nothing.
             at_start = _over_square(v2 - bulge, start)
             at_end = _over_square(v2 - bulge, end)
             tight = _over_square(v2, slope)
@@ -197,8 +197,8 @@ def margin_lost(
 ) -> FloatArray:
     """Largest share of any bound that margins take on each interval, (n,).
 
-    It is 1 where the change of u over half an interval alone would break a bound at rest, so that
-    the stage of the interval would have no state that is safe for certain.
+    The share is 1 where the change of u over half an interval alone would break a bound at rest,
+    so that no state of the interval is certainly allowed.
     """
     n = low.shape[1]
     lost = np.zeros(n)

@@ -1,7 +1,7 @@
-"""Limits of how the tool turns, for arms whose tool has an orientation.
+"""Limits of angular speed and angular acceleration, for arms whose tool has an orientation.
 
-At ds = 1 the tool turns at a vector rate w(s), which forward kinematics gives; then its angular
-velocity is `w ds` and its angular acceleration `w u + w' x`.
+Forward kinematics gives w(s), the angular velocity of the tool at ds = 1. The angular velocity is
+then `w ds`, and the angular acceleration is `w u + w' x`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from armcontour.timing.constraints.sampled import Sampled, bulge, rise
 from armcontour.timing.grid import Grid
 from armcontour.timing.limit_use import require_orientation
 
-# The length of a vector in a plane is bounded by a polygon of twice as many sides: it lies within
-# the circle of the limit and at most 1 - cos(pi / 64), 0.12 %, inside it.
+# The length of a vector in a plane is bounded by a polygon of twice as many sides. The polygon lies
+# inside the circle of the limit, by at most 1 - cos(pi / 64) = 0.12 % of its radius.
 DIRECTIONS = 32
-# Vectors are taken to be parallel if this part of one is across the other.
+# Two vectors count as parallel if at most this share of one is at right angles to the other.
 PARALLEL = 1e-9
 
 
 def turning_of(arm: Arm) -> Sampled:
-    """The tool's rate of turning at ds = 1 and its derivative over s, (n, 2, 3).
+    """The angular velocity of the tool at ds = 1 and its derivative over s, (n, 2, 3).
 
     Raises:
         InvalidInput: The arm's tool has no orientation.
@@ -42,7 +42,7 @@ class AngularSpeed(Constraint):
 
     Args:
         limit: Largest angular speed of the tool [rad/s].
-        turning: How the tool turns along the path, from `turning_of`.
+        turning: Angular velocity along the path, from `turning_of`.
     """
 
     name = "angular speed"
@@ -52,7 +52,7 @@ class AngularSpeed(Constraint):
         self.limit, self._turning = limit, turning
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
-        """Drawn in by what `|w|² x` can rise between the ends."""
+        """The bound, less what `|w|² x` can rise between the ends."""
         square = _square(self._turning.at_ends(grid))
         with np.errstate(divide="ignore"):
             if bounds is None:
@@ -69,7 +69,7 @@ class AngularAcceleration(Constraint):
 
     Args:
         limit: Length of the angular acceleration vector [rad/s²].
-        turning: How the tool turns along the path, from `turning_of`.
+        turning: Angular velocity along the path, from `turning_of`.
     """
 
     name = "angular acceleration"
@@ -79,7 +79,7 @@ class AngularAcceleration(Constraint):
         self.limit, self._turning = limit, turning
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """One row per direction, each fixed all along its interval."""
+        """One row per side of the polygon; its direction is fixed on each interval."""
         ends = self._turning.at_ends(grid)
         middle = self._turning.in_middles(grid)
         planes = _planes(middle)
@@ -93,7 +93,7 @@ class AngularAcceleration(Constraint):
             seen = np.moveaxis(middle @ np.swapaxes(directions, 1, 2), 1, 0)
             rises = rise(grid, a, seen[0]), rise(grid, b, seen[1]), np.zeros_like(margin)
             margin = bulge(grid, a, b, rises, bounds)
-            # The plane turns along the interval: what points out of it is set aside.
+            # The plane turns along the interval: the part that leaves it reduces the radius.
             out = np.abs(ends @ planes[:, 2, :, None])[..., 0].max(axis=0)
             out += rise(grid, ends, middle).sum(axis=2)
             across = out[:, 0] * bounds.u + out[:, 1] * bounds.x
@@ -109,18 +109,19 @@ class AngularAcceleration(Constraint):
 
 
 def _square(turning: FloatArray) -> FloatArray:
+    """`|w|²` of angular velocities at ds = 1, (..., 2, 3)."""
     return np.asarray(np.sum(turning[..., 0, :] ** 2, axis=-1))
 
 
 def _planes(turning: FloatArray) -> FloatArray:
-    """Two orthonormal vectors that span w and w', and one across them, (n, 3, 3).
+    """Two orthonormal vectors that span w and w', and their normal, (n, 3, 3).
 
-    Where there is no such plane, any that holds what there is.
+    Where w and w' span no plane, any plane that contains them.
     """
     w, dw = turning[:, 0], turning[:, 1]
     still = (np.linalg.norm(w, axis=1) == 0)[:, None]
     along = _unit(np.where(still, dw, w), np.array([1.0, 0.0, 0.0]))
-    # Of what is parallel but for rounding, the rest has no direction; some axis has.
+    # If both are parallel, the rest is rounding only: take the axis farthest from them instead.
     rest = dw - np.sum(dw * along, axis=1)[:, None] * along
     parallel = np.linalg.norm(rest, axis=1) <= PARALLEL * np.linalg.norm(dw, axis=1)
     axis = np.eye(3)[np.argmin(np.abs(along), axis=1)]
@@ -129,5 +130,6 @@ def _planes(turning: FloatArray) -> FloatArray:
 
 
 def _unit(vectors: FloatArray, otherwise: FloatArray) -> FloatArray:
+    """Unit vectors, (n, 3); `otherwise` where a vector is zero."""
     size = np.linalg.norm(vectors, axis=1)[:, None]
     return np.asarray(np.where(size > 0, vectors / np.where(size > 0, size, 1.0), otherwise))

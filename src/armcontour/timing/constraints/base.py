@@ -1,15 +1,15 @@
-"""What a constraint tells the kernel.
+"""The base class of constraints, and the forms in which constraints reach the optimal planner.
 
-On an interval of the grid the planner moves with a path acceleration `u = dds` that is linear in
-s with a given slope, the skew. A constraint says what that means at both ends of every interval:
+On each interval of the grid the path acceleration `u = dds` is linear in s; its slope is called
+skew. With `x = ds²`, a constraint has one or more of these forms at both ends of every interval:
 
-- a ceiling: the largest x at either end;
-- rows: `low <= a u + b x <= high` at the interval's start, with x there, and at its end;
-- a disc: `(c x)² + u² <= r²` at either end.
+- a ceiling, which is an upper bound of x (maximum velocity curve);
+- rows, which are linear: `low <= a u + b x <= high`;
+- a disc, which is a second-order cone: `(c x)² + u² <= r²`.
 
-A constraint needs to define only what it has. What it returns is already narrowed so that what
-holds at both ends holds between them (docs/concepts/optimal.md has the proof); to bound what
-happens between the ends it is told how large x and u can get.
+A constraint defines only the forms that it has. Its bounds already include a margin, so that a
+constraint which is kept at both ends is kept between them too (proof in docs/concepts/optimal.md).
+The margin follows from bounds of x and u on the interval.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class JointDerivatives:
 
     @classmethod
     def on(cls, grid: Grid) -> JointDerivatives:
-        """Those of the grid's joint path."""
+        """Compute the derivatives of the grid's joint path."""
         path: JointPath = grid.joint_path
         shape = (len(grid), path.dof)
         block = _memory.take(6 * shape[0] * shape[1])
@@ -58,15 +58,15 @@ class JointDerivatives:
 
 
 class _Memory(threading.local):
-    """The block of the last plan, per thread.
+    """The memory block of the last plan, per thread, which the next plan uses again.
 
-    At 5000 points, to take fresh memory from the system costs as much as all the arithmetic.
+    At 5000 points a fresh block from the system costs as much time as all the arithmetic.
     """
 
     block: FloatArray | None = None
 
     def take(self, size: int) -> FloatArray:
-        """A block of at least `size` numbers that nobody else refers to."""
+        """A block of at least `size` numbers that no other object refers to."""
         block = self.block
         if block is not None and block.size >= size and sys.getrefcount(block) == UNUSED:
             return block
@@ -78,19 +78,19 @@ class _Memory(threading.local):
 _memory = _Memory()
 # A block of more numbers than this (16 MB) is not kept.
 MOST_KEPT = 2_000_000
-# References to a block while it is looked at: the attribute, the local name, the argument.
+# References to an unused block during the check: the attribute, the local name, the argument.
 UNUSED = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """How large things can get on each interval, whatever the plan.
+    """Bounds of the path speed and acceleration on each interval that hold for every plan.
 
     Args:
         x: Largest ds² [m²/s²], (n,).
         u: Largest |dds| [m/s²], (n,).
         skew: Slope of dds over s [1/s²], (n,).
-        least: Smallest ds², (n,) [m²/s²]; kept if any constraint is `bracketed`.
+        least: Smallest ds² [m²/s²], (n,); a lower bound if any constraint is `bracketed`.
     """
 
     x: FloatArray
@@ -101,11 +101,12 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Ceiling:
-    """Largest x.
+    """Upper bound of x.
 
     Args:
-        x: At the starts and ends of all intervals, (2, n).
-        lost: Largest share of it that margins have taken on each interval, (n,); None for none.
+        x: Largest x at the starts and ends of all intervals [m²/s²], (2, n).
+        lost: Largest share of the bound that margins have taken on each interval, (n,); None for
+            no margins.
     """
 
     x: FloatArray
@@ -121,7 +122,7 @@ class Rows:
         b: Coefficients of x, (2, n, rows).
         low: Lower bounds, (2, n, rows).
         high: Upper bounds, (2, n, rows).
-        margin: What both bounds are drawn in by on each interval, (n, rows).
+        margin: Margin subtracted from both bounds on each interval, (n, rows).
     """
 
     a: FloatArray
@@ -133,10 +134,10 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A round constraint.
+    """A constraint `(c x)² + u² <= r²`.
 
     Args:
-        c: At the starts and ends of all intervals [1/m], (2, n).
+        c: Coefficients of x at the starts and ends of all intervals [1/m], (2, n).
         r: Radius [m/s²], (n,).
     """
 
@@ -151,7 +152,7 @@ class IntervalEnds:
     Args:
         arm: The arm.
         law: The plan.
-        grid: Its intervals.
+        grid: The grid of the plan.
     """
 
     arm: Arm
@@ -177,7 +178,7 @@ class IntervalEnds:
 
     @cached_property
     def states(self) -> States:
-        """The arm at all starts and then at all ends, (2 n, dof)."""
+        """Joint states at all starts and then at all ends, (2 n, dof)."""
         piece, s = np.tile(self.grid.piece, 2), np.append(self.grid.s[:-1], self.grid.s[1:])
         q = self.grid.joint_path.on_interval(piece, s)
         x, u = self.x[..., None], self.u[..., None]
@@ -186,19 +187,19 @@ class IntervalEnds:
 
 
 class Constraint:
-    """One limit along a path; this base limits nothing.
+    """One limit along a path; this base class limits nothing.
 
     Attributes:
-        name: What people call it, such as "acceleration".
-        limit_name: The field of `Limits` that it keeps, whose values are `limit`: then that limit
-            says how far it is used. Without, its rows, ceiling and disc do.
-        limit: What is allowed; one, or per joint.
-        joints: Whether there is one per joint, which explanations then name.
-        curved: Whether its rows stand for a curve in x: those of the first pass are made again for
-            the plan that comes out.
-        bracketed: Whether its rows hold only while x on every interval is from `bounds.least` to
-            `bounds.x`, or take much smaller margins then: the planner looks for brackets around its
-            plan, on a grid that is finer next to rests.
+        name: Name in messages, such as "acceleration".
+        limit_name: The field of `Limits` that the constraint keeps, with the values `limit`; its
+            use is computed from this limit. Empty: from its rows, ceiling and disc.
+        limit: Largest value; one number, or one per joint.
+        joints: Whether there is one limit per joint, which explanations then name.
+        curved: Whether rows are tangents of a curve in x; the first pass is then repeated with the
+            tangents at its own plan.
+        bracketed: Whether rows hold only while x is from `bounds.least` to `bounds.x` on every
+            interval, or have much smaller margins then. The planner then keeps x within brackets,
+            on a grid that is finer next to rests.
     """
 
     name = ""
@@ -209,13 +210,13 @@ class Constraint:
     bracketed = False
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling | None:
-        """Largest x at the starts and ends of all intervals.
+        """Upper bound of x at the starts and ends of all intervals.
 
         Args:
             grid: The grid.
-            path: Derivatives on it.
-            bounds: For what happens between the ends; None in the first pass, where only the ends
-                count.
+            path: Derivatives of the joint path on the grid.
+            bounds: Bounds of x and u, from which margins follow; None for no margins, in the first
+                pass.
         """
         return None
 
@@ -224,23 +225,23 @@ class Constraint:
         return None
 
     def rows_about(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> Rows | None:
-        """Rows of the first pass for a plan near x, one per interval, (n,)."""
+        """Rows of the first pass for a plan near x, one x for each interval, (n,)."""
         return self.rows(grid, path, None)
 
     def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc | None:
-        """A round constraint; arguments as in `ceiling`."""
+        """The disc constraint; arguments as in `ceiling`."""
         return None
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray | None:
-        """Largest |dds| it allows on every interval, given the largest x there, (n,)."""
+        """Largest |dds| that the constraint allows on every interval, (n,), given the largest x."""
         return None
 
     def allowed(self, grid: Grid) -> FloatArray:
-        """What there may be of what `limit_name` limits, of a shape that fits (n, joints or 1)."""
+        """Largest value of the limited quantity, in a shape that broadcasts to (n, joints or 1)."""
         return np.asarray(self.limit)
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Share of the limit in use on every interval, the larger of both ends.
+        """Used share of the limit on every interval, the larger one of both ends.
 
         Args:
             ends: The plan.

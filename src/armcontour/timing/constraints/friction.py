@@ -1,7 +1,7 @@
-"""Lines that stand for a square root, which the planner's linear rows do not know.
+"""Lines that bound a square root, because the rows of the planner are linear in x.
 
-Viscous friction is `viscous q' sqrt(x)`. On every interval the root is bounded from above and from
-below by one line each, `offset + slope x`, wherever x is within a bracket.
+Viscous friction is `viscous q' sqrt(x)`. On every interval, one line bounds the root from above and
+one from below, `offset + slope x`, while x is within a bracket.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 
-# Keeps divisions finite where a bracket is empty: the root of it is far below any path speed.
+# Keeps divisions finite where a bracket is empty; its square root is far below any path speed.
 TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """`offset + slope x` on every interval.
+    """A line `offset + slope x` on every interval.
 
     Args:
-        offset: (n, rows).
-        slope: (n, rows).
+        offset: Values at x = 0 [m/s], (n, rows).
+        slope: Slopes over x [s/m], (n, rows).
     """
 
     offset: FloatArray
     slope: FloatArray
 
     def where(self, condition: BoolArray, other: Lines) -> Lines:
-        """These lines where the condition holds, the others elsewhere."""
+        """These lines where the condition is true, the other lines elsewhere."""
         return Lines(
             np.where(condition, self.offset, other.offset),
             np.where(condition, self.slope, other.slope),
@@ -37,22 +37,22 @@ class Lines:
 
 
 def chord(least: FloatArray, most: FloatArray) -> Lines:
-    """Below the root of x for all x from `least` to `most`, (n, 1) each; above it elsewhere."""
+    """Lines below the root of x for x from `least` to `most` [m²/s²], (n, 1) each."""
     low, high = np.sqrt(least), np.sqrt(np.maximum(most, TINY))
     return Lines(low * high / (low + high), 1 / (low + high))
 
 
 def tangent(least: FloatArray, most: FloatArray, cap: FloatArray) -> Lines:
-    """Above the root of x from `least` on, near it up to `most`; the offset is at most `cap`.
+    """Lines above the root of x from `least` on, near the root up to `most`.
 
-    The tangent that is as far above the root at `least` as at `most`. If its offset is more than
-    `cap`, the tangent of offset `cap`, at a smaller x; if that x would be below `least`, the
-    steeper line of offset `cap` that meets the root at `least`.
+    The line is the tangent that is as far above the root at `least` as at `most`. If its offset
+    exceeds `cap`, the line is the tangent of offset `cap`, at a smaller x. If that x is below
+    `least`, the line is the steeper one of offset `cap` that meets the root at `least`.
 
     Args:
-        least: Smallest x, (n, 1).
-        most: Largest x, (n, 1).
-        cap: Above zero, (n, rows).
+        least: Smallest x [m²/s²], (n, 1).
+        most: Largest x [m²/s²], (n, 1).
+        cap: Largest offset, above zero [m/s], (n, rows).
     """
     low, high = np.sqrt(least), np.sqrt(np.maximum(most, TINY))
     offset = np.minimum((low + high) / 4, cap)

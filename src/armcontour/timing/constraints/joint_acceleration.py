@@ -25,7 +25,7 @@ class JointAcceleration(Constraint):
         self.low, self.high = low, high
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """The bounds, drawn in by what the acceleration can bulge between the ends."""
+        """The bounds, less what the acceleration can exceed its chord between the ends."""
         margin = np.zeros(path.third.shape)
         if bounds is not None:
             acceleration_bulge(

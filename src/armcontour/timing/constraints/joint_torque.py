@@ -1,4 +1,4 @@
-"""Joint torque limits, friction of the joints included."""
+"""Joint torque limits, including joint friction."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from armcontour.timing.constraints.sampled import Sampled, bulge, rise
 from armcontour.timing.constraints.second_order import refuse_at_rest
 from armcontour.timing.grid import Grid
 
-# The line above viscous friction may take this part of what is left of a limit at rest: rest stays
-# a state that every row allows, on which the kernel relies.
+# The line above viscous friction may take this share of the torque that is left at rest. So every
+# row allows rest, on which the compiled planner relies.
 SHARE_AT_REST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class _Friction:
-    """What friction adds to both limits on the intervals of a grid.
+    """Joint friction on the intervals of a grid; viscous friction at ds = 1.
 
     Args:
-        viscous: Viscous friction at ds = 1, at the interval ends, (2, n, dof).
-        largest: Bound of its amount all along each interval, (n, dof).
-        departs: Bound of what it departs from its chord, (n, dof).
-        sign: 1 or -1 where a joint certainly turns one way all along an interval, else 0, (n, dof).
-        above: Largest Coulomb friction on each interval, (n, dof).
-        below: Smallest Coulomb friction on each interval, (n, dof).
+        viscous: Viscous friction at the interval ends, (2, n, dof).
+        largest: Bound of the viscous friction on each interval, without sign, (n, dof).
+        departs: Bound of the distance of viscous friction from its chord, (n, dof).
+        sign: Direction of the joint: 1 or -1 where it certainly does not reverse on an interval,
+            else 0, (n, dof).
+        above: Largest Coulomb friction on each interval [N m], (n, dof).
+        below: Smallest Coulomb friction on each interval [N m], (n, dof).
     """
 
     viscous: FloatArray
@@ -44,20 +45,20 @@ class JointTorque(Constraint):
     """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint.
 
     Args:
-        arm: The arm, whose masses are known.
+        arm: The arm, with masses.
         limit: Largest torques [N m], (dof,).
 
     Raises:
-        InvalidInput: The arm's masses are not known.
+        InvalidInput: The arm has no masses.
     """
 
     name = "torque"
     limit_name = "joint_torque"
     limit: FloatArray
     joints = True
-    # Torques at rest, of large accelerations and at speed are of one size, so that margins for all
-    # of them at once would be large. From rest, other joints come to bind within a few intervals,
-    # and friction, which goes with the root of x, changes most.
+    # Torques at rest, at large accelerations and at speed have similar sizes, so margins for all of
+    # them at once would be large. Next to rests the binding joint changes within a few intervals,
+    # and friction, a function of the root of x, changes most.
     bracketed = True
 
     def __init__(self, arm: Arm, limit: FloatArray) -> None:
@@ -69,21 +70,21 @@ class JointTorque(Constraint):
         self._terms = Sampled(lambda *motion: np.stack(dynamics.path_terms(*motion), axis=1))
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """Both limits, drawn in by what the torque can rise between the ends.
+        """Both limits, less what the torque can rise between the ends.
 
-        With viscous friction there is a row for each limit: lines bound the friction, from above
-        for one and from below for the other, while x is from `bounds.least` to `bounds.x`. Without
-        bounds viscous friction is left out.
+        With viscous friction there is one row for each limit. A line bounds the friction from above
+        for the upper limit and from below for the lower limit, while x is from `bounds.least` to
+        `bounds.x`. Without bounds, viscous friction is left out.
 
         Raises:
-            NotRealizable: The arm cannot hold itself, or cannot even creep.
+            NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
         """
         if bounds is None or not self.curved:
             return self._rows(grid, path, None, bounds)
         return self._rows(grid, path, (bounds.least[:, None], bounds.x[:, None]), bounds)
 
     def rows_about(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> Rows:
-        """Tangents of the friction at x, one per interval, stand for it: for a plan near that."""
+        """Rows with the tangents of friction at x, one x for each interval, (n,)."""
         near = x[:, None]
         return self._rows(grid, path, (near, near) if self.curved else None, None)
 
@@ -102,6 +103,7 @@ class JointTorque(Constraint):
         bracket: tuple[FloatArray, FloatArray] | None,
         bounds: Bounds | None,
     ) -> Rows:
+        """Rows with friction bounded for x within a bracket; without a bracket, no viscous one."""
         a, b, c = np.moveaxis(self._terms.at_ends(grid), 2, 0)
         friction = self._friction(grid, path)
         self._refuse_at_rest(grid, c, friction)
@@ -112,8 +114,8 @@ class JointTorque(Constraint):
         sides = []
         for sign, room in ((1.0, high), (-1.0, -low)):
             lines = _lines(friction, sign, room.min(axis=0), *bracket)
-            # Where a joint turns round, its friction is at most what it is at its fastest. The
-            # first pass leaves that out, lest rest itself be refused where gravity takes it all.
+            # Where a joint reverses, its friction is at most that at its largest speed. The first
+            # pass leaves this out, so that rest is allowed where gravity takes all the torque.
             most, turns = sign * friction.largest * np.sqrt(bracket[1]), friction.sign == 0
             most = most if bounds is not None else np.zeros_like(most)
             dragged = b + np.where(turns, 0.0, friction.viscous * lines.slope)
@@ -134,13 +136,14 @@ class JointTorque(Constraint):
         )
 
     def _rises(self, grid: Grid, ends: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
-        """What a, b and c depart from their chords on every interval, (n, dof) each."""
+        """Bounds of the distance of a, b and c from their chords on every interval, (n, dof)."""
         middles = np.moveaxis(self._terms.in_middles(grid), 1, 0)
         return tuple(rise(grid, x, y) for x, y in zip(ends, middles, strict=True))
 
     def _friction(self, grid: Grid, path: JointDerivatives) -> _Friction:
+        """Bound the friction on every interval."""
         first = np.abs(path.first)
-        # A quintic is off its chord by at most this.
+        # Largest distance of dq_ds from its chord.
         off = grid.width[:, None] ** 2 / 8 * path.third
         one_way = (path.first[0] * path.first[1] > 0) & (first.min(axis=0) > off)
         sign = np.where(one_way, np.sign(path.first[0]), 0.0)
@@ -156,6 +159,11 @@ class JointTorque(Constraint):
         )
 
     def _refuse_at_rest(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
+        """Refuse torques `c` at rest that exceed a limit, with and without Coulomb friction.
+
+        Raises:
+            NotRealizable: A joint exceeds its limit.
+        """
         bounds = -self.limit, self.limit
         refuse_at_rest(grid, self, c, bounds)
         if self.coulomb.any():
@@ -167,12 +175,12 @@ class JointTorque(Constraint):
 def _lines(
     friction: _Friction, sign: float, room: FloatArray, least: FloatArray, most: FloatArray
 ) -> Lines:
-    """Lines of the root of x that make friction no less than it is towards one limit.
+    """Lines for the root of x that bound viscous friction towards one limit.
 
     Args:
         friction: The friction.
         sign: 1 for the upper limit, -1 for the lower one.
-        room: What is left of the limit at rest, (n, dof).
+        room: Torque that is left of the limit at rest [N m], (n, dof).
         least: Smallest x, (n, 1).
         most: Largest x, (n, 1).
     """
@@ -189,6 +197,7 @@ def _margin(
     rises: tuple[FloatArray, ...] | None,
     bounds: Bounds | None,
 ) -> FloatArray:
+    """Margin of the torque on every interval, (n, dof); zero without bounds."""
     if rises is None or bounds is None:
         return np.zeros(a.shape[1:])
     return bulge(grid, a, b, rises, bounds)

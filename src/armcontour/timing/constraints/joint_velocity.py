@@ -24,7 +24,7 @@ class JointVelocity(Constraint):
         self.limit = limit
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
-        """The largest x at both ends; with bounds, such that it holds between them too."""
+        """Largest x at both ends; with bounds, small enough for the points between them too."""
         if bounds is None:
             return Ceiling(velocity_ceiling_at_ends(path.first, self.limit))
         return Ceiling(

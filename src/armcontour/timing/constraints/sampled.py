@@ -1,8 +1,8 @@
-"""What follows from joint motion by functions that the planner cannot differentiate.
+"""Functions of joint motion that have no derivatives, sampled on the grid of a plan.
 
-Such quantities are seen at the ends of the grid's intervals and in their middles. Each place is
-computed once for all passes and all grids of a plan: most points of a coarse grid, and of one that
-was made finer, are points of the grid itself.
+The function is sampled at the ends and in the middle of every interval. Each sample is computed
+once for all passes and all grids of a plan: most points of coarser and finer grids are points of
+the grid itself.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from armcontour.timing.constraints._rows import ROUNDING
 from armcontour.timing.constraints.base import Bounds
 from armcontour.timing.grid import Grid
 
-# Of q, dq_ds and d2q_ds2, (n, dof) each, whatever is wanted there, (n, ...).
+# Called with q, dq_ds and d2q_ds2, (n, dof) each; returns the values, (n, ...).
 OfPath = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
-# The rise above the chord is seen in the middle of an interval; it counts this many times.
+# Safety factor of the rise above the chord that is measured in the middle of an interval.
 MARGIN = 2.0
 
 
 class Sampled:
-    """A function of joint motion along a path, seen where a grid needs it.
+    """A function of joint motion along a path, with the samples computed so far.
 
     Args:
-        function: Gives what is wanted at joint positions and their derivatives over s.
+        function: Called with joint positions and their first and second derivatives over s.
     """
 
     def __init__(self, function: OfPath) -> None:
@@ -41,7 +41,7 @@ class Sampled:
         """Values at the starts and ends of all intervals, (2, n, ...)."""
         ends = grid.s[1:].copy()
         last = np.append(grid.piece[1:] != grid.piece[:-1], True)
-        # The left side of a break is filed one rounding below it.
+        # The left side of a break has the key of the next smaller floating-point number.
         ends[last] = np.nextafter(ends[last], -np.inf)
         return np.stack([self._at(grid, grid.s[:-1]), self._at(grid, ends)])
 
@@ -50,19 +50,22 @@ class Sampled:
         return self._at(grid, (grid.s[:-1] + grid.s[1:]) / 2)
 
     def _at(self, grid: Grid, keys: FloatArray) -> FloatArray:
+        """Values at one arc length in each interval [m], (n,); computes those not known yet."""
         if self._path is not grid.joint_path:
             self._path, self._keys = grid.joint_path, np.empty(0)
         known = self._places(keys)
         fresh = self._keys[known] != keys if len(self._keys) else np.ones(len(keys), dtype=bool)
         if fresh.any():
-            self._learn(grid.joint_path, keys[fresh], grid.piece[fresh])
+            self._add_samples(grid.joint_path, keys[fresh], grid.piece[fresh])
             known = self._places(keys)
         return np.asarray(self._values[known])
 
     def _places(self, keys: FloatArray) -> IntArray:
+        """Indices of keys in the sorted keys of the samples."""
         return np.minimum(np.searchsorted(self._keys, keys), max(len(self._keys) - 1, 0))
 
-    def _learn(self, path: JointPath, keys: FloatArray, piece: IntArray) -> None:
+    def _add_samples(self, path: JointPath, keys: FloatArray, piece: IntArray) -> None:
+        """Compute and store samples at arc lengths [m] in given pieces of the joint path."""
         values = self._function(*(path.on_interval(piece, keys, order) for order in (0, 1, 2)))
         if len(self._keys):
             keys = np.concatenate([self._keys, keys])
@@ -72,10 +75,11 @@ class Sampled:
 
 
 def rise(grid: Grid, ends: FloatArray, middle: FloatArray) -> FloatArray:
-    """Bound of what a smooth quantity departs from its chord on every interval, (n, ...).
+    """Bound of the distance of a smooth quantity from its chord on every interval, (n, ...).
 
-    The middle shows `width² / 8 |f''|`. Near an inflection it shows nothing of what the third
-    derivative does, but the neighbours' middles do: the most curved of the three counts.
+    The sample in the middle is off the chord by `width² / 8 |f''|`. Near an inflection this misses
+    the third derivative, which the neighbours show: the largest |f''| of the three intervals
+    counts.
 
     Args:
         grid: The grid.
@@ -94,19 +98,19 @@ def rise(grid: Grid, ends: FloatArray, middle: FloatArray) -> FloatArray:
 def bulge(
     grid: Grid, a: FloatArray, b: FloatArray, rises: tuple[FloatArray, ...], bounds: Bounds
 ) -> FloatArray:
-    """How far `a u + b x + c` can rise above its chord on every interval, (n, rows).
+    """Bound of the rise of `a u + b x + c` above its chord on every interval, (n, rows).
 
     Args:
         grid: The grid.
         a: Coefficients of u at the ends, (2, n, rows).
         b: Coefficients of x at the ends, (2, n, rows).
-        rises: What a, b and c depart from their chords, (n, rows) each.
-        bounds: How large x and u can get.
+        rises: Bounds of the distances of a, b and c from their chords, (n, rows) each.
+        bounds: Bounds of x and u.
     """
     u, x, width = bounds.u[:, None], bounds.x[:, None], grid.width[:, None]
     skew = np.abs(bounds.skew[:, None] * width)
     found = rises[0] * u + rises[1] * x + rises[2]
-    # Products of two slopes come on top, and what rounding of x makes of u.
+    # Add the products of two slopes, and the error of u from rounding of x.
     found = found + np.abs(b[1] - b[0]) * width / 2 * u
     found += skew / 4 * (np.abs(a[1] - a[0]) + np.abs(b).max(axis=0) * width)
     found += ROUNDING * x / width * np.abs(a).max(axis=0)

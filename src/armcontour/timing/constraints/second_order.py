@@ -21,15 +21,16 @@ class SecondOrder(Constraint):
     """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity.
 
     Args:
-        name: What people call it.
-        coefficients: Called with arc lengths (n,) and "right" or "left", the side to take at joints
-            between segments; returns a, b and c, (n, rows) each. Smooth between grid points.
+        name: Name in messages.
+        coefficients: Called with arc lengths (n,) and "right" or "left", the side to take at
+            vertices between segments; returns a, b and c, (n, rows) each. Smooth between grid
+            points.
         low: Lower bounds, (rows,).
         high: Upper bounds, (rows,).
         joints: Whether there is one row per joint.
 
     Raises:
-        InvalidInput: Bounds that do not fit each other.
+        InvalidInput: A lower bound exceeds its upper bound, or their numbers differ.
     """
 
     def __init__(
@@ -50,10 +51,10 @@ class SecondOrder(Constraint):
         self.joints = joints
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """The bounds, drawn in by what the left side can rise between the ends.
+        """The bounds, less what the quantity can rise above its chord between the ends.
 
         Raises:
-            NotRealizable: c alone breaks a bound: the arm could not even rest there.
+            NotRealizable: c alone breaks a bound, so that even rest is impossible there.
         """
         starts = self.coefficients(grid.s[:-1], "right")
         ends = self.coefficients(grid.s[1:], "left")
@@ -83,18 +84,18 @@ def refuse_at_rest(
     when: str = "even at rest",
     cannot: str = "hold itself",
 ) -> None:
-    """Refuse a quantity that breaks its bounds without any motion to speak of.
+    """Refuse a quantity that breaks its bounds at rest or in arbitrarily slow motion.
 
     Args:
         grid: The grid.
-        constraint: What limits it.
-        value: At the starts and ends of all intervals, (2, n, rows).
+        constraint: The constraint with these bounds.
+        value: The quantity at the starts and ends of all intervals, (2, n, rows).
         bounds: Lower and upper bounds, (rows,) each.
-        when: When it has these values.
-        cannot: What the arm cannot do.
+        when: Words of the error message: in which motion the quantity has this value.
+        cannot: Words of the error message: what the arm cannot do there.
 
     Raises:
-        NotRealizable: With the place, the joint, the value and the bound.
+        NotRealizable: With the arc length, the joint, the value and the bound.
     """
     low, high = bounds
     over = np.maximum(value - high, low - value)

@@ -1,8 +1,9 @@
 """Limits of the tool: assigned velocity, centripetal acceleration, acceleration.
 
-A traced path meets the tool path within its tolerance, but its derivatives less exactly, so what s
-means for the tool is measured: per piece of the joint path, how fast, how curved and how unevenly
-the tool moves when ds is 1, seen at several places, with the spread of those as a margin.
+A traced joint path follows the tool path within its tolerance, but its derivatives are less exact.
+So the motion of the tool at ds = 1 is measured by forward kinematics at several samples of every
+piece of the joint path: speed, curvature, and acceleration along the motion. The spread of the
+samples is the margin.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from armcontour.timing.constraints.base import (
 )
 from armcontour.timing.grid import Grid
 
-# Places per piece of the joint path at which the tool's motion is looked at.
+# Samples of the tool motion per piece of the joint path.
 PLACES = 9
 
 
 @dataclass(frozen=True, slots=True)
 class ToolMetric:
-    """What ds = 1 means for the tool, per piece of the joint path; upper bounds, (pieces,).
+    """Tool motion at ds = 1 on each piece of the joint path: upper bounds, (pieces,).
 
     Args:
         speed: Tool speed [-].
@@ -44,7 +45,7 @@ class ToolMetric:
 
     @classmethod
     def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
-        """Measured by forward kinematics."""
+        """Measure the tool motion along a joint path by forward kinematics."""
         pieces = len(joint_path.breaks) - 1
         share = np.linspace(0, 1, PLACES)[:, None]
         s = joint_path.breaks[:-1] + share * np.diff(joint_path.breaks)
@@ -58,16 +59,16 @@ class ToolMetric:
 
 
 def _bound(values: FloatArray) -> FloatArray:
-    """Largest value per piece, and the spread again for what lies between the places."""
+    """Largest sample of each piece plus the spread of its samples, as a margin between them."""
     return np.asarray(2 * values.max(axis=0) - values.min(axis=0))
 
 
 class ToolSpeed(Constraint):
-    """`ds <= speed`, one for all or per piece of the joint path.
+    """`tool speed <= assigned velocity`.
 
     Args:
-        speed: Assigned velocity per piece of the joint path [m/s], (pieces,).
-        metric: What ds means for the tool.
+        speed: Assigned velocity on each piece of the joint path [m/s], (pieces,).
+        metric: Tool motion at ds = 1.
     """
 
     name = "assigned velocity"
@@ -78,11 +79,11 @@ class ToolSpeed(Constraint):
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
-        """Whatever lies between the ends is no larger than at one of them."""
+        """The bound of each piece, which holds on the whole interval."""
         return Ceiling(np.broadcast_to(self._ceiling[grid.piece], (2, len(grid))))
 
     def allowed(self, grid: Grid) -> FloatArray:
-        """The assigned velocity of every interval."""
+        """Assigned velocity of every interval [m/s], (n, 1)."""
         return np.asarray(self.assigned[grid.piece][:, None])
 
 
@@ -90,8 +91,8 @@ class CentripetalAcceleration(Constraint):
     """`curvature ds² <= limit`, the paper's bound in corners.
 
     Args:
-        limit: [m/s²].
-        metric: What ds means for the tool.
+        limit: Largest centripetal acceleration [m/s²].
+        metric: Tool motion at ds = 1.
     """
 
     name = "centripetal acceleration"
@@ -101,7 +102,7 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
-        """Whatever lies between the ends is no larger than at one of them."""
+        """The bound of each piece, which holds on the whole interval."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature
         return Ceiling(np.broadcast_to(ceiling[grid.piece], (2, len(grid))))
@@ -111,8 +112,8 @@ class ToolAcceleration(Constraint):
     """`(curvature ds²)² + dds² <= limit²`.
 
     Args:
-        limit: Length of the acceleration vector [m/s²].
-        metric: What ds means for the tool.
+        limit: Largest length of the acceleration vector [m/s²].
+        metric: Tool motion at ds = 1.
     """
 
     name = "tool acceleration"
@@ -122,9 +123,10 @@ class ToolAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc:
-        """Without skew the left side is convex along an interval: the ends are its largest.
+        """The disc, less the margin for skew.
 
-        With skew its second derivative is at least `-4 curvature² x |skew|`.
+        Without skew the left side is convex along an interval, so it is largest at an end. With
+        skew its second derivative is at least `-4 curvature² x |skew|`.
         """
         speed = self.metric.speed[grid.piece]
         curvature = self.metric.curvature[grid.piece] / speed
@@ -137,5 +139,5 @@ class ToolAcceleration(Constraint):
         return Disc(np.broadcast_to(curvature, (2, len(grid))), radius)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
-        """Its radius."""
+        """Largest |dds| on every interval: the radius of the disc."""
         return self.disc(grid, path, None).r
