@@ -327,4 +327,9 @@ def test_errors_of_one_plain_contour_of_a_file_may_end_when_the_job_says(folder,
     runs = {"one": {"until": "9 s"}}
     found = job(folder, path={"file": "plain.csv"}, runs=runs)
     assert found.runs[0].until == 9.0
-    refuses(lambda: job(folder, runs=runs), InvalidInput, "plate.yaml", "until is for a job with a single path")
+    refuses(
+        lambda: job(folder, runs=runs),
+        InvalidInput,
+        "plate.yaml",
+        "until is for a job with a single path",
+    )
