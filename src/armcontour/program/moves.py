@@ -223,8 +223,8 @@ class Program:
                 )
             if isinstance(x, Event) and (x.s or x.lead_distance):
                 raise InvalidInput(
-                    f"The event {x.name} is a move of its own, at which the tool is at rest, and can "
-                    "have no s and no lead distance: put it into a contour, or use a lead time."
+                    f"The event {x.name} is a move of its own, at which the tool is at rest, and "
+                    "can have no s and no lead distance: put it into a contour, or use a lead time."
                 )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
