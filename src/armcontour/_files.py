@@ -1,4 +1,4 @@
-"""Files that other people wrote: regular files only, none larger than is asked for."""
+"""Read files of other people: regular files only, up to a size limit."""
 
 from __future__ import annotations
 
@@ -9,29 +9,28 @@ from pathlib import Path as FilePath
 from armcontour.errors import InvalidInput
 
 MEGABYTE = 1_000_000
-# Jobs, arms, limits: text that a person writes or a small tool prints.
+# Size limit of jobs, arms and limits, which people or small tools write [bytes].
 SMALL = 64 * MEGABYTE
-# Logs and trajectories: an hour of seven joints at 1 kHz, printed with 15 digits.
+# Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
 
 
 def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
-    """The content of a regular file.
+    """Read the content of a regular file.
 
-    A pipe or a device is refused before anything is read of it, since it may never end.
+    A pipe or a device is refused before anything is read, because reading may never end.
 
     Args:
         file: The file; a link to a regular file will do.
         what: What the file is, for messages, such as "job file".
-        most: The largest size that is read [bytes].
+        most: The size limit [bytes].
 
     Raises:
-        InvalidInput: There is no such file, it is no regular file, it is too large, or it cannot
-            be read.
+        InvalidInput: No such file, no regular file, a file that is too large or unreadable.
     """
     place = FilePath(file)
     try:
-        # Not blocking: opening a pipe that nobody writes to would wait for ever.
+        # Not blocking: opening a pipe without a writer would wait for ever.
         handle = os.open(place, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
     except FileNotFoundError:
         raise InvalidInput(f"There is no {what} {place}.") from None
@@ -42,7 +41,7 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
             state = os.fstat(handle)
             if not stat.S_ISREG(state.st_mode):
                 raise InvalidInput(f"The {what} {place} is not a regular file.")
-            # Some systems tell no size of their own files, so what was read counts too.
+            # Some system files report the size 0, so the number of bytes read counts, too.
             content = b"" if state.st_size > most else stream.read(most + 1)
             size = max(state.st_size, len(content))
     except OSError as error:
@@ -56,15 +55,15 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
 
 
 def read_text(file: str | FilePath, what: str, *, most: int = SMALL) -> str:
-    """The text of a regular file in UTF-8, with or without a byte order mark.
+    """Read a regular file as UTF-8 text, with or without a byte order mark.
 
     Args:
         file: The file.
         what: What the file is, for messages, such as "job file".
-        most: The largest size that is read [bytes].
+        most: The size limit [bytes].
 
     Raises:
-        InvalidInput: As `read_bytes`; or the file is not text in UTF-8.
+        InvalidInput: As in `read_bytes`, or the file is not UTF-8 text.
     """
     content = read_bytes(file, what, most=most)
     try:
@@ -77,5 +76,6 @@ _BINARY = getattr(os, "O_BINARY", 0)
 
 
 def _unreadable(what: str, place: FilePath, error: Exception) -> InvalidInput:
+    """The error for a file that cannot be read."""
     reason = error.strerror if isinstance(error, OSError) else error
     return InvalidInput(f"The {what} {place} cannot be read: {reason}.")

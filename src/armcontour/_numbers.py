@@ -1,18 +1,18 @@
-"""Numbers as text: decimal digits of ASCII, and nothing that only Python takes for a number."""
+"""Parse numbers from text: finite decimal numbers in ASCII digits only."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-# More digits than this no program prints.
+# Longest text of a number; no program prints more digits.
 LONGEST = 100
 
 
 def parse_number(text: str) -> float:
-    """The finite number that a text is, blanks around it left out.
+    """Parse a finite decimal number; blanks around the number are ignored.
 
-    Python's `float` takes `1_0`, digits of every script, `nan` and `inf` too; files do not.
+    `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
 
     Raises:
         ValueError: The text is not a finite decimal number.
@@ -26,7 +26,7 @@ def parse_number(text: str) -> float:
 
 
 def plain_number(value: Any) -> float | None:
-    """The finite number that a value of a YAML file is; None if the value is something else."""
+    """Convert a value of a YAML file to a finite number; None if the value is no number."""
     if isinstance(value, bool):
         return None
     try:

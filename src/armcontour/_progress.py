@@ -1,4 +1,4 @@
-"""What long work tells of itself while it goes on: one form, whoever works and whoever listens."""
+"""Progress of long work: `Step`, and functions that take it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is being done now.
+    """The current step of long work.
 
     Args:
-        names: What it is called, under what it is part of: a run of a job, then "timing".
-        done: Share of it that is done, from 0 to 1; None where that is not known.
+        names: Name of the step, after the names of the work that it belongs to, such as ("fast",
+            "timing") for a run and its step.
+        done: Share of the step that is done, from 0 to 1; None if unknown.
     """
 
     names: tuple[str, ...]
     done: float | None = None
 
     def __str__(self) -> str:
-        """The names for a line on a terminal."""
+        """The names as one line for a terminal."""
         return ": ".join(self.names)
 
 
@@ -27,11 +28,11 @@ Progress = Callable[[Step], None]
 
 
 def under(progress: Progress | None, *names: str) -> Progress:
-    """A listener that passes steps on under the names of what they are part of; None hears nothing.
+    """A function that adds names before the names of steps, and passes the steps on.
 
     Args:
-        progress: Who listens.
-        names: What all steps are part of.
+        progress: Called with the steps; None ignores them.
+        names: Names of the work that all steps belong to.
     """
     if progress is None:
         return lambda step: None

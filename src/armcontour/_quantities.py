@@ -1,6 +1,6 @@
-"""Kinds of quantities, as annotations of the fields that hold them: unit, example, range.
+"""Kinds of quantities, as annotations of fields: unit, example, range.
 
-Data only: `io/units.py` reads what users write for them, `io/keys.py` makes keys of files of them.
+Data only: `io/units.py` converts text of users, `io/keys.py` makes keys of files.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from armcontour._checks import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a number is: annotates a float, or an array with one value for all joints or each.
+    """Kind of a quantity: annotates a float, or an array with one value or one per joint.
 
     Args:
-        unit: Its SI unit; "1" is a share, which users may write in percent.
-        example: How users write it.
-        sign: Where it lies.
+        unit: The SI unit; "1" is a share, which users may write in percent.
+        example: Text that users may write.
+        sign: Allowed range of the value.
     """
 
     unit: str
@@ -28,14 +28,14 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Words of which a text is one: annotates a str."""
+    """The allowed texts: annotates a str."""
 
     known: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The least value of a whole number: annotates an int."""
+    """The smallest allowed whole number: annotates an int."""
 
     least: int
 

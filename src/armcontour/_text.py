@@ -1,4 +1,4 @@
-"""Text of other people in sentences and on terminals: on one line, without orders to a terminal."""
+"""Make text of other people safe for messages: printable, in one line, of limited length."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import reprlib
 from collections.abc import Sequence
 from typing import Any
 
-# Characters of a value that a sentence repeats.
+# Characters of a value that a message repeats.
 MOST_SHOWN = 40
-# No sentence needs more characters; what has more repeats a file.
+# Longest message; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
 
 _short = reprlib.Repr()
@@ -16,11 +16,10 @@ _short.maxstring = _short.maxother = _short.maxlong = 4 * MOST_SHOWN
 
 
 def make_printable(text: str) -> str:
-    r"""The text with every character that is not printable as its escape, such as `\x1b`.
+    r"""The text with an escape, such as `\x1b`, for every character that is not printable.
 
-    Those are the control characters, ends of line, characters that turn the direction of writing,
-    and halves of characters. On a terminal some of them are orders, in a list of names they
-    deceive.
+    Such characters are control characters, ends of line, characters that change the direction of
+    writing, and lone surrogates. Some control the terminal, others make names misleading.
     """
     if text.isprintable():
         return text
@@ -28,12 +27,12 @@ def make_printable(text: str) -> str:
 
 
 def to_line(text: str) -> str:
-    """The text as one line for a terminal: printable, and not longer than a sentence."""
+    """The text as one printable line of limited length, for a terminal."""
     return make_printable(shorten(text))
 
 
 def shorten(text: str, most: int = LONGEST_SENTENCE) -> str:
-    """The text, without its middle if it has more than `most` characters."""
+    """The text; its middle is left out if the text has more than `most` characters."""
     if len(text) <= most:
         return text
     half = (most - 5) // 2
@@ -41,17 +40,18 @@ def shorten(text: str, most: int = LONGEST_SENTENCE) -> str:
 
 
 def show(value: Any) -> str:
-    """The beginning of a value as Python writes it, for sentences."""
+    """The start of a value as Python writes it, for messages."""
     text = _short.repr(value) if not isinstance(value, str) else repr(value[: MOST_SHOWN + 1])
     long = len(value) > MOST_SHOWN if isinstance(value, str) else len(text) > MOST_SHOWN
     return f"{text[:MOST_SHOWN]}..." if long else text
 
 
 def list_some(names: Sequence[str], most: int) -> str:
-    """The first names with commas between, and how many more there are."""
+    """The first names, separated by commas, and the number of other names."""
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
 
 
 def _escape(character: str) -> str:
+    """The escape of a character."""
     return character.encode("unicode_escape").decode("ascii")

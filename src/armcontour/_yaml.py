@@ -1,4 +1,4 @@
-"""YAML without its traps: no key twice, no flood of aliases, and the numbers of YAML 1.2."""
+"""Safe YAML: no repeated keys, a limit for aliases, and the numbers of YAML 1.2."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from armcontour._numbers import LONGEST, parse_number
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 
-# The parser reads a third of a million characters a second; long paths stand in tables.
+# Longest text: the parser reads 0.3 million characters per second. Tables hold long paths.
 MOST_CHARACTERS = 16_000_000
-# An alias stands for all values of its anchor again. Nobody needs so many.
+# Largest number of values that aliases add: an alias repeats all values of its anchor.
 MOST_ALIASED = 100_000
-# So many characters of text count as one value.
+# Number of characters of text that count as one value.
 OF_ONE_VALUE = 80
 FLOAT = "tag:yaml.org,2002:float"
 INT = "tag:yaml.org,2002:int"
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
-# Digits that are taken are not given back, so the time grows with the length of the text alone.
+# Possessive quantifiers prevent backtracking, so that the time is linear in the length.
 WHOLE = re.compile(r"[-+]?[0-9]++\Z")
 DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
 ENDLESS = re.compile(r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z")
 
 
 class Loader(yaml.SafeLoader):
-    """Safe loading, of text that is no larger inside than it looks."""
+    """A safe loader that refuses repeated keys and aliases that multiply the size of a document."""
 
     def get_single_data(self) -> Any:
-        """The document, if its aliases, merged ones too, do not stand for too much."""
+        """The document, if its aliases, also merged ones, do not add too many values."""
         node = self.get_single_node()
         if node is None:
             return None
@@ -39,7 +39,7 @@ class Loader(yaml.SafeLoader):
         return self.construct_document(node)
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """A mapping whose keys are all different, before what it merges is added to it."""
+        """Compose a mapping whose keys are all different, before merged keys are added."""
         node = super().compose_mapping_node(anchor)
         seen = set()
         for key, _ in node.value:
@@ -51,17 +51,17 @@ class Loader(yaml.SafeLoader):
 
 
 def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
-    """A whole number in decimal digits: neither 1_000, nor 1:30 for 90, nor 010 for 8."""
+    """A whole number in decimal digits; 1_000, 1:30 and 010 are no such numbers."""
     text = str(loader.construct_scalar(node))
     if not WHOLE.match(text):
         raise _wrong(node, f"{show(text)} is not a whole number")
-    # Thousands of digits are no number that anybody means.
+    # Refuses thousands of digits.
     _parse(text, node)
     return int(text)
 
 
 def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
-    """A decimal number, or one of those that are not finite, which the keys refuse by name."""
+    """A decimal number, or infinity or NaN, which the checks of the keys refuse by name."""
     text = str(loader.construct_scalar(node))
     if ENDLESS.match(text):
         return float(text.replace(".", ""))
@@ -69,6 +69,7 @@ def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
 
 
 def _parse(text: str, node: yaml.Node) -> float:
+    """Parse a number; an error names its line."""
     if len(text) > LONGEST:
         raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
     try:
@@ -78,10 +79,11 @@ def _parse(text: str, node: yaml.Node) -> float:
 
 
 def _wrong(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
+    """An error at a place of the document."""
     return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
-# The library's own numbers are those of YAML 1.1; its dates are text to whoever writes a title.
+# PyYAML reads numbers as in YAML 1.1, and dates; a date in a title must stay text.
 Loader.yaml_implicit_resolvers = {
     first: [x for x in resolvers if x[0] not in (FLOAT, INT, TIMESTAMP)]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
@@ -94,7 +96,7 @@ Loader.add_constructor(FLOAT, construct_float)
 
 
 class AngleLoader(Loader):
-    """The same, with the tags that files of robots write angles with, as radians."""
+    """A loader with the tags for angles in robot files, which are converted to radians."""
 
 
 def construct_degrees(loader: Loader, node: yaml.Node) -> float:
@@ -112,16 +114,16 @@ AngleLoader.add_constructor("!radians", construct_radians)
 
 
 def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:
-    """The document in a text, or in the bytes of a file in UTF-8.
+    """Load the YAML document in a text, or in bytes of UTF-8.
 
     Args:
         content: The text.
-        source: What it is, for messages.
-        loader: One that knows more tags.
+        source: Name of the text, for messages.
+        loader: Loader class, such as one with more tags.
 
     Raises:
-        InvalidInput: Not YAML, a key that stands twice, a text that is too long, or aliases that
-            stand for too much; says where.
+        InvalidInput: Not YAML, a repeated key, a text that is too long, or aliases that add too
+            many values.
     """
     if len(content) > MOST_CHARACTERS:
         raise InvalidInput(
@@ -147,10 +149,10 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def _refuse_flood(root: yaml.Node) -> None:
-    """Refuse a document whose aliases stand for more than anybody would write.
+    """Refuse a document whose aliases add too many values.
 
     Raises:
-        YAMLError: They do, or one stands for what it is in.
+        YAMLError: Too many values, or an alias inside its own anchor.
     """
     sizes: dict[int, int] = {}
     inside: set[int] = set()
@@ -179,13 +181,14 @@ def _refuse_flood(root: yaml.Node) -> None:
 
 
 def _parts(node: yaml.Node) -> list[yaml.Node]:
+    """The children of a node."""
     if isinstance(node, yaml.MappingNode):
         return [x for pair in node.value for x in pair]
     return list(node.value) if isinstance(node, yaml.SequenceNode) else []
 
 
 def _where(error: yaml.YAMLError) -> str:
-    """What is wrong, and its line and column."""
+    """Problem, line and column of an error."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         mark = error.problem_mark
         return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"

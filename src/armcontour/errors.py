@@ -2,10 +2,10 @@
 
 ```
 ArmContourError
-├── InvalidInput (also a ValueError)   the input is not of the form that is asked for
-├── Unreachable                        the arm cannot bring its tool there
-├── NotRealizable                      no timing of that kind keeps the limits
-├── CompensationError                  the servo's delay cannot be compensated that way
+├── InvalidInput (also a ValueError)   the input does not have the required form
+├── Unreachable                        the tool cannot reach a position or pose
+├── NotRealizable                      no timing of this method keeps the limits
+├── CompensationError                  the servo's delay cannot be compensated by this method
 └── ExecutionError                     the simulated servo did not complete the motion
 ```
 
@@ -13,9 +13,9 @@ Each has its exit code of the command line, 2 to 6 in this order. 0 and 1 are an
 limits kept, a limit violated; `identify`: determined, not determined), and 7 is the answer of
 `check` that the samples cannot tell.
 
-A message is one sentence: what is wrong, where, and what would mend it. The same facts stand as
-attributes, in SI units, for programs. Sentences count from 1, as people do: joints, segments,
-waypoints, corners, items of a list in a file. The attribute `index` counts from 0, as Python does.
+A message is one sentence: what is wrong, where, and how to correct it. Attributes hold the same
+facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a
+list in a file from 1. The attribute `index` counts from 0, as in Python.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class ArmContourError(Exception):
     """Base of all armcontour errors.
 
     Args:
-        message: One sentence for a person.
-        point: Coordinates of the place [m].
-        index: Position of the offending item in its input, from 0.
-        s: Arc length of the place [m].
+        message: One sentence for the user.
+        point: Coordinates of the position [m].
+        index: Index of the wrong item in its input, from 0.
+        s: Arc length of the position [m].
         t: Time of the event [s].
         joint: Joint number, from 1 as in the paper.
         limit: Name of the limit that binds.
-        needed: Value that would be needed (unit of the limit).
-        allowed: Value that is allowed (unit of the limit).
+        needed: Necessary value (unit of the limit).
+        allowed: Allowed value (unit of the limit).
     """
 
     exit_code = 1
@@ -56,7 +56,7 @@ class ArmContourError(Exception):
         needed: float | None = None,
         allowed: float | None = None,
     ) -> None:
-        # A sentence repeats what stands in files, which must not write to a terminal.
+        # Messages repeat text of files, which must not control the terminal.
         super().__init__(to_line(message))
         self.point = None if point is None else tuple(float(x) for x in point)
         self.index = index
@@ -68,10 +68,10 @@ class ArmContourError(Exception):
         self.allowed = allowed
 
     def at(self, where: str) -> ArmContourError:
-        """The same error with the same data, whose sentence begins with a place.
+        """The same error with a location before its message.
 
         Args:
-            where: The place, such as the name of a file; a colon follows.
+            where: The location, such as the name of a file; a colon follows.
         """
         return type(self)(
             f"{where}: {self}",
@@ -88,7 +88,7 @@ class ArmContourError(Exception):
 
 @contextmanager
 def locate_errors(where: str) -> Iterator[None]:
-    """Begin the sentence of an error that occurs inside with a place, such as a run's name."""
+    """Add a location, such as the name of a run, before the message of an error raised inside."""
     try:
         yield
     except ArmContourError as error:
@@ -96,25 +96,25 @@ def locate_errors(where: str) -> Iterator[None]:
 
 
 class InvalidInput(ArmContourError, ValueError):
-    """The input is not of the form that is asked for."""
+    """The input does not have the required form."""
 
     exit_code = 2
 
 
 class Unreachable(ArmContourError):
-    """The arm cannot bring its tool there, or only at a singular configuration."""
+    """The tool cannot reach a position or pose, or only in a singular configuration."""
 
     exit_code = 3
 
 
 class NotRealizable(ArmContourError):
-    """No timing of the requested kind keeps the limits."""
+    """No timing of the required method keeps the limits."""
 
     exit_code = 4
 
 
 class CompensationError(ArmContourError):
-    """The servo's delay cannot be compensated in the requested way."""
+    """The servo's delay cannot be compensated by the required method."""
 
     exit_code = 5
 

@@ -227,7 +227,9 @@ def test_what_cannot_be_asked_is_refused(refuses):
     refuses(lambda: ac.certify(this, "other", servo=1e-3), ac.InvalidInput, "'other'", "only")
     two = replace(this, runs=(this.runs[0], replace(this.runs[0], name="second")))
     refuses(lambda: ac.certify(two, servo=1e-3), ac.InvalidInput, "only, second")
-    refuses(lambda: Goal(servo=1e-3, tolerance=1e-3), ac.InvalidInput, "must leave something")
+    refuses(
+        lambda: Goal(servo=1e-3, tolerance=1e-3), ac.InvalidInput, "must be below the tolerance"
+    )
     refuses(lambda: Goal(servo=1e-3, slowest=1.0), ac.InvalidInput, "slowest must be above 1")
     refuses(lambda: Goal(servo=1e-3, saturation="maybe"), ac.InvalidInput, "refuse, report")
 

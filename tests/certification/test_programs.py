@@ -172,7 +172,7 @@ def test_what_is_written_has_every_contour(certified):
     rows = [x.split(",")[0] for x in held_csv(certified).splitlines()[1:]]
     assert set(rows) == {"1", "2"} and rows == sorted(rows)
     page = render_report(certified.study, certificate=certified)
-    assert "Contours against what is allowed" in page
+    assert "Errors of contours and allowed error" in page
     for x in certified.contours:
         assert f"{x.duration:.4f} s" in page
 

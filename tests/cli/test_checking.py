@@ -151,7 +151,7 @@ def test_what_the_samples_cannot_tell_ends_with_7(
     for words in ("cannot tell", "print more digits"):
         assert words in done.stdout
     # A second row, where the ratio is largest on another joint than the certain one.
-    assert ("as the numbers stand" in done.stdout) is (text == JUMPS)
+    assert ("with the printed numbers" in done.stdout) is (text == JUMPS)
     assert "kept" not in done.stdout
     done = check(tmp_path, "log.csv", "--arm", "pmk3s", "--json")
     assert done.returncode == 7

@@ -165,7 +165,7 @@ def test_the_report_stands_alone(found):
     assert "<b>" not in page.split("</style>")[0]
     assert "http-equiv" not in page
     assert 'src="http' not in page
-    for words in ("told, measured and simulated", "spectrum of the residuals", "95 % interval"):
+    for words in ("command, measured and simulated", "spectrum of the residuals", "95 % interval"):
         assert words in page
 
 

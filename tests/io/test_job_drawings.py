@@ -63,14 +63,14 @@ def test_a_file_of_one_plain_contour_is_a_job_of_one_path(
     plain = job(folder, path={"file": "plain.csv"})
     assert plain.single_path.length == pytest.approx(0.1)
     with_leads = job(folder, path={"file": "plain.csv"}, process={"lead_in": {"length": "5 mm"}})
-    refuses(lambda: with_leads.single_path, InvalidInput, "with what belongs to it")
+    refuses(lambda: with_leads.single_path, InvalidInput, "with other moves")
     automatic = job(folder, path={"file": "plain.csv"}, process={"lead_out": {}})
     assert automatic.objective is None and automatic.process.automatic
-    refuses(lambda: automatic.single_path, InvalidInput, "with what belongs to it")
+    refuses(lambda: automatic.single_path, InvalidInput, "with other moves")
     points = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]]}}
     switched = parse_job(yaml.safe_dump({**points, "process": {"switch": {"name": "laser"}}}))
     assert switched.process.switch is not None
-    refuses(lambda: switched.single_path, InvalidInput, "with what belongs to it")
+    refuses(lambda: switched.single_path, InvalidInput, "with other moves")
 
 
 def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
@@ -327,7 +327,12 @@ def test_errors_of_one_plain_contour_of_a_file_may_end_when_the_job_says(folder,
     runs = {"one": {"until": "9 s"}}
     found = job(folder, path={"file": "plain.csv"}, runs=runs)
     assert found.runs[0].until == 9.0
-    refuses(lambda: job(folder, runs=runs), InvalidInput, "plate.yaml", "until is for a job of one")
+    refuses(
+        lambda: job(folder, runs=runs),
+        InvalidInput,
+        "plate.yaml",
+        "until is for a job with a single path",
+    )
 
 
 def test_words_of_g_code_are_left_out_by_name(folder: FilePath, refuses: Any) -> None:

@@ -294,7 +294,7 @@ def test_tool_axis_and_tangent() -> None:
         ),
         (
             {"points": POINTS, "orientation": [{"follow_tangent": {"up": [0, 0, 1]}}] * 3},
-            r"path.orientation \(item 1\): follow_tangent holds for the whole path",
+            r"path.orientation \(item 1\): follow_tangent is for the whole path",
         ),
         (
             {"points": POINTS, "orientation": {"follow_tangent": {"up": [1, 0, 0]}}},

@@ -216,7 +216,9 @@ def test_a_job_of_a_path_is_one_of_its_program() -> None:
 
 def test_until_is_for_one_path(refuses: Callable[..., None]) -> None:
     led = Process(lead_in=Lead(length=0.01))
-    refuses(lambda: job(Process(), until=3.0), InvalidInput, "until is for a job of one path")
+    refuses(
+        lambda: job(Process(), until=3.0), InvalidInput, "until is for a job with a single path"
+    )
     refuses(lambda: job(led, Contour(path=BEND), until=3.0), InvalidInput, "until")
 
 

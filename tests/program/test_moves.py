@@ -120,7 +120,7 @@ def test_flattening_says_which_contour_cannot_be_and_that_the_tool_is_held_no_mo
     refuses(program.without_z, InvalidInput, "x.ngc: contour line 7: Segment 1", "leaves the plane")
     held = Program(moves=(Contour(path=SPACE.pointing([0, 0, -1.0])),)).without_z()
     assert held.path.orientation is None
-    assert "how the tool is held" in held.notes[0]
+    assert "the tool orientation" in held.notes[0]
 
 
 def test_refuses_rapids_of_another_dimension_and_places_where_the_tool_stands(

@@ -21,7 +21,7 @@ from armcontour.jobs import Study, run
 from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
-from armcontour.report.outline import MOST_DRAWN, UNSEEN, outline_points, simplify
+from armcontour.report.outline import MOST_DRAWN, VISIBLE, outline_points, simplify
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
 from armcontour.report.sections.program import MOST_ROWS
@@ -386,7 +386,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(
             a, b = points[kept[k]], points[kept[k + 1]]
             along = b - a
             share = np.clip((x - a) @ along / max(along @ along, 1e-300), 0, 1)
-            assert np.linalg.norm(x - a - share * along) <= UNSEEN * size + 1e-12
+            assert np.linalg.norm(x - a - share * along) <= VISIBLE * size + 1e-12
 
 
 def test_a_spiral_of_any_length_is_drawn_in_bounded_points_that_fill_it() -> None:

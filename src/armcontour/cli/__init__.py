@@ -1,4 +1,4 @@
-"""The command line: thin commands over the library, heavy imports only where they are needed."""
+"""The command line: thin commands over the library; heavy imports are inside functions."""
 
 from armcontour.cli.entry import main
 

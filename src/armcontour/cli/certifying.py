@@ -1,4 +1,4 @@
-"""Certifying a job from the command line, with progress."""
+"""The command `certify`: certify a job, print and write the certificate."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
 
     Args:
         file: A job file, or a drawing.
-        job_options: What the command line says of the job.
-        x: What is certified; its folder gets summary.json, report.html and the trajectories.
+
+        job_options: Options that replace values of the job.
+        x: Options of the command; the folder gets summary.json, report.html and trajectories.
 
     Raises:
-        ArmContourError: A job that cannot be used, or no plan that holds the goal; nothing is
-            written then.
+        ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
     """
     from armcontour._quantities import Length
     from armcontour.cli.opening import open_job
@@ -69,7 +69,7 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
 
 
 def _write(found: Certificate, folder: Any) -> None:
-    """The plan, its taught data and what was held back; the report; the summary."""
+    """Write the plan, its taught data, the derating, the report and the summary."""
     from armcontour.cli.running import write_motions
     from armcontour.io import certificate_json, held_csv
     from armcontour.report import render_report
@@ -81,6 +81,7 @@ def _write(found: Certificate, folder: Any) -> None:
 
 
 def _print(found: Certificate, report: FilePath | None) -> None:
+    """Print the certificate, and a table of its contours if there are several."""
     console = Console()
     title = f"Certified: {found.job.title}, run {found.run.name}"
     console.show_table(["", ""], certified_rows(found), title=title)
@@ -92,7 +93,7 @@ def _print(found: Certificate, report: FilePath | None) -> None:
 
 
 def certified_rows(found: Certificate) -> list[tuple[str, str]]:
-    """A certificate as names and values; parts of the error are of the contour with least left."""
+    """Names and values of a certificate; errors are those of the contour with the least margin."""
     budget, e, worst = found.budget, found.evaluation, found.worst
     rows = [
         ("motion", f"{found.duration:.4f} s"),
@@ -124,7 +125,7 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
 
 
 def contour_rows(found: Certificate) -> list[tuple[str, ...]]:
-    """The contours of a certificate, a row each, and one for the whole."""
+    """Rows for the contours of a certificate, and a row for the whole program."""
     rows = [
         (
             x.name,
@@ -140,6 +141,7 @@ def contour_rows(found: Certificate) -> list[tuple[str, ...]]:
 
 
 def _errors(budget: Budget) -> tuple[str, str, str]:
+    """Executed error, allowed error and margin of a contour [mm], as text."""
     return (
         f"{budget.executed * 1e3:.5f}",
         f"{budget.servo_allowed * 1e3:.5g}",
@@ -148,4 +150,5 @@ def _errors(budget: Budget) -> tuple[str, str, str]:
 
 
 def _largest(e: Evaluation) -> str:
+    """Largest contour error of an evaluation, as text."""
     return f"{e.contour_error.max * 1e3:.5f} mm"

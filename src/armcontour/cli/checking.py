@@ -1,4 +1,4 @@
-"""Checking a trajectory file from the command line."""
+"""The command `check`: check a trajectory file against limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HEADINGS = (
     *("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"),
     "verdict",
 )
-# Larger ratios are printed with an exponent.
+# Largest ratio that is printed without an exponent.
 MOST_PLAIN = 1e6
 # Exit code of every verdict; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
@@ -31,14 +31,14 @@ UNITS = limits.UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
 
 
 def check_file(trajectory: FilePath, x: CheckOptions) -> int:
-    """Check a trajectory file, print what was found, and return the exit code of its verdict.
+    """Check a trajectory file, print the result, and return the exit code of the verdict.
 
     Args:
         trajectory: CSV file.
-        x: What it is judged by; the job's arm comes with its tool and payload.
+        x: Options of the command; an arm of a job has its tool and payload.
 
     Raises:
-        InvalidInput: A file that cannot be used.
+        InvalidInput: A file or an option that cannot be used.
     """
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
@@ -47,19 +47,19 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
     arm = _arm(x, job)
-    path, limits, deviation, turned = None, arm.limits, None, None
+    path, limits, deviation, angle = None, arm.limits, None, None
     if job is not None:
         run = _run(job, x.run_name, limited=x.limits is None)
         path = programs_of(job, run)[1]
         limits = run.limits.replace(joint_jerk=None) if run.ignore_jerk else run.limits
     if x.limits is not None:
-        limits, deviation, turned = read_limits(x.limits, arm)
-    if (deviation is not None or turned is not None) and path is None:
+        limits, deviation, angle = read_limits(x.limits, arm)
+    if (deviation is not None or angle is not None) and path is None:
         raise InvalidInput(
             f"{x.limits} limits the deviation from a path: name its job with --path."
         )
     samples = _samples(trajectory, arm)
-    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=turned)
+    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
     if not found.uses and found.path_deviation is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     if x.as_json:
@@ -70,7 +70,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
 
 
 def _arm(x: CheckOptions, job: Job | None) -> Arm:
-    """The arm that the options name; by default the job's."""
+    """The arm that the options name; by default the arm of the job."""
     from armcontour.errors import InvalidInput
     from armcontour.io.robots.loading import load_arm
 
@@ -92,7 +92,7 @@ def _arm(x: CheckOptions, job: Job | None) -> Arm:
 
 
 def _samples(trajectory: FilePath, arm: Arm) -> TrajectoryFile:
-    """A trajectory file with as many joints as the arm."""
+    """Read a trajectory file, which must have as many joints as the arm."""
     from armcontour.errors import InvalidInput
     from armcontour.io import read_trajectory
 
@@ -106,9 +106,9 @@ def _samples(trajectory: FilePath, arm: Arm) -> TrajectoryFile:
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
-    """The run of a job whose path counts, and whose limits if it is to be `limited` by them.
+    """The run of a job whose path, and with `limited` whose limits, the check uses.
 
-    Without a name it is any of those that round corners, if these do not differ in that.
+    Without a name, the first run that rounds corners, if all such runs round alike.
     """
     from armcontour.errors import InvalidInput
     from armcontour.jobs import traced_alike
@@ -137,6 +137,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
 
 
 def _plain(found: Check) -> dict[str, Any]:
+    """The result of a check as data for JSON."""
     return {
         "kept": {"kept": True, "violated": False}.get(found.verdict),
         "verdict": found.verdict,
@@ -158,7 +159,7 @@ def _plain(found: Check) -> dict[str, Any]:
 
 
 def _known(x: Occurrence) -> dict[str, float | int | None]:
-    """How far a limit is used at one time; what is infinite, such as an open range, is null."""
+    """The use of a limit at one time as data for JSON; infinite values are null."""
     from armcontour.evaluation.tally import Occurrence
 
     values = {y.name: getattr(x, y.name) for y in fields(Occurrence)}
@@ -166,6 +167,7 @@ def _known(x: Occurrence) -> dict[str, float | int | None]:
 
 
 def _cells(name: str, x: Occurrence) -> tuple[str, ...]:
+    """The use of a limit at one time as cells of a table."""
     unit = UNITS.get(name, "")
     return (
         f"{x.ratio:.6f}" if x.ratio < MOST_PLAIN else f"{x.ratio:.6g}",
@@ -178,12 +180,13 @@ def _cells(name: str, x: Occurrence) -> tuple[str, ...]:
 
 
 def _print(found: Check) -> None:
+    """Print a table of the limits, and sentences on the result."""
     rows = []
     for x in found.uses:
         rows.append((x.name.replace("_", " "), *_cells(x.name, x), x.verdict))
         certain, highest = _cells(x.name, x), _cells(x.name, x.highest)
         if certain[0] != highest[0]:
-            rows.append(("  as the numbers stand", *highest, ""))
+            rows.append(("  with the printed numbers", *highest, ""))
     console = Console()
     console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1))
     lines = [found.reconstruction]
@@ -192,9 +195,9 @@ def _print(found: Check) -> None:
         names = ", ".join(x.name.replace("_", " ") for x in open_ones)
         lines.insert(
             0,
-            f"Cannot tell of: {names}. As the numbers stand the limit is exceeded, but their "
-            "rounding, or a turn between two samples, may have made that: print more digits, add "
-            "columns of velocities and accelerations, or sample more often.",
+            f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "
+            "their rounding, or a reversal between two samples: print more digits, add columns "
+            "of velocities and accelerations, or sample more often.",
         )
     if found.path_deviation is not None:
         far = found.path_deviation
@@ -204,6 +207,6 @@ def _print(found: Check) -> None:
         )
     if found.not_judged:
         names = ", ".join(found.not_judged)
-        lines.append(f"Not judged, for no limit is given or these samples do not tell: {names}.")
+        lines.append(f"Not judged, since a limit or the necessary samples are missing: {names}.")
     for line in lines:
         console.say(line)

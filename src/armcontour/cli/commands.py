@@ -41,6 +41,7 @@ app = typer.Typer(
 
 
 def _version(value: bool) -> None:
+    """Print the version and exit."""
     if value:
         typer.echo(f"armcontour {__version__}")
         raise typer.Exit
@@ -52,6 +53,7 @@ def _common(
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
+    """Options of the program itself."""
     pass
 
 
@@ -93,10 +95,9 @@ def check(
     trajectory: Annotated[FilePath, typer.Argument(help="Time-stamped joint trajectory (CSV).")],
     options: CheckOptions,
 ) -> None:
-    """Judge any joint trajectory against limits.
+    """Check a joint trajectory against limits.
 
-    Exit codes: 0 every limit is kept, 1 one is violated, 7 the samples cannot tell, 2 an input
-    cannot be used.
+    Exit codes: 0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2 invalid input.
     """
     from armcontour.cli.checking import check_file
 
@@ -110,7 +111,7 @@ def certify(
     job_options: JobOptions,
     options: CertifyOptions,
 ) -> None:
-    """Find the fastest plan whose execution holds a tolerance; exit code 4 if there is none."""
+    """Find the fastest plan whose execution keeps a tolerance; exit code 4 if there is none."""
     from armcontour.cli.certifying import certify_file
 
     certify_file(job, job_options, options)
@@ -136,7 +137,7 @@ def identify(
     log: Annotated[FilePath, typer.Argument(help="Log of time, command and measured (CSV).")],
     options: IdentifyOptions,
 ) -> None:
-    """Tell a servo's gains and dead time from a log; exit code 1 if it leaves one open."""
+    """Identify a servo's gains and dead time from a log; exit code 1 if one is not determined."""
     from armcontour.cli.identifying import identify_file
 
     raise typer.Exit(0 if identify_file(log, options) else 1)
@@ -144,10 +145,10 @@ def identify(
 
 @app.command()
 def arms() -> None:
-    """List the built-in arms, with what is assumed of them."""
-    from armcontour.cli.listing import listed_arms
+    """List the built-in arms, with the parameters that are assumed."""
+    from armcontour.cli.listing import list_arms
 
-    for line in listed_arms():
+    for line in list_arms():
         typer.echo(line)
 
 

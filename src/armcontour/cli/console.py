@@ -1,6 +1,6 @@
-"""What commands show on the terminal: tables, lines, the report in a browser.
+"""Output on the terminal: tables, lines, and the report in a browser.
 
-All text goes through `to_line`, since names come from files that somebody else wrote.
+All text goes through `to_line`, because names come from files of other people.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 
 from armcontour._text import to_line
 
-# Columns of text where the output goes to a file or another program.
+# Width of output to a file or another program [characters].
 WIDTH = 120
 
 
@@ -35,10 +35,10 @@ class Console:
         """Print a table.
 
         Args:
-            headings: One for each column.
-            rows: Cells.
-            title: A line above it.
-            left: Columns whose cells begin at the left; numbers stand at the right.
+            headings: One heading per column.
+            rows: Cells, row by row.
+            title: A line above the table.
+            left: Indices of columns that are aligned left; others are aligned right.
         """
         from rich.markup import escape
         from rich.table import Table
@@ -52,12 +52,12 @@ class Console:
         self._rich.print(table)
 
     def say(self, text: str) -> None:
-        """Print a line, which the terminal may break but no markup changes."""
+        """Print a line; the terminal may wrap the line, and markup has no effect."""
         self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
 
 
 def open_page(page: FilePath) -> None:
-    """Show a page in the browser."""
+    """Open a page in the browser."""
     import webbrowser
 
     webbrowser.open(page.resolve().as_uri())

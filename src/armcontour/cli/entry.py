@@ -1,4 +1,4 @@
-"""The program `armcontour` at its outer end: signals, errors, and output that cannot be written."""
+"""Entry point of the program `armcontour`: signals, errors, exit codes, and broken output."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.errors import ArmContourError
 
-# A pipe whose reader has gone, as in `armcontour arms | head -1`.
+# Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.
 BROKEN_PIPE = 128 + 13
 
 
 def main() -> None:
-    """Run the command line; an error ends with its sentence and its exit code."""
+    """Run the command line; an error is printed as one sentence and ends with its exit code."""
     sys.exit(run_interruptibly(_command))
 
 
 def _command() -> int:
-    """Run the command that the user typed: its exit code."""
+    """Run the command and return its exit code; errors are printed as one sentence."""
     try:
         code = _run()
         sys.stdout.flush()
@@ -44,7 +44,8 @@ def _command() -> int:
 
 
 def _run() -> int:
-    # typer takes a tenth of a second, in which signals are to be answered already.
+    """Run the typer app and return its exit code."""
+    # Imported here: typer takes a tenth of a second, during which signals must work already.
     from armcontour.cli.commands import app
 
     try:
@@ -55,12 +56,13 @@ def _run() -> int:
 
 
 def _complain(text: str) -> None:
+    """Print an error on the standard error."""
     with suppress(OSError, ValueError, AttributeError):
         print(f"Error: {to_line(text)}", file=sys.stderr, flush=True)
 
 
 def _mute() -> None:
-    """Throw away output that cannot be written, so that Python does not try again at its end."""
+    """Discard output that cannot be written, so that Python does not try again when it ends."""
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())

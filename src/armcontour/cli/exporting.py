@@ -1,4 +1,4 @@
-"""Exports of a run's taught data, and of what it was made from."""
+"""Export taught data and reference trajectories of runs in the formats of the command line."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from armcontour.jobs import Job, RunPlan
     from armcontour.program import Event
 
-# Taught data is what the robot gets; the reference is the plan, without compensation.
+# Labels of the set-points for the robot, and of the plan without compensation.
 TAUGHT, REFERENCE = "taught", "reference"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exports:
-    """What is to be exported of every run.
+    """Formats in which every run is exported.
 
     Args:
         formats: Names of formats.
         templates: Names or files of templates.
-        outputs: Digital outputs by names of events.
+        outputs: Digital outputs, by names of events.
     """
 
     formats: tuple[str, ...] = ()
@@ -42,9 +42,9 @@ class Target:
     """One file of an export.
 
     Args:
-        kind: Its format.
-        ending: Of its name.
-        template: Of the format "template".
+        kind: Name of the format.
+        ending: Ending of the file name.
+        template: Name or file of the template, for the format "template".
     """
 
     kind: str
@@ -52,14 +52,14 @@ class Target:
     template: str | None = None
 
     @property
-    def asked(self) -> str:
-        """How the command line asks for it."""
+    def option(self) -> str:
+        """The option of the command line for this file, for messages."""
         if self.template is None:
             return f"--export {self.kind}"
         return f"--template {self.template}"
 
     def options(self, x: Exports) -> dict[str, Any]:
-        """Arguments of `write_table`."""
+        """Keyword arguments of `write_table`."""
         takes = self.kind in ("urscript", "template")
         return {
             "format": self.kind,
@@ -69,10 +69,10 @@ class Target:
 
 
 def exports_of(x: ExportOptions) -> Exports:
-    """What a command line asks for.
+    """Read the export options of a command line.
 
     Args:
-        x: As text.
+        x: The options as text.
 
     Raises:
         InvalidInput: An unknown format, or an output that is not "event=number".
@@ -102,23 +102,23 @@ def exports_of(x: ExportOptions) -> Exports:
 
 
 def _refuse_same_files(targets: list[Target]) -> None:
-    """Refuse two exports of which one would replace the other."""
+    """Refuse two exports that would be written to the same file."""
     from armcontour.errors import InvalidInput
 
     taken: dict[str, str] = {}
     for x in targets:
-        if taken.get(x.ending) == x.asked:
-            raise InvalidInput(f"{x.asked} is there twice: give it once.")
+        if taken.get(x.ending) == x.option:
+            raise InvalidInput(f"{x.option} is there twice: give it once.")
         if x.ending in taken:
             raise InvalidInput(
-                f"{taken[x.ending]} and {x.asked} would both be written to {TAUGHT}{x.ending}: "
+                f"{taken[x.ending]} and {x.option} would both be written to {TAUGHT}{x.ending}: "
                 "leave one of them out, or give a template another ending, such as cell.txt.j2."
             )
-        taken[x.ending] = x.asked
+        taken[x.ending] = x.option
 
 
 def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
-    """Write a table of two points in every format that the user chose, and throw it away.
+    """Write a table of two points in every chosen format, to find errors before the run.
 
     Args:
         job: The job.
@@ -126,8 +126,8 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
         scratch: A folder for the files.
 
     Raises:
-        InvalidInput: What cannot be exported whatever the run will come to, or an output of an
-            event that the job has not.
+        InvalidInput: A format that cannot be written, or an output for an event that the job
+            does not have.
     """
     from armcontour.errors import InvalidInput
     from armcontour.io.exports import refuse_unknown_outputs, write_table
@@ -143,11 +143,11 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
             try:
                 write_table(table, place, **target.options(x))
             except OSError as error:
-                raise InvalidInput(f"Cannot try {target.asked}: {error.strerror}.") from None
+                raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
 
 
 def _events_of(job: Job) -> list[Event]:
-    """What a job switches, each name and value once."""
+    """All events of a job, each name and value once."""
     from armcontour.program import Contour, Event
 
     found = list(job.process.events)
@@ -162,23 +162,23 @@ def _events_of(job: Job) -> list[Event]:
 
 
 def _two_points(job: Job, period: float, events: Sequence[Event]) -> Table:
-    """The shortest table that a run of the job could come to."""
+    """A table of two points with the joints and events of a job."""
     import numpy as np
 
     from armcontour.io.exports.table import Table
     from armcontour.motion import TimedEvent
 
-    still = np.zeros((2, job.arm.dof))
-    tool = job.arm.forward(still)
+    zeros = np.zeros((2, job.arm.dof))
+    tool = job.arm.forward(zeros)
     point = tuple(tool[0].tolist())
     return Table(
-        name=_titled(job, REFERENCE),
+        name=_title(job, REFERENCE),
         joint_names=job.arm.joint_names,
         period=period,
         t=np.array([0.0, period]),
-        q=still,
-        dq=still,
-        ddq=still,
+        q=zeros,
+        dq=zeros,
+        ddq=zeros,
         events=tuple(
             TimedEvent(name=x.name, value=x.value, t=0.0, due=0.0, s=0.0, point=point)
             for x in events
@@ -187,27 +187,27 @@ def _two_points(job: Job, period: float, events: Sequence[Event]) -> Table:
     )
 
 
-def _titled(job: Job, label: str) -> str:
-    """What a table is called inside."""
+def _title(job: Job, label: str) -> str:
+    """The title of a table inside its file."""
     return f"{job.name} {label}"
 
 
 def write_exports(folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports) -> None:
-    """Export taught data and reference of one run into the folder of results."""
+    """Export taught data and reference of one run to the result folder."""
     from armcontour.io.exports import make_table, write_table
 
     for label, data, period in (
         (TAUGHT, result.taught, None),
         (REFERENCE, result.trajectory, result.run.period),
     ):
-        table = make_table(data, name=_titled(job, label), arm=job.arm, period=period)
+        table = make_table(data, name=_title(job, label), arm=job.arm, period=period)
         for target in _targets(x.formats, x.templates):
             write = partial(write_table, table, **target.options(x))
             folder.place(f"{name}/export/{label}{target.ending}", write)
 
 
 def _targets(names: Sequence[str], templates: Sequence[str]) -> list[Target]:
-    """What is to be written, in the order that it was asked for."""
+    """The files to write, in the order of the options."""
     from armcontour.io.exports import formats
 
     endings = formats()
@@ -216,7 +216,7 @@ def _targets(names: Sequence[str], templates: Sequence[str]) -> list[Target]:
 
 
 def _ending(template: str) -> str:
-    """The ending of what a template makes: of "kuka.src.j2" it is ".src"."""
+    """The ending of the file that a template makes, such as ".src" for "kuka.src.j2"."""
     from armcontour.io.exports.template import SHIPPED
 
     file = SHIPPED.get(template, template)

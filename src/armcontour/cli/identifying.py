@@ -1,4 +1,4 @@
-"""Identifying a servo from the command line."""
+"""The command `identify`: identify a servo from a log, print and write the result."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ QUALITIES = ("value", "standard deviation", "95 % interval")
 
 
 def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
-    """Identify from a log, print what was found, and say whether the servo is determined.
+    """Identify a servo from a log and print the result; returns whether the servo is determined.
 
     Args:
         log: CSV file.
-        x: What is identified; its folder gets servo.yaml (if the servo is determined), report.html
-            and summary.json.
+        x: Options of the command; the folder gets servo.yaml (if the servo is determined),
+            report.html and summary.json.
 
     Raises:
         InvalidInput: A file or option that cannot be used.
@@ -56,7 +56,7 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
 
 
 def _write(found: Identification, out: FilePath, *, force: bool) -> str:
-    """Write the folder; returns why there is no servo file in it, if there is none."""
+    """Write the result folder; returns why there is no servo.yaml, or an empty text."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.servo_file import identification_json, servo_yaml
@@ -67,7 +67,7 @@ def _write(found: Identification, out: FilePath, *, force: bool) -> str:
         try:
             folder.write("servo.yaml", servo_yaml(found))
         except InvalidInput as error:
-            # The report is there to see why.
+            # Not an error here: the report shows the cause.
             refusal = str(error)
         folder.write("report.html", render_identification(found))
         folder.write("summary.json", identification_json(found, [*folder.files, "summary.json"]))
@@ -75,6 +75,7 @@ def _write(found: Identification, out: FilePath, *, force: bool) -> str:
 
 
 def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
+    """Print a table of the parameters, and sentences on the fit."""
     console = Console()
     console.show_table(
         [
@@ -94,7 +95,7 @@ def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
         title=f"Servo identified from {found.log.source}",
         left=(0, 1, 5, 6),
     )
-    _say(console, found)
+    _print_fit(console, found)
     if out is not None:
         what = (
             f"report.html, but no servo.yaml: {refusal}" if refusal else "servo.yaml, report.html"
@@ -102,7 +103,8 @@ def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
         console.say(f"Written to {out}: {what}")
 
 
-def _say(console: Console, found: Identification) -> None:
+def _print_fit(console: Console, found: Identification) -> None:
+    """Print sentences on the fit of every joint, and advice for undetermined parameters."""
     lines = []
     for joint in found.joints:
         if not math.isnan(joint.r_squared):
@@ -113,7 +115,7 @@ def _say(console: Console, found: Identification) -> None:
                 f"residuals {joint.rms * 1e3:.3g} mrad rms, {white}."
             )
         open_ones = [x for x in joint.estimates if not x.determined]
-        # One reason may keep all of them open.
+        # Several parameters may have the same advice.
         for advice in dict.fromkeys(x.advice for x in open_ones):
             names = ", ".join(x.name.replace("_", " ") for x in open_ones if x.advice == advice)
             lines.append(f"{joint.name}, {names}: {advice}")
@@ -123,6 +125,7 @@ def _say(console: Console, found: Identification) -> None:
 
 
 def _cells(x: Estimate) -> list[str]:
+    """An estimate as cells of a table."""
     scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
 
     def shown(value: float, digits: int = 5) -> str:

@@ -1,8 +1,8 @@
-"""Signals that end a command within a second, inside compiled code too.
+"""Signals that end a command within a second, also while compiled code runs.
 
-The work is done in a thread of its own, so that the main thread can answer. On a signal the main
-thread waits for results that are just being moved into place, removes what is half-written, and
-ends the program.
+The work runs in a second thread, so that the main thread can handle signals. On a signal the main
+thread waits for results that are just being moved into place, removes incomplete files, and ends
+the program.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from typing import Any, NoReturn
 from armcontour import _staging
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-# Moving results is a few renames; what takes longer is left for the next run to complete [s].
+# Longest wait for results that are being moved [s]; the next run completes a longer move.
 PATIENCE = 0.5
-# Windows answers no signal while it waits, so the wait has an end [s].
+# Period of the wait on Windows, which handles no signal during a wait [s].
 PULSE = 0.2
-# Threads have small stacks on some systems; deep documents need what a main thread has.
+# Stack of the thread, as large as that of a main thread: deep documents need it [bytes].
 STACK = 64 * 1024 * 1024
 
 
 class _Stopped(BaseException):
-    """A signal came."""
+    """Raised in the main thread by a signal."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -35,15 +35,15 @@ class _Stopped(BaseException):
 
 
 def run_interruptibly(work: Callable[[], int]) -> int:
-    """Do work in a thread, and end the program if a signal comes.
+    """Run work in a thread, and end the program if a signal arrives.
 
-    A signal that is ignored already stays ignored, as `nohup` wants it.
+    Signals that are ignored already stay ignored, as under `nohup`.
 
     Args:
-        work: Returns an exit code.
+        work: Function that returns an exit code.
 
     Returns:
-        The exit code; an error that the work raises is raised.
+        The exit code. An error of the work is raised again.
     """
     done = threading.Event()
     codes: list[int] = []
@@ -74,7 +74,7 @@ def run_interruptibly(work: Callable[[], int]) -> int:
 
 
 def _listen() -> dict[int, Any]:
-    """Have signals stop the wait; gives the handlers that were there."""
+    """Install handlers that stop the wait; returns the handlers that were there before."""
 
     def stop(number: int, _: object) -> None:
         raise _Stopped(number)
@@ -88,16 +88,16 @@ def _listen() -> dict[int, Any]:
 
 
 def _end(number: int) -> NoReturn:
-    """Leave nothing half-written, say so, and end."""
+    """Remove incomplete results, print a message and end the program."""
     for name in SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     unwritten = _staging.abandon(PATIENCE)
-    said = f"Interrupted ({signal.Signals(number).name})"
-    said += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
-    # The thread may hold the locks of the streams, so the message goes past them.
+    message = f"Interrupted ({signal.Signals(number).name})"
+    message += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
+    # Written directly to the file descriptor: the thread may hold the locks of the streams.
     with suppress(OSError, AttributeError, ValueError):
-        # A progress bar hides the cursor, and leaves its line.
+        # Clears the line of a progress bar and shows the cursor again.
         clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""
-        os.write(2, f"{clear}{said}\n".encode(errors="backslashreplace"))
+        os.write(2, f"{clear}{message}\n".encode(errors="backslashreplace"))
     os._exit(128 + number)

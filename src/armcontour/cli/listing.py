@@ -5,12 +5,12 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
-# Columns of text.
+# Width of the text [characters].
 WIDTH = 100
 
 
-def listed_arms() -> Iterator[str]:
-    """A line for every arm, and below it where its numbers come from and what is assumed."""
+def list_arms() -> Iterator[str]:
+    """Lines with the name of every built-in arm, the source of its numbers and what is assumed."""
     from armcontour.io.robots.loading import arm_names, load_arm
 
     for name in arm_names():
@@ -18,10 +18,11 @@ def listed_arms() -> Iterator[str]:
         chain = arm.chain
         heavy = chain is not None and chain.masses is not None
         yield f"{name}: {arm.name}, {arm.dof} joints, masses {'known' if heavy else 'not known'}"
-        yield from _indented(f"source: {arm.source}")
+        yield from _indent(f"source: {arm.source}")
         if chain is not None and chain.assumed:
-            yield from _indented(f"assumed: {chain.assumed}")
+            yield from _indent(f"assumed: {chain.assumed}")
 
 
-def _indented(text: str) -> list[str]:
+def _indent(text: str) -> list[str]:
+    """Wrap a text into indented lines."""
     return textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="        ")

@@ -1,4 +1,4 @@
-"""What commands are given: a job file, or a drawing and a cell to put it in."""
+"""Open the job that a command is given: a job file, or a drawing and a cell."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def read_overrides(x: JobOptions) -> JobOverrides:
-    """What the command line says of a job in the place of its file.
+    """Read options that replace values of a job.
 
     Args:
-        x: As text.
+        x: The options as text.
 
     Raises:
-        InvalidInput: Text that is no such quantity.
+        InvalidInput: Text that is no quantity of the required unit.
     """
     from armcontour import _quantities as kinds
     from armcontour.io.job_overrides import JobOverrides
@@ -48,15 +48,15 @@ def read_overrides(x: JobOptions) -> JobOverrides:
 
 
 def open_job(file: FilePath, x: JobOptions, progress: Progress) -> Job:
-    """The job in a job file, or of a drawing in a cell.
+    """Read the job in a job file, or combine a drawing with a cell.
 
     Args:
         file: A job file, or a drawing.
-        x: What the command line says of it; the cell is for a drawing only.
-        progress: Called while the drawing is read, as by `read_path`.
+        x: Options that replace values of the job; --cell is for a drawing only.
+        progress: Called with the progress of reading the drawing.
 
     Raises:
-        InvalidInput: A drawing without a cell, a job file with one, or what reading finds.
+        InvalidInput: A drawing without a cell, a job file with a cell, or an invalid file.
     """
     from armcontour.errors import InvalidInput
     from armcontour.io import read_job

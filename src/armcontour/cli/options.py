@@ -1,4 +1,4 @@
-"""Options that commands take together: dataclasses whose fields are options."""
+"""Groups of command-line options: dataclasses whose fields are options."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import typer
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A command that takes the fields of its parameters that are dataclasses as options.
+    """Decorate a command so that the fields of its dataclass parameters become options.
 
     Args:
-        command: A function; its parameters are annotated as typer wants them, or dataclasses whose
-            fields are.
+        command: A function whose parameters, or the fields of its dataclass parameters, have
+            annotations of typer.
     """
     hints = get_type_hints(command, include_extras=True)
     groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
@@ -44,7 +44,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 Memory = Annotated[
-    str | None, typer.Option("--memory", help="What the program may take, such as '4 GB'.")
+    str | None, typer.Option("--memory", help="Largest memory of the program, such as '4 GB'.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
 TrustXacro = Annotated[
@@ -64,7 +64,7 @@ ServoBudget = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """How a job is run."""
+    """Options of the command `run`."""
 
     simulate: Annotated[
         bool,
@@ -78,7 +78,7 @@ class RunOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobOptions:
-    """What the command line says of a job and its drawing in the place of the file."""
+    """Options that replace values of a job, and that place a drawing."""
 
     cell: Annotated[
         str | None,
@@ -106,9 +106,9 @@ class JobOptions:
         list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
     ] = None
     flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False
-    skip_unknown: Annotated[
-        bool, typer.Option("--skip-unknown", help="Skip what the reader does not know.")
-    ] = False
+    skip_unknown: Annotated[bool, typer.Option("--skip-unknown", help="Skip unknown elements.")] = (
+        False
+    )
     skip: Annotated[
         list[str] | None,
         typer.Option("--skip", help="Leave out these words of G-code, such as 'T,M6'."),
@@ -121,7 +121,7 @@ class JobOptions:
     ] = None
     from_s: Annotated[
         str | None,
-        typer.Option("--from-s", help="Resume where the contours are so long: '1.25 m'."),
+        typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),
     ] = None
     memory: Memory = None
     trust_xacro: TrustXacro = False
@@ -129,7 +129,7 @@ class JobOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
-    """What is to be exported of every run."""
+    """Options for exports of every run."""
 
     export: Annotated[
         list[str] | None,
@@ -151,7 +151,7 @@ class ExportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckOptions:
-    """What a trajectory is judged by."""
+    """Options of the command `check`."""
 
     arm: Annotated[
         str | None,
@@ -167,7 +167,7 @@ class CheckOptions:
     ] = None
     path: Annotated[
         FilePath | None,
-        typer.Option("--path", help="Job file (YAML) whose path the tool was to follow."),
+        typer.Option("--path", help="Job file (YAML) with the required path of the tool."),
     ] = None
     run_name: Annotated[
         str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
@@ -188,7 +188,7 @@ class CheckOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifyOptions:
-    """What is identified of a log, and what is written of it."""
+    """Options of the command `identify`."""
 
     out: Annotated[
         FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
@@ -206,7 +206,7 @@ class IdentifyOptions:
     start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None
     end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None
     longest_dead_time: Annotated[
-        float, typer.Option("--longest-dead-time", help="Dead times are looked for up to this [s].")
+        float, typer.Option("--longest-dead-time", help="Longest dead time in the search [s].")
     ] = 0.25
     unwrap: Annotated[
         bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
@@ -218,7 +218,7 @@ class IdentifyOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifyOptions:
-    """What is certified of a job, and what is written of it."""
+    """Options of the command `certify`."""
 
     run_name: Name = None
     total_tolerance: Annotated[
@@ -239,7 +239,7 @@ class CertifyOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepOptions:
-    """What a job is swept over."""
+    """Options of the command `sweep`."""
 
     run_name: Name = None
     servo: ServoBudget = None

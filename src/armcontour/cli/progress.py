@@ -1,4 +1,4 @@
-"""Progress on a terminal: of a search, whose end is not known, and of a job with the time left."""
+"""Progress on a terminal: the current step, and for a job a bar with the time left."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from armcontour._text import to_line
 
 @contextmanager
 def search_progress(what: str) -> Iterator[Progress]:
-    """A line that says what is being done, on a terminal; gives the function that changes it.
+    """Show a line with the current step, on a terminal; yields the function that updates the line.
 
     Args:
-        what: What stands before it.
+        what: Text before the step.
     """
     with _bar() as bar:
         task = bar.add_task(what)
@@ -25,13 +25,13 @@ def search_progress(what: str) -> Iterator[Progress]:
 
 
 class JobProgress:
-    """A bar for a job: what is done, and how long the rest will take, as steps are measured.
+    """Estimates the time left of a job from the measured times of its steps.
 
-    A step takes as long as the same one of earlier runs, else as long as steps have taken so far.
+    The estimate for a step is the mean time of the same step in earlier runs, else of all steps.
 
     Args:
-        show: Takes the description, the time that was spent, and all that is expected [s].
-        clock: The time [s].
+        show: Takes the description, the time spent, and the expected total time [s].
+        clock: Gives the current time [s].
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class JobProgress:
         self._ahead: list[str] = []
 
     def expect(self, steps: Sequence[str]) -> None:
-        """Tell the names of all steps that are to come, once they are known."""
+        """Set the names of all steps to come."""
         self._ahead = list(steps)
 
     def __call__(self, step: Step) -> None:
-        """A step starts, if it is another one than before, or goes on."""
+        """Update the estimate: a step starts, or its share that is done grows."""
         now, names = self._clock(), step.names[:2]
         if names != self._now:
             if self._now:
@@ -62,19 +62,19 @@ class JobProgress:
         self._show(to_line(str(step)), now - self._start, now - self._start + rest)
 
     def _typical(self, name: str) -> float:
-        """How long a step takes [s]."""
+        """Estimated duration of a step [s]."""
         took = self._took.get(name) or [x for times in self._took.values() for x in times]
         return sum(took) / len(took) if took else 0.0
 
 
 @contextmanager
 def job_progress() -> Iterator[JobProgress]:
-    """A bar with the time left, on a terminal."""
+    """Show a bar with the time left, on a terminal; yields the function that updates the bar."""
     from rich.progress import BarColumn, ProgressColumn, Task
     from rich.text import Text
 
     class Left(ProgressColumn):
-        """The time until the expected end; that of rich forgets it whenever the end moves."""
+        """The time until the expected end; the column of rich resets when the end changes."""
 
         def render(self, task: Task) -> Text:
             end = task.fields["end"]
@@ -94,7 +94,7 @@ def job_progress() -> Iterator[JobProgress]:
 
 @contextmanager
 def _bar(*more: Any) -> Iterator[Any]:
-    """A line of rich that vanishes at its end, on a terminal only."""
+    """A line of rich, on a terminal only, which is removed at the end."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 

@@ -1,4 +1,4 @@
-"""Quantities that options of the command line give."""
+"""Read quantities from options of the command line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 
 def read_option(option: str, text: str | None, kind: Any) -> float | None:
-    """The quantity that an option gives in SI units; None without the option.
+    """The quantity of an option in SI units; None without the option.
 
     Args:
         option: The option, such as "--speed".
@@ -14,7 +14,7 @@ def read_option(option: str, text: str | None, kind: Any) -> float | None:
         kind: The annotated type of the quantity, such as `Speed`.
 
     Raises:
-        InvalidInput: The text is no such quantity.
+        InvalidInput: The text is no quantity of the required unit.
     """
     return None if text is None else _read(option, text, kind)
 
@@ -22,17 +22,17 @@ def read_option(option: str, text: str | None, kind: Any) -> float | None:
 def read_option_list(
     option: str, text: str | None, kind: Any, *, counts: tuple[int, ...] = (), example: str = ""
 ) -> tuple[float, ...] | None:
-    """The quantities that an option gives, with commas between; None without the option.
+    """The quantities of an option, separated by commas, in SI units; None without the option.
 
     Args:
         option: The option.
-        text: As in `read_option`, for each of them.
+        text: As in `read_option`, for each quantity.
         kind: As in `read_option`.
-        counts: How many there may be; any number by default.
-        example: Such a text, for the message.
+        counts: Allowed numbers of quantities; any number by default.
+        example: A valid text, for the message.
 
     Raises:
-        InvalidInput: More or fewer than there may be, or one that is no such quantity.
+        InvalidInput: Too many or too few quantities, or text that is no such quantity.
     """
     from armcontour.errors import InvalidInput
 
@@ -46,6 +46,7 @@ def read_option_list(
 
 
 def _read(option: str, text: str, kind: Any) -> float:
+    """Read one quantity of an option."""
     from armcontour._numbers import plain_number
     from armcontour.errors import InvalidInput
     from armcontour.io.units import read_quantity

@@ -1,4 +1,4 @@
-"""Running a job from the command line, with progress."""
+"""The command `run`: run a job, print and write the results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WRITING = Step(("writing the results",))
 
 
 def built_in_job() -> Job:
-    """The paper's job, as shipped."""
+    """The paper's job, which is a part of the package."""
     from armcontour.io import parse_job
 
     file = resources.files("armcontour.jobs") / "library" / "paper.yaml"
@@ -40,24 +40,24 @@ def run_job(
     """Read a job, run it, and write its results.
 
     Args:
-        read: Gives the job; called with what hears how far it is.
+        read: Reads the job; called with a function that takes the progress.
         out: Folder for the results.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
-        exports: What is to be exported of every run.
-        simulate: Whether the servo is simulated, and a report written.
+        exports: Formats in which every run is exported.
+        simulate: Whether to simulate the servo and write a report.
 
     Raises:
-        ArmContourError: As the steps raise it; nothing is written then.
+        ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
-    # Only then the heavy part, so that the folder and the job are refused at once.
+    # Heavy imports come later, so that a wrong folder or job is refused at once.
     from armcontour.io import ResultFolder
     from armcontour.io.summary import summarise_taught, summary
 
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(under(progress, "reading"))
         if exports:
-            # What cannot be exported is refused before the run.
+            # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
         from armcontour.jobs import run, steps_of, teach
 
@@ -75,7 +75,7 @@ def run_job(
         else:
             plans = teach(job, progress=progress)
             progress(WRITING)
-            # Who asks for formats wants nothing else.
+            # With formats chosen, no other files are written.
             if not exports:
                 write_motions(folder, job, plans)
             _write_exports(folder, job, plans, exports)
@@ -95,7 +95,7 @@ def write_motions(
     job: Job,
     plans: Mapping[str, RunPlan],
 ) -> None:
-    """What every run tells the robot, as CSV."""
+    """Write taught data, plan and torques of every run as CSV."""
     from armcontour.io import planned_csv, taught_csv, torque_csv
 
     names = job.arm.joint_names
@@ -110,14 +110,14 @@ def write_motions(
 def _write_exports(
     folder: ResultFolder, job: Job, plans: Mapping[str, RunPlan], exports: Exports | None
 ) -> None:
-    """The same as it is asked for."""
+    """Write the exports of every run."""
     for name, result in plans.items():
         if exports:
             write_exports(folder, job, name, result, exports)
 
 
 def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
-    """What was taught, of runs that are not simulated."""
+    """Print duration and set-points of runs that are not simulated."""
     console = Console()
     for name, x in plans.items():
         console.say(
@@ -130,11 +130,13 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
 
 
 def _print_results(study: Study, report: FilePath) -> None:
+    """Print a table of all runs, warnings, and where the report is."""
     from armcontour.jobs.quantities import assumed_numbers
 
-    tried = any(x.run.experiment is not None for x in study.runs.values())
+    has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
-    if tried:
+
+    if has_experiment:
         headings += ["experiment: RMS error [mm]", "largest [mm]"]
     rows = []
     for name, result in study.runs.items():
@@ -145,8 +147,8 @@ def _print_results(study: Study, report: FilePath) -> None:
             *_errors(e),
             f"{e.demand_ratio.max():.4f}",
         ]
-        if tried:
-            cells += _tried(result)
+        if has_experiment:
+            cells += _experiment_errors(result)
         rows.append([name, *cells])
     console = Console()
     console.show_table(["run", *headings], rows, title=study.job.title)
@@ -155,18 +157,19 @@ def _print_results(study: Study, report: FilePath) -> None:
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
         lines += [f"Warning: {x}" for x in result.warnings]
-    if tried and (rests_on := assumed_numbers(study.job.arm)):
-        lines.append(f"Masses: {rests_on}")
+    if has_experiment and (assumed := assumed_numbers(study.job.arm)):
+        lines.append(f"Masses: {assumed}")
     for text in (*lines, f"Report: {report.as_uri()}"):
         console.say(text)
 
 
-def _tried(result: RunResult) -> list[str]:
-    """The cells of an experiment: its errors, or that it failed."""
+def _experiment_errors(result: RunResult) -> list[str]:
+    """Errors of an experiment as cells, or that the experiment failed."""
     if result.failure is not None:
         return ["failed", "failed"]
     return ["", ""] if result.experiment is None else _errors(result.experiment.evaluation)
 
 
 def _errors(e: Evaluation) -> list[str]:
+    """RMS and largest contour error [mm], as text."""
     return [f"{e.contour_error.rms * 1e3:.4f}", f"{e.contour_error.max * 1e3:.4f}"]

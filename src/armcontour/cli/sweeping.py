@@ -1,4 +1,4 @@
-"""A trade-off from the command line, with progress."""
+"""The command `sweep`: certify a job for several tolerances and speeds."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 
 def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepOptions) -> None:
-    """Sweep a job, print its points, and write them with their plot.
+    """Sweep a job, print its points, and write them with a plot.
 
     Args:
         file: A job file, or a drawing.
         out: Folder for summary.json and report.html.
-        job_options: What the command line says of the job.
-        x: What is swept.
+        job_options: Options that replace values of the job.
+        x: Options of the command.
 
     Raises:
-        ArmContourError: A job that cannot be used; nothing is written then.
+        ArmContourError: An invalid job; then nothing is written.
     """
     from armcontour._quantities import Length, Speed
     from armcontour.cli.opening import open_job
@@ -53,6 +53,7 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
 
 
 def _print(found: Sweep, report: FilePath) -> None:
+    """Print a table of the points, and why points were refused."""
     console = Console()
     points = (*found.tolerances, *found.speeds)
     console.show_table(
@@ -68,7 +69,7 @@ def _print(found: Sweep, report: FilePath) -> None:
 
 
 def cells(x: SweepPoint) -> list[str]:
-    """A point as text: tolerance, speed, optimum, certified time, contour error."""
+    """A point as cells: tolerance, speed, optimum, certified time, contour error."""
 
     def shown(value: float | None, scale: float, digits: str) -> str:
         return "" if value is None else format(value * scale, digits)

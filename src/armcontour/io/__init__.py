@@ -1,6 +1,6 @@
-"""User files: the only room that knows units other than SI.
+"""Readers and writers of user files: the only package with units other than SI.
 
-Names are loaded when they are first used: who reads an arm does not pay for the checks of jobs.
+Names are loaded at first use, so that a program that reads an arm does not load the checks of jobs.
 """
 
 from __future__ import annotations

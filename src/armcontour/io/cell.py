@@ -1,4 +1,4 @@
-"""Cells: job files without a path, into which a drawing is put."""
+"""Cells: job files without a path, which are combined with a drawing."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from armcontour.io.keys import Given, read_keys
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
 
-# Keys of a job's path that say what it is, and that a drawing takes the place of.
+# Keys of a job's path that a drawing replaces.
 OWN_PATH = ("points", "start", "segments", "spline")
 YAML = (".yaml", ".yml")
 
 
 def cell_names() -> tuple[str, ...]:
-    """The names of the cells that come with the package."""
+    """Names of the built-in cells."""
     files = (resources.files("armcontour.io") / "cells").iterdir()
     return tuple(sorted(x.name.removesuffix(".yaml") for x in files if x.name.endswith(".yaml")))
 
@@ -39,19 +39,19 @@ def read_cell(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """The job of a cell with a drawing.
+    """Read a cell and a drawing, and combine them into a job.
 
     Args:
-        cell: The name of one that comes with the package, or a job file; its own path, if it has
-            one, gives way to the drawing, but for its frame and what else it says of files.
+        cell: Name of a built-in cell, or a job file. The drawing replaces the points or segments of
+            the job file; its frame and its options for reading files stay.
         drawing: The file of the drawing.
-        path: Keys of the path that differ from the cell's, as in a job file.
-        overrides: What is to stand in the place of the cell's own values.
-        reading: Called while the drawing is read, as by `read_path`.
+        path: Keys of `path` that differ from the cell's, as in a job file.
+        overrides: Values that replace the cell's own values.
+        reading: Called with the progress of reading the drawing, as in `read_path`.
         trust_xacro: As in `read_job`.
 
     Raises:
-        InvalidInput: No such cell, or as `read_job` and `read_path` raise it.
+        InvalidInput: No such cell, or an error of `read_job` or `read_path`.
     """
     text, source, folder = _text(str(cell))
     place = FilePath(drawing)
@@ -61,9 +61,9 @@ def read_cell(
     drawn = {**dict.fromkeys(OWN_PATH), **given, "file": str(place.absolute())}
     model = dataclasses.replace(
         found,
-        # A name of a file may be longer than that of a job, and hold what is not printable.
-        name=_fitted(place.stem, LONGEST_NAME),
-        title=_fitted(title, LONGEST_TITLE),
+        # The name of a file may be longer than that of a job, and hold unprintable characters.
+        name=_fit(place.stem, LONGEST_NAME),
+        title=_fit(title, LONGEST_TITLE),
         path=dataclasses.replace(found.path, **drawn),
     )
     with locate_errors(source):
@@ -71,7 +71,7 @@ def read_cell(
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:
-    """A cell's text, what to call it, and where its files are looked for."""
+    """The text of a cell, its name for messages, and the folder of its relative files."""
     file = FilePath(cell)
     if file.suffix.lower() in YAML:
         return job_text(file), file.name, file.parent
@@ -84,5 +84,6 @@ def _text(cell: str) -> tuple[str, str, FilePath]:
     return found.read_text(encoding="utf-8"), f"the cell {cell}", FilePath()
 
 
-def _fitted(text: str, most: int) -> str:
+def _fit(text: str, most: int) -> str:
+    """Make a text printable, and shorten it to a number of characters."""
     return shorten(make_printable(text), most)

@@ -1,4 +1,4 @@
-"""A certificate and a trade-off as JSON, with everything that repeating them takes."""
+"""Certificates and sweeps as JSON and CSV, with all data that a repetition needs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,12 @@ CERTIFICATE_UNITS = {
 
 
 def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
-    """What was asked for, what holds, on which model, and all that repeating it takes."""
+    """A certificate as JSON: requirements, results, model, and the data to repeat the plan.
+
+    Args:
+        certificate: The certificate.
+        files: The files of the result, relative to its folder.
+    """
     job, run = certificate.job, certificate.run
     data = {
         "armcontour": __version__,
@@ -52,22 +57,32 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
 
 
 def held_csv(certificate: Certificate) -> str:
-    """What is left of limits, a row for every part of a contour in which it is the same."""
+    """The derating of a certificate as CSV: a row per interval of arc length with equal derating.
+
+    A row has the share of every joint's acceleration limit that the plan uses, and the largest
+    squared speed.
+    """
     names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
     lines = [",".join(["contour", "from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
     for number, contour in enumerate(certificate.contours, start=1):
-        held = contour.held
-        rows = np.column_stack([held.share, held.cap])
+        derating = contour.held
+        rows = np.column_stack([derating.share, derating.cap])
         first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
-        begin, end = held.cells[:-1][first], np.append(held.cells[:-1][first][1:], held.cells[-1])
-        for a, b, row in zip(begin, end, rows[first], strict=True):
+        start = derating.cells[:-1][first]
+        end = np.append(start[1:], derating.cells[-1])
+        for a, b, row in zip(start, end, rows[first], strict=True):
             cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
             lines.append(",".join([str(number), repr(float(a)), repr(float(b)), *cells]))
     return "\n".join(lines) + "\n"
 
 
 def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
-    """Every point of a trade-off."""
+    """All points of a sweep as JSON.
+
+    Args:
+        sweep: The sweep.
+        files: The files of the result, relative to its folder.
+    """
     data = {
         "armcontour": __version__,
         "job": sweep.job.name,
@@ -84,7 +99,7 @@ def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
 
 def _certificate(c: Certificate) -> dict[str, Any]:
     limits, rounding = c.run.limits, c.run.rounding
-    unsure = c.uncertified
+    uncertified = c.uncertified
     return {
         "model": c.model,
         "goal": _goal(c.goal),
@@ -95,10 +110,13 @@ def _certificate(c: Certificate) -> dict[str, Any]:
         "headroom": {"mean": c.headroom, "largest": c.largest_headroom},
         "contours": [_contour(x) for x in c.contours],
         "uncertified": {
-            "duration": unsure.duration,
-            "contour_error": {"max": unsure.contour_error[0], "rms": unsure.contour_error[1]},
-            "saturated": unsure.saturated,
-            "box": unsure.box,
+            "duration": uncertified.duration,
+            "contour_error": {
+                "max": uncertified.contour_error[0],
+                "rms": uncertified.contour_error[1],
+            },
+            "saturated": uncertified.saturated,
+            "box": uncertified.box,
         },
         "limits_used": {x.name: x.ratio for x in c.check.uses},
         "not_judged": c.check.not_judged,

@@ -1,4 +1,4 @@
-"""Titles of columns: what each column holds, and what makes SI units of its numbers."""
+"""Titles of columns in CSV and Parquet files: the quantity of each column, and its unit."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from armcontour.io.units import parse
 
 Key = TypeVar("Key", bound=Hashable)
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
-# To the library of units an angle is a bare number, so that "1/s" would pass for "rad/s".
+# For pint an angle is a plain number, so that "1/s" would be accepted as "rad/s".
 _ANGLE = re.compile("rad|deg|turn|rev|rpm")
 
 
 @dataclass(frozen=True, slots=True)
 class Column(Generic[Key]):
-    """A column by its title.
+    """A column, as described by its title.
 
     Args:
-        key: What it holds.
-        index: Its place, from 0.
-        title: As it stands in the file.
-        unit: As it stands in the title; None without one.
-        factor: Its numbers times this are in SI units; 1 without a unit.
+        key: The quantity in the column.
+        index: Index of the column, from 0.
+        title: The title as in the file.
+        unit: The unit as in the title; None without one.
+        factor: Factor from the unit to SI units; 1 without a unit.
     """
 
     key: Key
@@ -46,21 +46,24 @@ def read_titles(
     si_of: Callable[[Key], str | None],
     unknown: Callable[[str], None],
 ) -> dict[Key, Column[Key]]:
-    """The columns by what they hold, in their order.
+    """Read the titles of columns.
 
-    A unit stands in brackets after the name, `q1 [deg]`, or in it, as the file's own names have it.
+    A unit follows the name in brackets, `q1 [deg]`, or is a part of the name, such as `q1_deg`.
 
     Args:
         titles: All titles.
-        where: The place of the titles, for messages.
-        example: Titles as they should be.
-        key_of: What a column of a name holds, and the unit in that name; None where the name is not
-            known. Also takes whether a unit in brackets follows.
-        si_of: The SI unit of what a column holds; None where it has no unit.
-        unknown: Called with titles that are not known; refuses them, or not.
+        where: File and line of the titles, for messages.
+        example: Valid titles, for messages.
+        key_of: Takes a name, and whether a unit in brackets follows. Gives the quantity, and the
+            unit in the name; None for an unknown name.
+        si_of: Takes a quantity and gives its SI unit; None if it has none.
+        unknown: Called with every unknown title; may raise an error.
+
+    Returns:
+        The known columns by their quantities, in their order.
 
     Raises:
-        InvalidInput: Numbers instead of titles, two columns for the same, or another unit.
+        InvalidInput: Numbers instead of titles, two columns for one quantity, or a wrong unit.
     """
     if all(NUMBER.fullmatch(x) for x in titles):
         raise InvalidInput(f"{where}: the first line must name the columns, such as {example}.")
@@ -76,20 +79,22 @@ def read_titles(
         if unit is not None and suffix is not None:
             raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
         if key in found:
-            raise InvalidInput(f"{where}: {_alike(found[key].title, title)}.")
+            raise InvalidInput(f"{where}: {_describe_twice(found[key].title, title)}.")
         unit = suffix if unit is None else unit
         factor = 1.0 if unit is None else _factor(unit, si_of(key), title, where)
         found[key] = Column(key, index, title, unit, factor)
     return found
 
 
-def _alike(first: str, second: str) -> str:
+def _describe_twice(first: str, second: str) -> str:
+    """What is wrong with two columns of one quantity, for messages."""
     if first == second:
         return f"there are two columns {show(first)}"
     return f"the columns {show(first)} and {show(second)} hold the same"
 
 
 def _factor(unit: str, si: str | None, title: str, where: str) -> float:
+    """Factor from a unit in a title to an SI unit."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     try:
         factor = 0.0 if si is None else parse(f"1 {plain}", si)

@@ -1,4 +1,4 @@
-"""How dataclasses are written in files, where that differs from their fields."""
+"""Keys of files that differ from the fields of their dataclasses, in name, type or default."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from armcontour.robustness.monte_carlo import Box
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
-# Where xx, xy, xz, yy, yz and zz stand in a symmetric matrix.
+# Indices of xx, xy, xz, yy, yz and zz in a symmetric matrix.
 TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """How a dataclass is written in files, where that differs from its fields.
+    """Differences between the keys of a file and the fields of their dataclass.
 
     Args:
-        names: Keys by the fields that have another name.
-        types: Annotations by the fields that are written in another form.
-        defaults: Defaults in that form.
-        texts: Descriptions in that form.
-        omit: Fields that no key gives.
+        names: Keys with another name than the field, by the fields.
+        types: Annotations of keys with another type than the field, by the fields.
+        defaults: Defaults of such keys, by the fields.
+        texts: Descriptions of such keys, by the fields.
+        omit: Fields without a key.
     """
 
     names: Mapping[str, str] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Form:
     omit: frozenset[str] = frozenset()
 
 
-# Those that are not here are written as their fields are.
+# For every other dataclass the keys are its fields.
 FORMS: dict[type, Form] = {
     Box: Form(
         names={"dead_time_shared": "shared"},

@@ -1,4 +1,4 @@
-"""The arm of a job file."""
+"""Make the arm that the key `arm` of a job file describes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
 
 
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
-    """The arm that a job names; its files are looked for in the job's folder.
+    """Load the arm of a job, with its tool, work frame and payload.
 
     Args:
-        model: What the job says.
-        folder: The job's.
-        trust_xacro: Whether a .xacro file may be expanded; no key of a job can say so.
+        model: The value of the key `arm`.
+        folder: Folder of the job file; files of the arm are relative to this folder.
+        trust_xacro: Whether a .xacro file may be expanded; no key of a job can allow this.
 
     Raises:
         InvalidInput: No such arm, or keys that do not go together.
@@ -51,7 +51,7 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
     if model.file is not None and is_description(model.file):
-        # Read once: what is locked depends on the joints, and a xacro file is a program.
+        # Read once: units of locked joints depend on the joints, and a xacro file is a program.
         tree = read_description(folder / model.file, trust_xacro=trust_xacro)
         return equip(arm_of_tree(tree, locked=_locked(model, tree), **options), **equipment)
     if model.locked:
@@ -63,14 +63,14 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
-    """The rotation matrix that a model gives, if it gives one.
+    """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
 
     Args:
-        key: For messages.
+        key: Key of the model, for messages.
         model: The model.
 
     Raises:
-        InvalidInput: Two rotations, or a quaternion that is none.
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
     """
     if model.rpy is not None and model.quaternion is not None:
         raise InvalidInput(f"{key} takes either rpy or quaternion, not both.")
@@ -80,10 +80,10 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:
-    """The frame that a file describes.
+    """The frame of a model.
 
     Raises:
-        InvalidInput: Two rotations, or a quaternion that is none.
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
     """
     turned = rotation_of(key, model)
     return Frame(
@@ -93,10 +93,10 @@ def frame_of(key: str, model: FrameModel) -> Frame:
 
 
 def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
-    """Where joints are held still: an angle of one that turns [rad], a length of one that slides.
+    """Positions of locked joints: [rad] of revolute joints, [m] of prismatic joints.
 
     Raises:
-        InvalidInput: A quantity of the other kind.
+        InvalidInput: An angle for a prismatic joint, or a length for a revolute joint.
     """
     joints = tree.joints
     found = {}

@@ -1,4 +1,4 @@
-"""Job files: YAML in, a `Job` out."""
+"""Read job files (YAML) into a `Job`."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from armcontour.io.job_arm import arm_of
 from armcontour.io.job_model import ExperimentModel, JobModel, PublishedModel, RunModel
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import path_of
-from armcontour.io.job_process import with_process
+from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
 from armcontour.servo import ServoModel
 
 Model = TypeVar("Model", bound=JobModel)
-# Which method takes which option.
+# The method of each option.
 TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
 COMPENSATION_OPTIONS = {"poles": "pole_placement"}
 
@@ -36,13 +36,14 @@ def read_job(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """The job in a YAML file.
+    """Read a job from a YAML file.
 
     Args:
         file: The file.
-        overrides: What is to stand in the place of the file's own values.
-        reading: Called while the drawing that it names is read, as by `read_path`.
-        trust_xacro: Whether its arm may be a .xacro file, which is a program; no job can say so.
+        overrides: Values that replace the file's own values.
+        reading: Called with the progress of reading the job's drawing, as in `read_path`.
+        trust_xacro: Whether the arm may be a .xacro file. Such a file is a program, so that no key
+            of a job can allow this.
 
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
@@ -60,10 +61,10 @@ def read_job(
 
 
 def job_text(file: FilePath) -> str:
-    """The text of a job file.
+    """Read the text of a job file.
 
     Raises:
-        InvalidInput: No such file, no regular file, too large, or not text.
+        InvalidInput: No such file, no regular file, a file that is too large, or no text.
     """
     return read_text(file, "job file")
 
@@ -77,12 +78,12 @@ def parse_job(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """The job in YAML text.
+    """Read a job from YAML text.
 
     Args:
         text: The text.
-        source: What to call it in errors.
-        folder: Where relative files are looked for.
+        source: Name of the text in messages.
+        folder: Folder of relative file names.
         overrides: As in `read_job`.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
@@ -96,15 +97,15 @@ def parse_job(
 
 
 def read_model(of: type[Model], text: str, source: str) -> Model:
-    """What a job file says, before it names an arm or a drawing that are read.
+    """Read and check the keys of a job file, without the files that the job names.
 
     Args:
-        of: JobModel, or CellModel of a job without a path.
+        of: JobModel, or CellModel for a job without a path.
         text: YAML.
-        source: What to call it in errors.
+        source: Name of the text in messages.
 
     Raises:
-        InvalidInput: Not YAML, an unknown key, or a value that is none.
+        InvalidInput: Not YAML, an unknown key, or an invalid value.
     """
     data = load(text, source)
     if not isinstance(data, dict):
@@ -121,11 +122,11 @@ def json_schema() -> dict[str, Any]:
 
 
 def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacro: bool) -> Job:
-    """The job that a file says.
+    """Make the job of a job file; reads its arm and its drawing.
 
     Args:
-        model: What it says.
-        folder: Where its files are looked for.
+        model: The keys of the file.
+        folder: Folder of relative file names.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
 
@@ -133,7 +134,7 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         InvalidInput: Values that do not make a job.
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
-    path, process = with_process(
+    path, process = add_process(
         path_of(model.path, folder, arm.dimension, reading), model.process, model.path
     )
     servo = _servo("servo", model.servo, arm)
@@ -159,13 +160,13 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """A servo with what differs of it, one value per joint."""
+    """A servo with some values replaced, one value per joint."""
     with locate_errors(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
 def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """The real servo: the nominal one but for what the job says of it; null says nothing."""
+    """The real servo: the nominal servo with the values of `plant`; null keeps the nominal one."""
     differs = {key: value for key, value in given.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
@@ -173,11 +174,12 @@ def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
 
 
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
+    """A run of the job, with the job's values for keys that the run does not give."""
     corners = job.corners if model.corners is None else model.corners
     limits = _limits("limits", job.limits, arm.limits, arm)
     limits = _limits(f"runs.{name}.limits", model.limits, limits, arm)
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
-        # Case I names the same quantity for the corners' radius: it holds for their speed too.
+        # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     if not isinstance(corners, str) and corners.tolerance is None:
         _refuse_no_speed(f"runs.{name}." if model.corners else "", corners, limits)
@@ -204,13 +206,13 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
 
 
 def _limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:
-    """Limits with some of them replaced or lifted, one value per joint."""
+    """Limits with some values replaced, or lifted by None, one value per joint."""
     with locate_errors(key):
         return limits.replace(**given).for_joints(arm.dof)
 
 
 def _refuse_no_speed(where: str, corners: Rounding, limits: Limits) -> None:
-    """Refuse corners that nothing says the size of."""
+    """Refuse rounding without a tolerance, and without a speed and an acceleration."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
             f"{where}corners needs tolerance, the largest corner error, or speed and acceleration."
@@ -218,7 +220,7 @@ def _refuse_no_speed(where: str, corners: Rounding, limits: Limits) -> None:
 
 
 def _refuse_options(key: str, model: RunModel) -> None:
-    """Refuse options of another method than the chosen one."""
+    """Refuse options that belong to another method than the chosen one."""
     for name, methods in (("timing", TIMING_OPTIONS), ("compensation", COMPENSATION_OPTIONS)):
         chosen = getattr(model, name)
         for option, method in methods.items():
@@ -229,13 +231,14 @@ def _refuse_options(key: str, model: RunModel) -> None:
 
 
 def _experiment(run: str, model: ExperimentModel | None) -> Experiment | None:
-    """The experiment of a run, if it has one."""
+    """Options of the experiment of a run; None if the run has none."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
     return Experiment(**{x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)})
 
 
 def _published(model: PublishedModel, job: JobModel) -> Published:
+    """The published figures of a job; their runs must exist."""
     stamps = model.time_stamps
     _refuse_unknown("published", [*model.runs, *([stamps.run] if stamps else [])], job)
     return Published(
@@ -248,6 +251,7 @@ def _published(model: PublishedModel, job: JobModel) -> Published:
 
 
 def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:
+    """Refuse names of runs that the job does not have."""
     for name in names:
         if name not in job.runs:
             raise InvalidInput(f"{key} names the run {name}, which the job does not have.")

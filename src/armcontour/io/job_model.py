@@ -1,4 +1,4 @@
-"""What a job file may say: the core's dataclasses, and what is written in another form."""
+"""Keys of a job file, as dataclasses; together with dataclasses of the core."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
 def _joint_position(value: Any) -> Any:
-    """The position of a joint as it is written, refused if it is neither an angle nor a length."""
+    """Refuse a joint position that is neither an angle nor a length; return it as written."""
     if isinstance(value, str):
         try:
             parse(value, "m")
@@ -53,13 +53,13 @@ def _joint_position(value: Any) -> Any:
     return value
 
 
-# Which of the two it must be is up to its joint.
+# The kind of the joint, known later, decides between angle and length.
 JointPosition = Annotated[
     float | str,
     BeforeValidator(_joint_position),
     WithJsonSchema(
         {
-            "description": "A number in rad (in m of a joint that slides), or text with a unit.",
+            "description": "A number in rad (in m for a prismatic joint), or text with a unit.",
             "anyOf": [{"type": "number"}, {"type": "string"}],
             "examples": ["10 deg", "20 mm"],
         }
@@ -73,7 +73,7 @@ class RotationModel:
 
     Args:
         rpy: Roll, pitch and yaw about fixed x, y and z [rad].
-        quaternion: As x, y, z, w.
+        quaternion: Unit quaternion as x, y, z, w.
     """
 
     rpy: Angles | None = None
@@ -82,10 +82,10 @@ class RotationModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameModel(RotationModel):
-    """A place and how it is turned; what is not given is zero.
+    """A position and a rotation; both are zero by default.
 
     Args:
-        position: The place [m].
+        position: The position [m].
     """
 
     position: Place | None = None
@@ -93,18 +93,18 @@ class FrameModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel:
-    """An arm by `name` or `file`, and how it is equipped. Files are looked for beside the job.
+    """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
 
     Args:
         name: A built-in arm: `armcontour arms` lists them.
         file: A .urdf, .xacro or .yaml file; .xacro only if `--trust-xacro` allows it.
-        tip: Link at the end; .urdf and .xacro only.
-        base: Link that stands still; .urdf and .xacro only.
-        joint_limits: A joint_limits.yaml of MoveIt; goes before what the arm's file says.
-        tool: The tool in the frame of the tip.
-        work: The frame of the path in the frame of the base.
-        payload: What the tip carries.
-        locked: Joints that are held still, and where; .urdf and .xacro only.
+        tip: Link at the end of the arm; .urdf and .xacro only.
+        base: Fixed link at the start of the arm; .urdf and .xacro only.
+        joint_limits: A joint_limits.yaml of MoveIt; replaces limits of the arm's file.
+        tool: The tool frame relative to the tip.
+        work: The frame of the path relative to the base.
+        payload: Payload at the tip.
+        locked: Positions of locked joints, by name; .urdf and .xacro only.
     """
 
     name: str | None = None
@@ -120,14 +120,15 @@ class ArmModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentModel(Demand):
-    """A line `to` a point, an arc `via` a point `to` another, or one around a `center`.
+    """A line `to` a point, an arc `via` a point `to` another, or an arc around a `center`.
 
     Args:
         to: End of a line or an arc [m].
         via: A point on an arc [m].
         center: Centre of an arc [m].
-        angle: Angle of that arc, counter-clockwise positive; a full circle has 360 deg [rad].
-        normal: Axis of that arc, in space.
+        angle: Angle of an arc around a centre, counter-clockwise positive; a full circle has 360
+            deg [rad].
+        normal: Axis of an arc around a centre, in space.
     """
 
     to: Point | None = None
@@ -139,12 +140,12 @@ class SegmentModel(Demand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplineModel:
-    """A cubic spline through `points`, run as arcs within `tolerance` of it.
+    """A cubic spline through `points`, replaced by arcs within `tolerance`.
 
     Args:
-        points: What it leads through [m].
-        closed: Whether it is closed: the last point repeats the first.
-        tolerance: Largest distance of the arcs from it [m].
+        points: Points of the spline [m].
+        closed: Whether the spline is closed: the last point repeats the first.
+        tolerance: Largest distance of the arcs from the spline [m].
     """
 
     points: list[Point]
@@ -154,12 +155,13 @@ class SplineModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowModel(RotationModel):
-    """The tool at a fixed angle to the tangent: x of the path's frame is the tangent, z is `up`.
+    """A fixed tool orientation relative to the tangent: x of the path's frame is the tangent.
 
-    `rpy` or `quaternion` hold the tool in that frame; by default its axis points against `up`.
+    `rpy` or `quaternion` give the tool orientation in that frame; by default the tool axis points
+    against `up`.
 
     Args:
-        up: Direction of z.
+        up: Direction of z of the path's frame.
     """
 
     up: Direction
@@ -167,12 +169,13 @@ class FollowModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrientationModel(RotationModel):
-    """How the tool is held: one of `rpy`, `quaternion`, `axis` and `follow_tangent`.
+    """The required tool orientation: one of `rpy`, `quaternion`, `axis` and `follow_tangent`.
 
     Args:
-        axis: Direction of the tool axis; turning about it is free.
-        follow_tangent: A fixed angle to the tangent.
-        axis_only: Whether only the tool axis counts; turning about it is free.
+        axis: Direction of the tool axis; rotation about the tool axis is free.
+        follow_tangent: A fixed orientation relative to the tangent.
+        axis_only: Whether only the direction of the tool axis is required; rotation about the tool
+            axis is free.
     """
 
     axis: Direction | None = None
@@ -193,31 +196,31 @@ class SkipModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathModel:
-    """One of `points`, `start` and `segments`, `spline`, and `file`; the rest says how to read it.
+    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
 
     Args:
         points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
-        start: Where the first segment starts [m].
+        start: Start point of the first segment [m].
         segments: A chain of lines and arcs.
         spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv,
-            .parquet), beside the job.
-        units: Unit of the file's lengths, such as mm, where it gives none; of a drawing also in
-            the place of what it gives.
-        scale: Factor of its lengths.
-        frame: Where its origin lies, and how it is turned.
-        layers: Only contours on these; or a mapping to what contours on them are run with where
-            their segments have nothing of their own, of which a drawing need not have all.
-        names: Only contours with these names: the report lists them.
-        flat: Whether to leave z out, and with it how the file has the tool held.
-        chord_tolerance: Largest distance between a curve and the arcs that it becomes [m].
-        join_tolerance: Ends nearer than this are one point [m].
-        unknown: Whether to refuse what the reader does not know, or to skip it with a note; for
-            G-code, `{skip: [T, M6]}` leaves out these words.
+            .parquet); its name is relative to the job file.
+        units: Unit of the file's lengths, such as mm, if the file gives none; replaces the unit
+            that a drawing gives.
+        scale: Factor of the file's lengths.
+        frame: Position and rotation of the file's origin.
+        layers: Layers to run. Or a mapping from layers to speed and tolerance of their contours,
+            for segments without values of their own; a drawing need not have all these layers.
+        names: Names of contours to run; the report lists all names.
+        flat: Whether to leave out z, and the tool orientation that the file gives.
+        chord_tolerance: Largest distance between a curve and its arcs [m].
+        join_tolerance: Distance below which two ends are one point [m].
+        unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
+            for G-code, `{skip: [T, M6]}` leaves out these words.
         offsets: For G-code, `file` reads only offsets that the file gives; `zero` states that all
             offsets in the table of the controller are zero.
-        orientation: How the tool is held in space: once for the whole path, or one per waypoint;
-            of a file, in the coordinates of the drawing.
+        orientation: The required tool orientation in space: one for the whole path, or one per
+            waypoint; for a file, in the coordinates of the drawing.
     """
 
     points: list[Point] | None = None
@@ -240,7 +243,7 @@ class PathModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentModel(Experiment):
-    """Runs executed on the arm's rigid bodies too, with default drive gains.
+    """A simulation of runs on the arm's rigid bodies, with default drive gains.
 
     Args:
         runs: Names of runs; all by default.
@@ -254,11 +257,11 @@ class TimingModel:
     """How the path is timed.
 
     Args:
-        method: The fastest timing, the paper's, or uniform speed.
-        knots: Laps per line, of the method mac.
-        intervals: Intervals of the grid, about, of the method optimal.
+        method: The fastest timing (optimal), the paper's (mac), or uniform speed (conventional).
+        knots: Laps per line, for the method mac.
+        intervals: Approximate number of grid intervals, for the method optimal.
         reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
-            servo. Without one a servo that has fallen back cannot catch up.
+            servo. With a reserve of 0, a servo that lags cannot catch up.
     """
 
     method: Annotated[str, Choice(planner.METHODS)] = "optimal"
@@ -272,9 +275,9 @@ class CompensationModel:
     """How the servo's delay is compensated.
 
     Args:
-        method: The servo's exact inverse, or pole placement, for a servo of order second only.
-        poles: Two regulator poles and the observer pole of pole_placement [1/s], or one such triple
-            per joint.
+        method: The servo's exact inverse, or pole placement (servo of order second only).
+        poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
+            joint.
     """
 
     method: Annotated[str, Choice(compensator.METHODS)] = "pole_placement"
@@ -283,13 +286,13 @@ class CompensationModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModel:
-    """A run; what it does not say it takes from the job.
+    """A run; keys that are left out have the values of the job.
 
     Args:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
-        limits, corners, command_interval, ignore_jerk: As of the job, for this run only.
-        until: End of the time that errors cover [s]; by default when the tool has come to rest.
+        limits, corners, command_interval, ignore_jerk: As the keys of the job, for this run only.
+        until: End of the time over which errors are evaluated [s]; by default when the tool rests.
     """
 
     timing: TimingModel = TimingModel()
@@ -333,13 +336,13 @@ class FiguresModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedModel:
-    """Published figures of the same job, to stand beside ours.
+    """Published figures of the same job, to compare with the results.
 
     Args:
-        source: Where they stand.
+        source: Publication of the figures.
         runs: Figures by the names of the job's runs.
         time_stamps: Published times of switching points.
-        notes: Sentences on what to make of the differences.
+        notes: Sentences that explain the differences.
     """
 
     source: str
@@ -354,26 +357,26 @@ class JobModel:
 
     Args:
         name: Short name, printable, of at most 80 characters.
-        title: For people, of at most 200 characters; the name by default.
-        arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file beside the
-            job, or a mapping.
-        branch: Branch of the inverse kinematics of an arm in the plane: `positive` (default) or
+        title: Title for reports, of at most 200 characters; the name by default.
+        arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
+            to the job file, or a mapping.
+        branch: Branch of the inverse kinematics of a planar arm: `positive` (default) or
             `negative`, the sign of theta2.
-        start: Joint positions near to those to start in [rad], of an arm in space; by default the
-            configuration that is fastest along the path.
+        start: Joint positions near the start configuration [rad], for an arm in space; by default
+            the configuration that is fastest along the path.
         path: The objective path.
-        process: What is added to contours: leads, overlaps, events.
-        limits: Limits; those of the joints are the arm's own unless given here, and null lifts one.
-        ignore_jerk: Whether to plan in spite of limits of jerk, which no method keeps yet.
-        corners: How corners are rounded; `sharp` leaves them as they are.
+        process: Leads, overlaps and events that are added to contours.
+        limits: Limits; limits of the joints are the arm's own unless given here, null lifts one.
+        ignore_jerk: Whether to plan although the limits include jerk, which no method keeps.
+        corners: How corners are rounded; `sharp` keeps sharp corners.
         servo: The nominal servo.
-        plant: The real servo, where it differs from the nominal one.
-        experiment: Runs that are executed on the arm's rigid bodies too.
+        plant: Parameters of the real servo that differ from the nominal servo.
+        experiment: Runs that are simulated on the arm's rigid bodies, too.
         command_interval: Time between set-points [s].
         runs: The runs to compare, by name.
         published: Published figures of the same job.
-        certificate: What `armcontour certify` and `armcontour sweep` hold.
-        memory: What the program may take for the job [bytes].
+        certificate: Requirements for `armcontour certify` and `armcontour sweep`.
+        memory: Largest memory of the calculation [bytes].
     """
 
     name: str
@@ -398,7 +401,7 @@ class JobModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellModel(JobModel):
-    """A job file into which a drawing is put: its name and its path may be left out."""
+    """A job file that is combined with a drawing: name and path may be left out."""
 
     name: str = ""
     path: PathModel = field(default_factory=PathModel)

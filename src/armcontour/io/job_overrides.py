@@ -1,4 +1,4 @@
-"""What stands in the place of a job file's own values, such as options of a command line."""
+"""Values that replace those of a job file, such as options of the command line."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from armcontour.program import Process
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobOverrides:
-    """Values in the place of a job's own; None leaves those.
+    """Values that replace those of a job; None keeps the job's own value.
 
     Args:
         units: Unit of the drawing's lengths.
-        scale: Factor of them.
-        position: Where the drawing's origin lies [m], (3,).
+        scale: Factor of the drawing's lengths.
+        position: Position of the drawing's origin [m], (3,).
         turn: Roll, pitch and yaw of the drawing [rad], (3,).
         layers: Layers to run.
         names: Contours to run.
-        flat: Leave z out.
-        skip_unknown: Skip what the reader does not know.
+        flat: Whether to leave z out.
+        skip_unknown: Whether to skip elements that the reader does not know.
         skip_words: Words and codes of G-code to leave out, such as M6.
-        speed: Assigned velocity where the drawing gives none [m/s], of runs with one of their own
+        speed: Assigned velocity where the drawing gives none [m/s]; replaces the speed of runs,
             too.
-        corner_tolerance: Largest corner error where the drawing gives none [m], of runs with one of
-            their own too; runs without rounding keep sharp corners.
-        from_s: Arc length of all contours at which to resume [m].
-        memory: What the program may take [bytes].
+        corner_tolerance: Largest corner error where the drawing gives none [m]; replaces the
+            tolerance of runs, too. Runs without rounding keep sharp corners.
+        from_s: Position at which to resume, as arc length over all contours [m].
+        memory: Largest memory of the calculation [bytes].
     """
 
     units: str | None = None
@@ -49,14 +49,14 @@ class JobOverrides:
 
 
 def override(model: JobModel, x: JobOverrides | None) -> JobModel:
-    """What a job file says, with other values in the place of its own.
+    """Replace values of a job file.
 
     Args:
-        model: What the file says.
-        x: The other values.
+        model: The keys of the file.
+        x: The values to replace.
 
     Raises:
-        InvalidInput: A value that is none.
+        InvalidInput: An invalid value.
     """
     if x is None:
         return model
@@ -77,7 +77,7 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
 
 
 def _run(run: RunModel, x: JobOverrides) -> RunModel:
-    """A run without a speed and a tolerance of its own where there is another."""
+    """Replace the speed and the corner tolerance that a run itself gives."""
     if x.speed is not None and "speed" in run.limits:
         run = replace(run, limits={**run.limits, "speed": x.speed})
     own = run.corners
@@ -87,6 +87,7 @@ def _run(run: RunModel, x: JobOverrides) -> RunModel:
 
 
 def _path(path: PathModel, x: JobOverrides) -> PathModel:
+    """Replace options for reading the drawing, and its frame."""
     changes: dict[str, Any] = {
         "units": x.units,
         "scale": x.scale,

@@ -1,4 +1,4 @@
-"""The path of a job file."""
+"""Make the path or program that the key `path` of a job file describes."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel, S
 from armcontour.io.problems import place
 from armcontour.program import Contour, Program, contour_called
 
-# What says how a file is read: arguments of `read_path`.
+# Keys that are arguments of `read_path`.
 READING = (
     *("units", "scale", "layers", "names", "flat"),
     *("chord_tolerance", "join_tolerance", "unknown", "offsets"),
 )
-WAYS = ("rpy", "quaternion", "axis", "follow_tangent")
+ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
 def path_of(
     model: PathModel, folder: FilePath, dimension: int, progress: Progress | None = None
 ) -> Path | Program:
-    """The objective path of a job, or its program, with the tool's orientation if it has one.
+    """The objective path of a job, or its program, with the tool orientation if the job gives one.
 
     Args:
-        model: What the job says.
-        folder: Where files are looked for.
-        dimension: In which the arm moves its tool: drawings are put in space for 3.
+        model: The key `path` of the job.
+        folder: Folder of relative file names.
+        dimension: Dimension of the arm's tool motion, 2 or 3; for 3 drawings are lifted to space.
         progress: Called while a file is read.
 
     Raises:
@@ -48,25 +48,46 @@ def path_of(
     for x in dataclasses.fields(model):
         if x.name in (*READING, "frame") and getattr(model, x.name) != x.default:
             raise InvalidInput(
-                f"path.{x.name} says how a file is read: it goes with path.file; or this is a "
-                "cell, which takes a drawing (armcontour run DRAWING --cell CELL)."
+                f"path.{x.name} is an option for reading a file and needs path.file; if this job "
+                "is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
             )
     path = _positions(model)
     if model.orientation is None:
         return path
     if isinstance(model.orientation, OrientationModel):
-        return _held(path, model.orientation)
+        return _orient(path, model.orientation)
     if model.spline is not None:
         raise InvalidInput(
             "path.orientation: a spline takes one orientation for its whole length, not a list."
         )
-    return _at_waypoints(path, model.orientation)
+    return _orient_waypoints(path, model.orientation)
+
+
+def _refuse_space(model: PathModel, program: Program, frame: Frame) -> None:
+    """Refuse a drawing that a planar arm cannot follow: with z, an orientation or a tilted frame.
+
+    Raises:
+        InvalidInput: The drawing does not stay in the plane.
+    """
+    if program.dimension == 3:
+        raise InvalidInput(
+            f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
+            "leave z out with path.flat: true (on the command line --flat), or take an arm in "
+            "space."
+        )
+    if model.orientation is not None:
+        raise InvalidInput("path.orientation: only an arm in space can orient its tool.")
+    if not keeps_plane(frame):
+        raise InvalidInput(
+            "path.frame lifts or tilts the drawing out of the plane in which the arm moves its "
+            "tool: give it z = 0, and turn it about z alone, by the last angle of rpy."
+        )
 
 
 def _drawn(
     model: PathModel, file: str, folder: FilePath, dimension: int, progress: Progress | None
 ) -> Program:
-    """The program in a file, where it is to lie."""
+    """Read a drawing, orient the tool and place the program in its frame."""
     if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
         raise InvalidInput("path takes either a file, or points, start and segments, or spline.")
     options = {name: getattr(model, name) for name in READING}
@@ -75,50 +96,41 @@ def _drawn(
     program = read_path(folder / file, **options, progress=progress)
     frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)
     if dimension == 2:
-        if program.dimension == 3:
-            raise InvalidInput(
-                f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
-                "leave z out with path.flat: true (on the command line --flat), or take an arm in "
-                "space."
-            )
-        if model.orientation is not None:
-            raise InvalidInput("path.orientation: a tool is oriented by an arm in space only.")
-        if not keeps_plane(frame):
-            raise InvalidInput(
-                "path.frame lifts or tilts the drawing out of the plane in which the arm moves its "
-                "tool: give it z = 0, and turn it about z alone, by the last angle of rpy."
-            )
+        _refuse_space(model, program, frame)
         return program.placed(frame)
     program = program.mapped(lift_path)
     if model.orientation is not None:
         how = model.orientation
         if not isinstance(how, OrientationModel):
-            raise InvalidInput("path.orientation of a file is one for all of it, not a list.")
+            raise InvalidInput(
+                "path.orientation: a file takes one orientation for all contours, not a list."
+            )
         if any(x.path.orientation is not None for x in program.contours):
-            note = f"how the tool is held comes from {program.source}, not from path.orientation."
+            note = f"the tool orientation comes from {program.source}, not from path.orientation."
             program = dataclasses.replace(program, notes=(*program.notes, note))
         else:
-            program = _all_held(program, how)
+            program = _orient_contours(program, how)
     return program.placed(frame)
 
 
-def _all_held(program: Program, how: OrientationModel) -> Program:
-    """A program with the tool held in one way on every contour; rapids lead from one to the next.
+def _orient_contours(program: Program, how: OrientationModel) -> Program:
+    """Give every contour of a program the same tool orientation.
 
     Raises:
-        InvalidInput: A contour that it does not fit.
+        InvalidInput: A contour that the orientation does not fit.
     """
     moves, number = list(program.moves), 0
     for i, x in enumerate(moves):
         if not isinstance(x, Contour):
             continue
         with locate_errors(f"path.orientation, {contour_called(x, number)}"):
-            moves[i] = dataclasses.replace(x, path=_held(x.path, how))
+            moves[i] = dataclasses.replace(x, path=_orient(x.path, how))
         number += 1
     return dataclasses.replace(program, moves=tuple(moves))
 
 
 def _positions(model: PathModel) -> Path:
+    """The path of a job without a file: a polyline, a spline, or lines and arcs."""
     kinds = (model.points, model.segments, model.spline)
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
         raise InvalidInput("path takes either points, or start and segments, or spline, or a file.")
@@ -133,6 +145,7 @@ def _positions(model: PathModel) -> Path:
 
 
 def _points(key: str, points: list[list[float]]) -> FloatArray:
+    """The points of a key as an array, (n, 2) or (n, 3) [m]."""
     if not points:
         raise InvalidInput(f"the points of {key} are empty: a path needs at least two.")
     if len({len(x) for x in points}) > 1:
@@ -143,7 +156,7 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
 
 
 def _refuse_far(key: str, point: Sequence[float]) -> None:
-    """Refuse coordinates at which floating point tells no points apart, or overflows."""
+    """Refuse coordinates so large that floating point cannot resolve points, or overflows."""
     far = max(map(abs, point), default=0.0)
     if far > FARTHEST:
         raise InvalidInput(
@@ -152,6 +165,7 @@ def _refuse_far(key: str, point: Sequence[float]) -> None:
 
 
 def _chain(start: list[float], models: list[SegmentModel]) -> Path:
+    """The path of a chain of lines and arcs from a start point."""
     if not models:
         raise InvalidInput("path.segments is empty: a path needs at least one.")
     segments: list[Line | Arc] = []
@@ -166,16 +180,17 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
 
 
 def _end(segments: list[Line | Arc]) -> list[float]:
-    """Where the last of some segments ends."""
+    """End point of the last segment."""
     try:
         (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
     except InvalidInput:
-        # Told again with the number that the segment has among all.
+        # Raises the error again, with the number of the segment in the whole path.
         (*_, end) = Path.from_segments(segments).vertices.tolist()
     return list(end)
 
 
 def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
+    """The line or arc of a model, from the end of the segment before."""
     demand = Demand(**{y.name: getattr(x, y.name) for y in dataclasses.fields(Demand)})
     around = (x.center, x.angle, x.normal)
     if x.to is not None and all(y is None for y in around):
@@ -191,9 +206,9 @@ def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
     )
 
 
-def _held(path: Path, x: OrientationModel) -> Path:
-    """The path with the tool held in one way all along."""
-    _refuse_ways("path.orientation", x)
+def _orient(path: Path, x: OrientationModel) -> Path:
+    """Give a path one tool orientation for its whole length."""
+    _refuse_unclear("path.orientation", x)
     if x.axis is not None:
         return path.pointing(x.axis)
     if x.follow_tangent is not None:
@@ -202,14 +217,14 @@ def _held(path: Path, x: OrientationModel) -> Path:
     return path.oriented(rotation_of("path.orientation", x), axis_only=x.axis_only)
 
 
-def _at_waypoints(path: Path, models: list[OrientationModel]) -> Path:
-    """The path with the tool held in a given way at every waypoint."""
+def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
+    """Give a path one tool orientation per waypoint."""
     for i, x in enumerate(models):
         key = place(("path", "orientation", i))
-        _refuse_ways(key, x)
+        _refuse_unclear(key, x)
         if x.follow_tangent is not None:
             raise InvalidInput(
-                f"{key}: follow_tangent holds for the whole path: give it alone, not in a list."
+                f"{key}: follow_tangent is for the whole path: give it alone, not in a list."
             )
     if not models:
         raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
@@ -225,10 +240,10 @@ def _at_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 
-def _refuse_ways(key: str, x: OrientationModel) -> None:
-    """Refuse more or less than one way to hold the tool."""
-    found = [name for name in WAYS if getattr(x, name) is not None]
+def _refuse_unclear(key: str, x: OrientationModel) -> None:
+    """Refuse an orientation with no key, or with several."""
+    found = [name for name in ORIENTATIONS if getattr(x, name) is not None]
     if len(found) != 1:
         raise InvalidInput(
-            f"{key} takes one of {', '.join(WAYS)}, not {' and '.join(found) or 'none'}."
+            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(found) or 'none'}."
         )

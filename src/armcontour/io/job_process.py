@@ -1,4 +1,4 @@
-"""What a job file adds to its contours."""
+"""Make the process of a job file: leads, overlaps and events of its contours."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from armcontour.io.job_model import PathModel
 from armcontour.program import Process, Program
 
 
-def with_process(
+def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
     """The path or program of a job, and its process.
 
     Raises:
-        InvalidInput: Values that make no process.
+        InvalidInput: Invalid values of the process.
     """
     if drawing.file is None and process is None:
         return path, Process()
     program = Program.of(path)
     if drawing.file is None:
-        # The process says where a closed path of points begins, as that of a drawing.
+        # The process sets the start point of a closed path of points, as for a drawing.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
     layers = {x.layer for x in program.contours}
@@ -32,9 +32,15 @@ def with_process(
 
 
 def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
-    """A process with what the path of a job says of it: where up is, and the speeds of layers."""
+    """A process with the vertical direction and the speeds of layers from a job's path.
+
+    Args:
+        process: The process.
+        drawing: The key `path` of the job.
+        there: Names of the layers in the drawing.
+    """
     frame = Frame() if drawing.frame is None else frame_of("path.frame", drawing.frame)
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
-    # Reading has told of those that the file has not.
+    # The reader has noted layers that are missing in the file.
     known = {name: x for name, x in layers.items() if name in there}
     return dataclasses.replace(process, up=frame.rotation[:, 2], layers=known)

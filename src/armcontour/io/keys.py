@@ -1,4 +1,4 @@
-"""Keys of files, made from dataclasses: fields, annotations, defaults and docstrings."""
+"""Makes the keys of files from dataclasses: fields, annotations, defaults and docstrings."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ BOUNDS = {
     "not negative": {"minimum": 0},
     "negative": {"exclusiveMaximum": 0},
 }
-# Shapes of arrays in docstrings, which files do not have.
+# Shapes of arrays in docstrings, which are left out of the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Annotates a dataclass that a mapping of keys gives."""
+    """Annotation of a dataclass that is read from a mapping of keys."""
 
     of: type
 
@@ -54,7 +54,7 @@ class Keys:
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
-        # Where a default is made anew, null stands for it.
+        # For a field with a default factory, null means the default.
         made = {x.name for x in dataclasses.fields(self.of) if _is_made(x)}
         values = _values(self.of, model)
         return self.of(**{k: v for k, v in values.items() if not (v is None and k in made)})
@@ -62,7 +62,12 @@ class Keys:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """Annotates a dictionary of the fields of a dataclass that a file gives; any may be `null`."""
+    """Annotation of a dictionary of only those fields of a dataclass that a file gives.
+
+    Args:
+        of: The dataclass.
+        null: Whether every key may be `null`.
+    """
 
     of: type
     null: bool = False
@@ -73,15 +78,15 @@ class Given:
 
 
 def read_keys(mark: Keys | Given, data: Any, source: str) -> Any:
-    """The value that the data of a file give.
+    """Check the data of a file and make the value of its dataclass.
 
     Args:
-        mark: What the file holds.
-        data: What stands in it.
-        source: What to call it in errors.
+        mark: The dataclass of the file.
+        data: The data of the file.
+        source: Name of the file in messages.
 
     Raises:
-        InvalidInput: An unknown key, or a value that is none; one sentence that names the key.
+        InvalidInput: An unknown key, or an invalid value; one sentence that names the key.
     """
     try:
         return _adapter(mark).validate_python(data)
@@ -91,7 +96,7 @@ def read_keys(mark: Keys | Given, data: Any, source: str) -> Any:
 
 @cache
 def schema_of(mark: Keys | Given) -> dict[str, Any]:
-    """The JSON Schema of a file."""
+    """The JSON Schema of a file with the keys of a dataclass."""
     return _adapter(mark).json_schema()
 
 
@@ -102,7 +107,7 @@ def _adapter(mark: Keys | Given) -> TypeAdapter[Any]:
 
 @cache
 def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseModel]:
-    """The pydantic model of a dataclass; `given` needs none of its keys, and has no defaults."""
+    """The pydantic model of a dataclass; with `given` all keys are optional, without defaults."""
     form = FORMS.get(of, Form())
     hints = {**get_type_hints(of, include_extras=True), **form.types}
     described = {**descriptions(of), **form.texts}
@@ -123,7 +128,7 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
 
 
 def _default(of: type, x: dataclasses.Field[Any]) -> Any:
-    """The default of a field's key; what is made anew is null where it is not empty."""
+    """The default of a field's key; null for a default factory that does not make it empty."""
     if x.default_factory in (dict, list):
         return x.default_factory()
     if _is_made(x):
@@ -133,18 +138,19 @@ def _default(of: type, x: dataclasses.Field[Any]) -> Any:
 
 
 def _is_made(x: dataclasses.Field[Any]) -> bool:
+    """Whether a field has a default factory."""
     return x.default_factory is not dataclasses.MISSING
 
 
 def _values(of: type, model: BaseModel) -> dict[str, Any]:
-    """What a file gives, by the fields of the dataclass."""
+    """The values that a file gives, by the fields of the dataclass."""
     names = {key: name for name, key in FORMS.get(of, Form()).names.items()}
     given = (key for key in type(model).model_fields if key in model.model_fields_set)
     return {names.get(key, key): getattr(model, key) for key in given}
 
 
 def descriptions(of: type) -> dict[str, str]:
-    """What the docstring of a dataclass says of its fields, in the words of files."""
+    """Descriptions of the fields from the docstring of a dataclass, with null for None."""
     found: dict[str, str] = {}
     for cls in reversed(of.__mro__):
         _, _, rest = inspect.cleandoc(cls.__doc__ or "").partition("\nArgs:\n")
@@ -184,7 +190,7 @@ def _annotated(of: Any, *marks: Any) -> Any:
 
 
 def _number(kind: Quantity) -> Any:
-    """A number of a kind, from what users write."""
+    """The pydantic type of a quantity: a plain number, or text with a unit."""
     text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
     if kind.unit == "1":
         text = f"A plain number, or text in percent such as '{kind.example}'."

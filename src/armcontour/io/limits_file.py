@@ -1,4 +1,4 @@
-"""Limits files: YAML with the keys that `limits` has in a job file, and deviations."""
+"""Read limits files: YAML with the keys of `limits` in a job file, and largest deviations."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from armcontour.io.keys import Given, read_keys
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitsFile(Limits):
-    """A limits file.
+    """Keys of a limits file.
 
     Args:
         deviation: Largest distance of the tool from its path [m].
-        orientation_deviation: Largest angle of the tool from its orientation along the path [rad].
+        orientation_deviation: Largest angle between the tool and its required orientation [rad].
     """
 
     deviation: Length | None = None
@@ -27,10 +27,17 @@ class LimitsFile(Limits):
 
 
 def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
-    """The limits in a YAML file, and the largest deviations from the path [m], [rad] if it has any.
+    """Read limits from a YAML file.
 
-    Limits of the joints that the file does not give are the arm's own, and null lifts one, as in a
-    job file.
+    Joint limits that the file leaves out are the arm's own; null lifts a limit, as in a job file.
+
+    Args:
+        file: The file.
+        arm: The arm.
+
+    Returns:
+        The limits, and the largest deviation from the path [m] and from the required orientation
+        [rad]; None where the file gives none.
 
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.

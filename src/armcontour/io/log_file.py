@@ -1,4 +1,4 @@
-"""Logs of what joints were told and what they did, from CSV files."""
+"""Read logs of commanded and measured joint positions from CSV files."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from armcontour.io.number_table import read_columns, split_csv
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
 MEASURED = ("measured", "meas", "actual", "feedback", "encoder", "q")
 TIME = ("t", "time", "timestamp")
-# Words that are neither a name nor a role.
+# Words in titles that are neither the name of a joint nor its role.
 PLAIN = ("joint", "axis", "j", "position", "pos", "q")
-# Of these a log has columns too, which are not needed.
+# Quantities in other columns of a log, which are not needed.
 RATES = (
     "dq",
     "ddq",
@@ -37,8 +37,8 @@ TIMES = ("s", "ms", "us", "sec", "seconds")
 TIMES_OF = ("t", "")
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
-_SAID = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
-# "t", "command" or "measured", and the name of the joint; empty of time.
+_INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
+# "t", "command" or "measured", and the name of the joint; empty for the time.
 _Key = tuple[str, str]
 
 
@@ -49,22 +49,22 @@ def read_log(
     end: float = math.inf,
     unwrap: bool = False,
 ) -> Log:
-    """The log in a CSV file.
+    """Read a log from a CSV file.
 
     The first line names the columns: `t`, and for every joint a command such as `u1`, `command 1`,
     `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`, `shoulder
     measured`. Units are SI unless in brackets or a suffix: `t [ms]`, `command 1 [deg]`, `q1_deg`.
-    Columns of anything else are left out. Commas, semicolons or tabs separate; lines that start
-    with # are comments, of which `# interpolation: step` says what happens between set-points.
+    Other columns are left out. Separators are commas, semicolons or tabs. Lines that start with #
+    are comments; the comment `# interpolation: step` gives the interpolation between set-points.
 
     Args:
         file: The file.
         start: First time to use [s].
         end: Last time to use [s].
-        unwrap: Undo jumps of whole turns.
+        unwrap: Whether to undo jumps of whole turns.
 
     Raises:
-        InvalidInput: A file of another form; names it and the line. As `Log`.
+        InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
     text = read_text(file, "log", most=LARGE)
     return parse_log(text, source=FilePath(file).name, start=start, end=end, unwrap=unwrap)
@@ -78,7 +78,7 @@ def parse_log(
     end: float = math.inf,
     unwrap: bool = False,
 ) -> Log:
-    """The log in CSV text; see `read_log`.
+    """Read a log from CSV text; see `read_log`.
 
     Raises:
         InvalidInput: As in `read_log`.
@@ -105,23 +105,23 @@ def parse_log(
         start,
         end,
         [f"joint {x}" if x.isdigit() else x for x in joints],
-        interpolation=_said(text.splitlines()),
+        interpolation=_find_interpolation(text.splitlines()),
         source=source,
         unwrap=unwrap,
     )
 
 
-def _said(lines: Sequence[str]) -> str | None:
-    """The interpolation that a comment names."""
+def _find_interpolation(lines: Sequence[str]) -> str | None:
+    """The interpolation that a comment gives; None without such a comment."""
     for line in lines:
-        match = _SAID.fullmatch(line.strip())
+        match = _INTERPOLATION.fullmatch(line.strip())
         if match and match["what"].lower() in INTERPOLATIONS:
             return str(match["what"].lower())
     return None
 
 
 def _key(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
-    """What a column of a name holds, and the unit in that name; None if it is not needed."""
+    """Role and joint of a column by its name, and the unit in the name; None if not needed."""
     words = _WORDS.findall(name)
     unit = None
     if not has_unit and len(words) > 1 and words[-1].lower() in (*UNITS, *TIMES):
@@ -144,7 +144,7 @@ def _key(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
 
 
 def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:
-    """The joints, each with a command and a measured position.
+    """Names of the joints, each of which must have a command and a measured position.
 
     Raises:
         InvalidInput: A column is missing.
@@ -162,7 +162,7 @@ def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:
             if (role, joint) not in columns:
                 raise InvalidInput(
                     f"{where}: the column {show(columns[other, joint].title)} has no {role} column "
-                    f"beside it: name one such as {'u' if role == 'command' else 'q'}"
+                    f"for the same joint: name one such as {'u' if role == 'command' else 'q'}"
                     f"{joint if joint.isdigit() else '_' + joint}."
                 )
     numbers = all(x.isdigit() for x in joints)

@@ -1,4 +1,4 @@
-"""Motions as CSV text: taught data, planned trajectories, torques."""
+"""Write taught data, planned trajectories and torques as CSV text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers from CSV text, with the lines that they stand in and the digits they are printed with."""
+"""Read numbers from CSV text, with their line numbers and their printed digits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.errors import InvalidInput
 NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
 )
-# Lines that are converted at a time: more take memory and save no time.
+# Lines that are converted at a time: larger parts take more memory and save no time.
 CHUNK = 1 << 14
 
 
@@ -29,10 +29,10 @@ class CsvTable:
     Args:
         source: Name of the file, for messages.
         names: Names of the columns.
-        header: Number of the line that has them, from 1.
-        separator: What stands between cells.
+        header: Number of the line with the names, from 1.
+        separator: The character between cells.
         lines: The lines of samples; blank lines and comments are left out.
-        numbers: The numbers of these lines in the file, from 1.
+        numbers: Numbers of these lines in the file, from 1.
     """
 
     source: str
@@ -47,17 +47,17 @@ class CsvTable:
         return _split(self.lines[row], self.separator)
 
     def place(self, row: int) -> str:
-        """The file and the line of a sample, for messages."""
+        """File and line of a sample, for messages."""
         return f"{self.source}, line {self.numbers[row]}"
 
     def cell(self, row: int, column: int) -> str:
-        """A cell and its column, for messages."""
+        """Content and column of a cell, for messages."""
         return f"{show(self.cells(row)[column])} in the column {self.names[column]!r}"
 
 
 @dataclass(slots=True)
 class Digits:
-    """How the numbers of a column are printed.
+    """Printed digits of the numbers in a column.
 
     Args:
         places: Largest number of decimals.
@@ -70,7 +70,7 @@ class Digits:
     highest: float = -math.inf
 
     def add(self, text: str) -> None:
-        """Count the digits of a number in."""
+        """Update the counts with the digits of a number."""
         match = NUMBER.fullmatch(text)
         if match is None:
             return
@@ -84,10 +84,10 @@ class Digits:
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
-    """The last digit of numbers that were all printed in one format, where it counts most.
+    """Value of the last printed digit of the largest number, for numbers of one print format.
 
-    That a format cuts zeros off at the end does not matter: the number of digits is the largest
-    that is seen, after the point and in all.
+    Zeros that a format cuts off at the end do no harm: the number of digits is the largest over
+    all numbers, both after the decimal point and in total.
     """
     places = max(x.places for x in columns)
     digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
@@ -100,7 +100,7 @@ def split_csv(text: str, source: str) -> CsvTable:
     Raises:
         InvalidInput: There is no line of column names, or no sample.
     """
-    # Not `splitlines`, to which some characters that may stand in a cell are ends of line.
+    # Not `splitlines`, which also splits at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     kept = [
         (number, line)
@@ -122,7 +122,14 @@ def split_csv(text: str, source: str) -> CsvTable:
 
 
 def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, list[Digits]]:
-    """The numbers in some columns (n, columns), and how each column prints them.
+    """Read the numbers of some columns.
+
+    Args:
+        table: The table.
+        columns: Indices of the columns, from 0.
+
+    Returns:
+        The numbers, (samples, columns), and the printed digits per column.
 
     Raises:
         InvalidInput: There are no samples, a line has too few or too many cells, or a cell of these
@@ -145,6 +152,7 @@ def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, l
 
 
 def _rows(table: CsvTable, first: int) -> list[list[str]]:
+    """Cells of up to `CHUNK` samples from sample `first` on."""
     lines = table.lines[first : first + CHUNK]
     rows = [_split(line, table.separator) for line in lines]
     wanted = len(table.names)
@@ -161,24 +169,25 @@ def split_line(line: str, separator: str) -> list[str]:
     """The cells of a line.
 
     Raises:
-        csv.Error: A quote that is not closed, or an endless cell in quotes.
+        csv.Error: A quote that is not closed, or a cell in quotes that is too long.
     """
     if '"' not in line:
         return [x.strip() for x in line.split(separator)]
-    # One line at a time, so that a quote that is never closed does not swallow the next lines.
+    # One line at a time, so that an open quote does not include the next lines.
     return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
 
 
 def _split(line: str, separator: str) -> list[str]:
+    """The cells of a line, also if its quotes are wrong."""
     try:
         return split_line(line, separator)
     except csv.Error:
-        # Such a quote, or a cell of more than 131,072 characters: no number, whatever it is.
+        # An open quote, or a cell of more than 131,072 characters, is refused as no number later.
         return line.split(separator)
 
 
 def _convert(texts: list[list[str]], values: FloatArray) -> bool:
-    """Fill `values` with all numbers at once; returns whether all of them surely are numbers."""
+    """Convert all texts at once into `values`; return whether every text is surely a number."""
     for k, column in enumerate(texts):
         joined = "".join(column)
         if not joined.isascii() or "_" in joined or max(map(len, column)) > LONGEST:
@@ -197,6 +206,7 @@ def _convert_each(
     texts: list[list[str]],
     values: FloatArray,
 ) -> None:
+    """Convert texts one by one into `values`; refuse the first that is no number."""
     for i, row in enumerate(zip(*texts, strict=True)):
         for k, text in enumerate(row):
             try:

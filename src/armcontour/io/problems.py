@@ -1,4 +1,4 @@
-"""What a file's checks found, as one sentence for people."""
+"""Make one sentence from the problems that pydantic finds in the data of a file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from armcontour._text import shorten, show
 
-# Parts of an error's place that name the type that was tried, and not a key.
+# Parts of an error's location that are names of types, not keys.
 TYPE_NAMES = {
     "bool",
     "float",
@@ -19,8 +19,8 @@ TYPE_NAMES = {
     "literal['sharp']",
     "str",
 }
-# What a value should have been, by the kind of the problem.
-WANTED = {
+# The expected value, by the type of the problem.
+EXPECTED = {
     "bool_type": "true or false",
     "dict_type": "a mapping of keys",
     "float_type": "a number",
@@ -32,23 +32,23 @@ WANTED = {
     "string_type": "text",
     "tuple_type": "a list",
 }
-# These say what is wrong with a value of the right kind.
-SAYING = ("value_error", "too_short", "too_long", "greater_than_equal")
+# Problems of a value that has the right type.
+OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal")
 NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
 # Characters of a key that are repeated in a message.
 SHOWN = 80
 
 
 def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
-    """The first problem as a sentence, and how many more there are.
+    """The most informative problem as a sentence, and the number of other problems.
 
     Args:
-        error: What the checks found.
+        error: The problems that pydantic found.
         schema: JSON Schema of the whole file.
     """
     problems = error.errors()
-    # Where a key may hold one of two things, the message of the one that came closest says most.
-    first = max(problems, key=_says)
+    # If a key may have one of several types, take the problem of the type that fits best.
+    first = max(problems, key=_rank)
     keys = _keys(first)
     if first["type"] == "extra_forbidden":
         sentence = f"unknown key {place(keys)}: {_instead(keys, schema)}"
@@ -66,7 +66,7 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
 
 
 def place(keys: Sequence[int | str]) -> str:
-    """Where a value stands, for people: items of lists are counted from 1."""
+    """The location of a value for messages: keys, and items of lists counted from 1."""
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
@@ -79,44 +79,44 @@ def place(keys: Sequence[int | str]) -> str:
     return text
 
 
-def _says(problem: Any) -> tuple[bool, bool, int]:
-    """How much a problem says: what is wrong with a value, an unknown key, or deep inside."""
+def _rank(problem: Any) -> tuple[bool, bool, int]:
+    """Rank of a problem: wrong values first, then unknown keys, then the deepest location."""
     kind = problem["type"]
-    return kind in SAYING, kind == "extra_forbidden", len(_keys(problem))
+    return kind in OF_VALUES, kind == "extra_forbidden", len(_keys(problem))
 
 
 def _words(problem: Any, alike: Sequence[Any]) -> str:
-    """What is wrong with a value; `alike` are all problems that were found in its place."""
+    """Describe what is wrong with a value; `alike` are all problems of the same key."""
     kind, given, facts = problem["type"], problem["input"], problem.get("ctx", {})
-    wanted = [x for x in map(_expected, alike) if x is not None]
+    expected = [x for x in map(_expected, alike) if x is not None]
     if kind == "too_short":
-        return f"needs at least {_ordinal(facts['min_length'])}, but has {facts['actual_length']}"
+        return f"needs at least {_entries(facts['min_length'])}, but has {facts['actual_length']}"
     if kind == "too_long":
-        return f"takes at most {_ordinal(facts['max_length'])}, but has {facts['actual_length']}"
+        return f"takes at most {_entries(facts['max_length'])}, but has {facts['actual_length']}"
     if kind == "string_pattern_mismatch":
         return f"a name {NAME}, not {show(given)}"
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {given:g}"
     if _expected(problem) is not None:
-        return f"must be {' or '.join(dict.fromkeys(wanted))}, not {show(given)}"
+        return f"must be {' or '.join(dict.fromkeys(expected))}, not {show(given)}"
     if kind == "value_error":
         return str(facts["error"]).rstrip(".")
     return _lower(problem["msg"]).rstrip(".")
 
 
 def _expected(problem: Any) -> str | None:
-    """What a value should have been, if its problem is that it is something else."""
+    """The expected type or choice, if the problem is a wrong type or choice."""
     if problem["type"] == "literal_error":
         return str(problem["ctx"]["expected"]).replace("'", "")
-    return WANTED.get(problem["type"])
+    return EXPECTED.get(problem["type"])
 
 
-def _ordinal(number: int) -> str:
+def _entries(number: int) -> str:
     return "one entry" if number == 1 else f"{number} entries"
 
 
 def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
-    """What may have been meant by an unknown key."""
+    """The known key that is most similar to an unknown key, or all known keys."""
     *outer, name = keys
     kinds = list(_alternatives(schema, schema))
     for key in outer:
@@ -127,7 +127,7 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
 
 
 def _inside(kind: Mapping[str, Any], key: int | str) -> Any:
-    """The schema of a key, or of an item."""
+    """The schema of a key of a mapping, or of an item of a list."""
     if isinstance(key, int):
         return kind.get("items", {})
     others = next(
@@ -137,7 +137,7 @@ def _inside(kind: Mapping[str, Any], key: int | str) -> Any:
 
 
 def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
-    """A part of a schema, or those that it is one of."""
+    """All alternatives of a part of a schema."""
     if "$ref" in kind:
         kind = schema["$defs"][kind["$ref"].rpartition("/")[2]]
     for x in kind.get("anyOf", ()):
@@ -146,14 +146,15 @@ def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
 
 
 def _keys(problem: Any) -> tuple[Any, ...]:
+    """The keys that lead to a problem, without names of types."""
     *outer, last = problem["loc"] or (None,)
-    # An unknown key is whatever stands in the file, and never the name of a type.
+    # The last part of an unknown key is a key of the file, never the name of a type.
     keep = problem["type"] == "extra_forbidden" or (last is not None and not _is_type_name(last))
     return (*(x for x in outer if not _is_type_name(x)), *((last,) if keep else ()))
 
 
 def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
-    """Whether a place is another or lies in it: that is one problem, seen as two types."""
+    """Whether `inner` is `outer` or a key inside it: then both are one problem of two types."""
     return inner[: len(outer)] == outer
 
 

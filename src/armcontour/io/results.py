@@ -1,9 +1,9 @@
-"""A folder of results: written whole or not at all, and never over what somebody else wrote.
+"""Result folders: written completely or not at all; files of others are never overwritten.
 
-A first result appears by one rename. A result that replaces an earlier one in the same folder is
-complete in a hidden folder first; a journal then says what is to be moved, so that a killed
-replacement is completed by the next run. The summary goes first and comes last: a folder without
-`summary.json` is no whole result.
+The first result in a folder appears by one rename. A result that replaces an earlier one is written
+to a hidden folder first. Then a journal lists the files to move, so that the next run completes a
+replacement that was killed. The old summary is removed first and the new one is moved last: a
+folder without `summary.json` has no complete result.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 
 SUMMARY = "summary.json"
-# What this program wrote: names and checksums, so that --force can prove what it removes.
+# Names and checksums of the written files: --force removes only files with these checksums.
 MANIFEST = ".armcontour.json"
 JOURNAL = "journal.json"
-# Most files that a sentence names.
+# Largest number of files in a message.
 MOST_NAMED = 3
 
 
 class ResultFolder:
-    """Collects files beside their destination and puts them in place at the end.
+    """A result folder: collects files in a hidden folder and moves them in place at the end.
 
-    Use it as a context manager; what is written is put in place only if no error occurs.
+    Use it as a context manager; the files are moved only if no error occurs.
 
     Args:
         folder: The destination.
-        force: Whether an earlier result there may be replaced. Files of an earlier result are
-            removed only if they are as this program wrote them; other files stay.
+        force: Whether an earlier result may be replaced. Files of an earlier result are removed
+            only if they did not change since this program wrote them; other files stay.
 
     Attributes:
         folder: The destination.
         files: Names of the files written so far, relative to the folder.
 
     Raises:
-        InvalidInput: The folder holds something else, another run is writing to it, or it cannot
-            be written.
+        InvalidInput: The folder holds other files, another run is writing to the folder, or the
+            folder cannot be written.
     """
 
     def __init__(self, folder: FilePath, *, force: bool = False) -> None:
@@ -73,7 +73,7 @@ class ResultFolder:
 
     @property
     def scratch(self) -> FilePath:
-        """A folder for what is needed meanwhile; it is removed in every case."""
+        """A folder for temporary files, removed at the end also after an error."""
         return self._staging.place / "scratch"
 
     @property
@@ -88,11 +88,11 @@ class ResultFolder:
         self.place(name, lambda file: file.write_text(text, encoding="utf-8"))
 
     def place(self, name: str, write: Callable[[FilePath], object]) -> None:
-        """Have one file written, or a folder of files.
+        """Let a function write one file, or a folder of files.
 
         Args:
-            name: Relative to the folder.
-            write: Called with where to write it.
+            name: Name of the file or folder, relative to the result folder.
+            write: Called with the path of the file or folder to write.
         """
         file = self._new / name
         try:
@@ -113,24 +113,24 @@ class ResultFolder:
             self._close()
 
     def _close(self) -> None:
-        """Remove the staging folder, unless the next run has to complete a move from it."""
+        """Remove the staging folder, unless it has a journal, which the next run completes."""
         if (self._staging.place / JOURNAL).exists():
             self._staging.release()
         else:
             self._staging.remove()
 
     def _stage(self) -> _staging.Staging:
-        """The staging folder: in the destination if that stays, else beside the destination."""
+        """The staging folder: inside a destination in use, else next to the destination."""
         outer = _staging.beside(self._target)
         if self._replaces:
             if outer.is_dir() and not outer.is_symlink():
-                # A killed run began before the folder was there.
+                # Left by a killed run that started before the folder existed.
                 _staging.Staging(outer, self.folder).remove()
             return _staging.Staging(_staging.inside(self._target), self.folder)
         return _staging.Staging(outer, self.folder, parents=True)
 
     def _refuse_occupied(self) -> None:
-        """Refuse a destination with anything in it that must not be replaced."""
+        """Refuse a destination with files that must not be replaced."""
         present = _files_in(self._target)
         if not present:
             return
@@ -156,6 +156,7 @@ class ResultFolder:
         return _checksum(self._target / name) == written[name]
 
     def _put_in_place(self) -> None:
+        """Write the manifest and move all files to the destination."""
         checksums = {x: _checksum(self._new / x) for x in self.files}
         text = json.dumps({"armcontour": __version__, "files": checksums}, indent=1)
         (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
@@ -164,7 +165,7 @@ class ResultFolder:
             return
         self._refuse_occupied()
         written = _manifest(self._target) or {}
-        self._refuse_in_the_way(written)
+        self._refuse_conflicts(written)
         stale = {x: written[x] for x in sorted(set(written) - set(self.files))}
         journal = {"stale": stale, "new": [*self.files, MANIFEST]}
         partial = self._staging.place / f"{JOURNAL}.part"
@@ -174,7 +175,7 @@ class ResultFolder:
             _finish(self._target, self._staging)
 
     def _appear(self) -> None:
-        """A first result: one rename, which fails if anything has come there meanwhile."""
+        """Rename the folder of a first result; fails if files have appeared at the destination."""
         with _staging.moving():
             try:
                 if os.name == "nt" and self._target.is_dir():
@@ -187,8 +188,8 @@ class ResultFolder:
                     ) from None
                 raise
 
-    def _refuse_in_the_way(self, written: Mapping[str, str]) -> None:
-        """Refuse to write over what is not of an earlier result, or through links."""
+    def _refuse_conflicts(self, written: Mapping[str, str]) -> None:
+        """Refuse to overwrite files of others, and to write through links."""
         for name in self.files:
             target = self._target / name
             for above in _steps_to(self._target, name):
@@ -212,10 +213,10 @@ class ResultFolder:
 
 
 def _resolve(folder: FilePath) -> FilePath:
-    """The real place of a destination.
+    """The absolute path of a destination, without links.
 
     Raises:
-        InvalidInput: It is a file, below a file, or a link that leads nowhere.
+        InvalidInput: The destination is a file, is below a file, or is a broken link.
     """
     if folder.is_symlink() and not folder.exists():
         raise InvalidInput(f"{folder} is a link that leads nowhere: choose another --out.")
@@ -231,7 +232,10 @@ def _resolve(folder: FilePath) -> FilePath:
 
 
 def _is_in_use(target: FilePath) -> bool:
-    """Whether a folder must stay the same folder: it is not empty, or somebody stands in it."""
+    """Whether a folder must not be replaced by a rename.
+
+    True if the folder is not empty, is the current folder or a mount, or has a read-only parent.
+    """
     if not target.is_dir():
         return False
     here = os.path.samefile(target, os.curdir) if os.path.exists(os.curdir) else False
@@ -247,13 +251,13 @@ def _files_in(folder: FilePath) -> set[str]:
         folders[:] = [x for x in folders if at / x != _staging.inside(folder)]
         links = [x for x in folders if (at / x).is_symlink()]
         found |= {(at / x).relative_to(folder).as_posix() for x in (*files, *links)}
-        # A folder that somebody made, and left empty, is something too.
+        # Empty folders count as content, too.
         found |= {(at / x).relative_to(folder).as_posix() for x in folders if x not in links}
     return found
 
 
 def _manifest(folder: FilePath) -> dict[str, str] | None:
-    """Names and checksums of the result in a folder; None if it has none that can be trusted."""
+    """Names and checksums of the result in a folder; None without a valid manifest."""
     try:
         data = json.loads(_files.read_text(folder / MANIFEST, "list of files"))
         listed = data["files"] if "armcontour" in data else None
@@ -263,7 +267,7 @@ def _manifest(folder: FilePath) -> dict[str, str] | None:
 
 
 def _names_files(listed: object) -> bool:
-    """Whether something maps names inside a folder to checksums."""
+    """Whether an object is a mapping from names inside a folder to checksums."""
     return isinstance(listed, dict) and all(
         isinstance(name, str)
         and isinstance(checksum, str)
@@ -275,7 +279,7 @@ def _names_files(listed: object) -> bool:
 
 
 def _checksum(file: FilePath) -> str:
-    """The SHA-256 of a regular file; of anything else, and of a file that a link leads to, none."""
+    """The SHA-256 of a regular file; empty for links and for anything else."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
         handle = os.open(file, flags | getattr(os, "O_BINARY", 0))
@@ -288,17 +292,17 @@ def _checksum(file: FilePath) -> str:
 
 
 def _steps_to(folder: FilePath, name: str) -> list[FilePath]:
-    """The folders between a folder and a file below it, the upper ones first."""
+    """The folders between a folder and a file below it, from the top down."""
     return [folder / x for x in list(PurePosixPath(name).parents)[-2::-1]]
 
 
 def _is_below(folder: FilePath, name: str) -> bool:
-    """Whether a name leads to a place below a folder without any link."""
+    """Whether no folder between a folder and a file below it is a link."""
     return not any(x.is_symlink() for x in _steps_to(folder, name))
 
 
 def _finish(target: FilePath, staging: _staging.Staging) -> None:
-    """Complete the replacement that a journal describes, be it begun or not; else do nothing."""
+    """Complete the replacement that a journal describes; without a journal do nothing."""
     new = staging.place / "new"
     if new.is_symlink():
         return
@@ -314,7 +318,7 @@ def _finish(target: FilePath, staging: _staging.Staging) -> None:
     for name, checksum in stale.items():
         if _is_below(target, name) and _checksum(target / name) == checksum:
             (target / name).unlink()
-    # The summary says that the result is whole, so it comes last.
+    # The summary marks a complete result, so it is moved last.
     for name in sorted(fresh, key=lambda x: x == SUMMARY):
         if (new / name).is_file() and _is_below(new, name) and _is_below(target, name):
             (target / name).parent.mkdir(parents=True, exist_ok=True)

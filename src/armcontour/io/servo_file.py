@@ -1,4 +1,4 @@
-"""What was identified, as a job file takes it, and as JSON."""
+"""Write identified servo parameters as keys of a job file, and as JSON."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from armcontour._version import __version__
 from armcontour.identification import Estimate, Identification
 from armcontour.io.summary import plain
 
-# What JSON has of an estimate and of a joint, by the names of their attributes.
+# Attributes of an estimate and of a joint in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined advice".split()
 OF_JOINT = "noise rms r_squared whiteness bic largest_demand saturated_time notes".split()
 
 
 def servo_yaml(found: Identification) -> str:
-    """The keys `servo` and `limits` of a job file.
+    """The keys `servo` and `limits` of a job file, with identified values.
 
     Raises:
         InvalidInput: The log does not determine the servo.
@@ -24,22 +24,22 @@ def servo_yaml(found: Identification) -> str:
     servo = found.servo_model()
     lines = [
         f"# Identified from {found.log.source} by armcontour {__version__}: goes into a job file.",
-        *(f"# {joint.name}: {_told(joint.estimates)}" for joint in found.joints),
+        *(f"# {joint.name}: {_ranges(joint.estimates)}" for joint in found.joints),
         "servo:",
         f"  order: {servo.order}",
-        f"  kp: {_listed(servo.kp)}    # 1/s",
+        f"  kp: {_list(servo.kp)}    # 1/s",
     ]
     if servo.kv is not None:
-        lines.append(f"  kv: {_listed(servo.kv)}    # 1/s")
+        lines.append(f"  kv: {_list(servo.kv)}    # 1/s")
     lines += [
-        f"  dead_time: {_listed(servo.dead_time)}    # s",
+        f"  dead_time: {_list(servo.dead_time)}    # s",
         f"  interpolation: {servo.interpolation}",
     ]
     limits = [x.acceleration for x in found.joints]
     if all(x.determined for x in limits):
         lines += [
             "limits:",
-            f"  joint_acceleration: {_listed([x.value for x in limits])}    # rad/s^2",
+            f"  joint_acceleration: {_list([x.value for x in limits])}    # rad/s^2",
         ]
     else:
         lines.append("# Not every acceleration limit is determined, so none is given:")
@@ -51,7 +51,12 @@ def servo_yaml(found: Identification) -> str:
 
 
 def identification_json(found: Identification, files: Sequence[str] = ()) -> str:
-    """Everything that was found, but the samples."""
+    """All results of an identification as JSON, without the samples of the log.
+
+    Args:
+        found: The identification.
+        files: The files of the result, relative to its folder.
+    """
     joints = [
         {
             **{x: getattr(joint, x) for x in ("name", "order", "start")},
@@ -73,15 +78,18 @@ def identification_json(found: Identification, files: Sequence[str] = ()) -> str
     return json.dumps(plain(page), indent=2, allow_nan=False) + "\n"
 
 
-def _listed(values: Any) -> str:
+def _list(values: Any) -> str:
+    """Numbers as a list in YAML."""
     return "[" + ", ".join(f"{float(x):.6g}" for x in values) + "]"
 
 
-def _told(estimates: Sequence[Estimate]) -> str:
+def _ranges(estimates: Sequence[Estimate]) -> str:
+    """Estimates with their ranges, for a comment."""
     return "; ".join(_range(x) for x in estimates)
 
 
 def _range(x: Estimate) -> str:
+    """An estimate with its range and unit, for a comment."""
     scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
     name = x.name.replace("_", " ")
     if not x.determined:

@@ -24,7 +24,7 @@ from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.timing import Explanation
 
-# Lists of a long path are cut here: a summary is for people and small programs.
+# Longest list in a summary, which people and small programs read.
 MOST_LISTED = 10_000
 UNITS = {
     "length": "m",
@@ -63,9 +63,9 @@ UNITS = {
 
 
 def summary(study: Study, files: Sequence[str] = ()) -> str:
-    """Every metric of every run as JSON, in SI units, with the version.
+    """All metrics of all runs as JSON, in SI units, with the version.
 
-    Of lists longer than 10,000 the rest is counted under `left_out`.
+    Lists are cut after 10,000 entries; `left_out` has the number of entries that were cut.
 
     Args:
         study: The study.
@@ -84,12 +84,19 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
 
 
 def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:
-    """What is planned and taught, without what a simulation would say of it; as `summary`."""
+    """Plans and taught data as JSON, without a simulation; in the form of `summary`.
+
+    Args:
+        job: The job.
+        plans: The plans by the names of the runs.
+        files: The files of the result, relative to its folder.
+    """
     runs = {name: plan_summary(job, plan) for name, plan in plans.items()}
     return _json({**_of_job(job, runs, files), "simulated": False})
 
 
 def _of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str, Any]:
+    """Data of a job, its arm and its runs."""
     return {
         "armcontour": __version__,
         "job": job.name,
@@ -112,7 +119,7 @@ def _json(data: Any) -> str:
 
 
 def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
-    """What one run plans and teaches."""
+    """Data of the plan of one run."""
     path, trajectory = plan.path, plan.trajectory
     single_path = path.single_path
     found: dict[str, Any] = {
@@ -147,6 +154,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
 
 
 def _corners(c: Corners) -> list[dict[str, Any]]:
+    """Data of the rounded corners of a path."""
     return [
         {
             "joint": c.vertex[i],
@@ -165,17 +173,17 @@ def _corners(c: Corners) -> list[dict[str, Any]]:
 
 
 def _count_left_out(found: dict[str, Any], **lengths: int) -> None:
-    """Tell of lists that are longer than what is listed."""
+    """Add the numbers of entries that were cut from long lists."""
     more = {name: x - MOST_LISTED for name, x in lengths.items() if x > MOST_LISTED}
     if more:
         found["left_out"] = {**found.get("left_out", {}), **more}
 
 
 def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
-    """Every metric of one run."""
+    """All metrics of one run."""
     found = plan_summary(job, result)
-    found |= _errors(result.evaluation) | _turned(result.execution, result.evaluation)
-    # A single path has no list of moves, and one error, which is that of the whole run.
+    found |= _errors(result.evaluation) | _angular_motion(result.execution, result.evaluation)
+    # A single path has no list of moves; its one error is that of the whole run.
     errors = result.evaluation.contours if "moves" in found else ()
     for move, error in zip(_contours(found), errors, strict=True):
         move["contour_error"] = _error(error)
@@ -193,10 +201,12 @@ def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
 
 
 def _contours(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """The moves of a summary that are contours."""
     return [x for x in found.get("moves", ()) if x["kind"] == "contour"]
 
 
 def _explanation(why: Explanation) -> dict[str, Any]:
+    """Data of what binds where, and of places below the assigned velocity."""
     found: dict[str, Any] = {
         "assigned_length": why.assigned_length,
         "assigned_time": why.assigned_time,
@@ -220,10 +230,10 @@ def _explanation(why: Explanation) -> dict[str, Any]:
 
 
 def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
-    """Moves with their times, and events, unless there is one path and nothing around it."""
+    """Moves and events with their times; empty for a single path without other moves."""
     if plan.path.single_path is not None:
         return {}
-    contours, resuming = iter(plan.path.contours), iter(_places_to_resume(job, plan.objective))
+    contours, from_s = iter(plan.path.contours), iter(_resume_intervals(job, plan.objective))
     moves = []
     for x in plan.trajectory.spans:
         move: dict[str, Any] = {"kind": x.kind, "t": x.t, "s": x.s}
@@ -234,7 +244,7 @@ def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
                 "layer": contour.layer,
                 "closed": contour.closed,
                 "work": x.work,
-                "from_s": next(resuming),
+                "from_s": next(from_s),
             }
         moves.append(move)
     return {
@@ -246,17 +256,18 @@ def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
     }
 
 
-def _places_to_resume(job: Job, objective: Program) -> list[tuple[float, float]]:
-    """Where every contour begins and ends as `from_s` counts [m]."""
+def _resume_intervals(job: Job, objective: Program) -> list[tuple[float, float]]:
+    """Start and end of every contour, in the arc length of `from_s` [m]."""
     lengths = []
     for x in objective.contours:
-        begin, end = x.at_work
-        lengths.append(end - begin)
+        start, end = x.at_work
+        lengths.append(end - start)
     ends = job.process.from_s + np.concatenate([[0.0], np.cumsum(lengths)])
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
 def _errors(e: Evaluation) -> dict[str, Any]:
+    """Data of an evaluation."""
     return {
         "duration": e.duration,
         "settled": e.settled,
@@ -286,8 +297,8 @@ def _errors(e: Evaluation) -> dict[str, Any]:
     }
 
 
-def _turned(execution: Execution, evaluation: Evaluation) -> dict[str, Any]:
-    """How the tool turned, in space."""
+def _angular_motion(execution: Execution, evaluation: Evaluation) -> dict[str, Any]:
+    """Largest angular speed and orientation error of the tool of an arm in space."""
     speed, error = angular_speed(execution), evaluation.orientation_error
     found: dict[str, Any] = {}
     if speed is not None:
@@ -298,7 +309,7 @@ def _turned(execution: Execution, evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _torques(torques: Torques, result: RunResult) -> dict[str, Any]:
-    """Torques beside their limits, and what they rest on."""
+    """Largest torques, their limits, and the assumed parameters of the bodies."""
     limit = result.run.limits.joint_torque
     return {
         "torque": {
@@ -311,7 +322,8 @@ def _torques(torques: Torques, result: RunResult) -> dict[str, Any]:
 
 
 def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, Any]:
-    plant, done = experiment.plant, experiment.execution
+    """Data of an experiment on rigid bodies."""
+    plant, executed = experiment.plant, experiment.execution
     found: dict[str, Any] = {
         "plant": type(plant).__name__,
         "step": plant.step,
@@ -321,13 +333,14 @@ def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, An
         "seed": plant.seed,
         "nominal_inertia": plant.nominal_inertia,
         **_errors(experiment.evaluation),
-        **_turned(done, experiment.evaluation),
+        **_angular_motion(executed, experiment.evaluation),
     }
     applied = applied_torques(experiment)
     return found if applied is None else {**found, **_torques(applied, result)}
 
 
 def _error(profile: ErrorProfile) -> dict[str, float]:
+    """Data of an error over time."""
     return {
         "rms": profile.rms,
         "max": profile.max,
@@ -337,7 +350,7 @@ def _error(profile: ErrorProfile) -> dict[str, float]:
 
 
 def plain(value: Any) -> Any:
-    """The same data in what JSON knows; not-a-number becomes null."""
+    """Convert data to types of JSON; NaN and infinity become null."""
     if isinstance(value, dict) or hasattr(value, "items"):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

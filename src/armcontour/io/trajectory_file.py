@@ -1,4 +1,4 @@
-"""Time-stamped joint trajectories from CSV files: ours, another planner's, a log."""
+"""Read time-stamped joint trajectories from CSV files of any planner or log."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import CsvTable, last_digit, read_columns, split_csv
 
-# What a column of each kind has, for messages.
-CALLED = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
+# Quantities of the columns, for messages.
+QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
-# Columns that are passed over.
-BESIDE = ("events",)
+# Columns that are ignored.
+IGNORED = ("events",)
 KINDS = {"t": "t", "time": "t", "q": "q", "joint": "q", "dq": "dq", "ddq": "ddq"}
 _NAME = re.compile(
     r"(?P<kind>time|t|joint|ddq|dq|q)[ _]?(?P<joint>\d+)?"
     r"(?:_(?P<unit>[A-Za-zµ°]\S*))?",
     re.IGNORECASE,
 )
-# A quantity of a joint that is called by its name.
-_CALLED = re.compile(r"(?P<kind>ddq|dq|q)[ _](?P<name>.+)", re.IGNORECASE)
+# A quantity of a joint with a name in place of its number.
+_BY_NAME = re.compile(r"(?P<kind>ddq|dq|q)[ _](?P<name>.+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrajectoryFile:
-    """A trajectory as it stands in a file, in SI units.
+    """The trajectory of a file, in SI units.
 
     Args:
         source: Name of the file.
         t: Times [s], (n,).
         q: Joint positions [rad], (n, dof).
-        dq, ddq: Velocities and accelerations, if the file has them.
-        resolution: Last printed digit of "t", "q", "dq", "ddq" [SI].
+        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²], (n, dof); None without them.
+        resolution: Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
     """
 
     source: str
@@ -63,23 +63,23 @@ class TrajectoryFile:
                 object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
-# A quantity, and the number of its joint; 0 of time.
+# A quantity, and the number of its joint; 0 for the time.
 _Key = tuple[str, int]
 
 
 def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> TrajectoryFile:
-    """The trajectory in a CSV file.
+    """Read a trajectory from a CSV file.
 
     The first line names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a unit
-    in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if it is not SI. Commas,
-    semicolons or tabs separate; lines that start with # are comments.
+    in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
+    Separators are commas, semicolons or tabs. Lines that start with # are comments.
 
     Args:
         file: The file.
-        joint_names: Other names of joint 1, 2, ..., alone for positions or after `q`, `dq`, `ddq`.
+        joint_names: Other names of joint 1, 2, ...: alone for positions, or after `q`, `dq`, `ddq`.
 
     Raises:
-        InvalidInput: Anything else; names the file and the line.
+        InvalidInput: A file of another form; names file and line.
     """
     text = read_text(file, "trajectory file", most=LARGE)
     return parse_trajectory(text, joint_names, source=FilePath(file).name)
@@ -88,7 +88,7 @@ def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> Tr
 def parse_trajectory(
     text: str, joint_names: Sequence[str] = (), *, source: str = "trajectory"
 ) -> TrajectoryFile:
-    """The trajectory in CSV text; see `read_trajectory`.
+    """Read a trajectory from CSV text; see `read_trajectory`.
 
     Raises:
         InvalidInput: As in `read_trajectory`.
@@ -119,6 +119,7 @@ def parse_trajectory(
 
 
 def _refuse_times(table: CsvTable, column: int, t: FloatArray) -> None:
+    """Refuse times that are too large, do not increase, or increase by too little."""
     row = find_far_time(t)
     if row is not None:
         raise InvalidInput(
@@ -129,36 +130,36 @@ def _refuse_times(table: CsvTable, column: int, t: FloatArray) -> None:
     row = find_short_step(t)
     if row is not None:
         before, after = (table.cells(i)[column] for i in (row - 1, row))
-        said = describe_short_step(before, after, float(t[row] - t[row - 1]))
+        problem = describe_short_step(before, after, float(t[row] - t[row - 1]))
         raise InvalidInput(
-            f"{table.place(row)}: {said} (column {table.names[column]!r}).", index=row
+            f"{table.place(row)}: {problem} (column {table.names[column]!r}).", index=row
         )
 
 
 def _refuse_large(table: CsvTable, columns: Sequence[int], kind: str, values: FloatArray) -> None:
+    """Refuse joint values that no joint can have, such as degrees read as radians."""
     found = find_large(kind, values)
     if found is not None:
         row, k = found
         raise InvalidInput(
             f"{table.place(row)}: {table.cell(row, columns[k])} is {values[row, k]:.3g} "
-            f"{SI[kind]}, but no {CALLED[kind]} is above {LARGEST[kind]:g} {SI[kind]}: mend the "
-            "number, or give the column its unit, such as q1 [deg].",
+            f"{SI[kind]}, but no {QUANTITIES[kind]} is above {LARGEST[kind]:g} {SI[kind]}: correct "
+            "the number, or give the column its unit, such as q1 [deg].",
             index=row,
             joint=k + 1,
         )
 
 
 def _columns(table: CsvTable, joint_names: Sequence[str]) -> dict[_Key, Column[_Key]]:
-    """What each column holds.
+    """The columns by their quantity and joint.
 
     Raises:
-        InvalidInput: A name or unit that is not known, a column twice, or one that is missing.
+        InvalidInput: An unknown name or unit, two columns for one quantity, or a missing column.
     """
     where = f"{table.source}, line {table.header}"
 
     def unknown(title: str) -> None:
-        # What is switched during the motion says nothing about joints.
-        if title.lower() not in BESIDE:
+        if title.lower() not in IGNORED:
             raise InvalidInput(
                 f"{where}: unknown column {show(title)}: the columns are t, q1 or joint 1, dq1, "
                 "ddq1, ..., with a unit in brackets where it is not SI."
@@ -188,12 +189,12 @@ def _columns(table: CsvTable, joint_names: Sequence[str]) -> dict[_Key, Column[_
 
 
 def _key(name: str, joint_names: Sequence[str]) -> tuple[_Key, str | None] | None:
-    """What a column of a name holds, and the unit in that name."""
-    called = _CALLED.fullmatch(name)
+    """Quantity and joint of a column by its name, and the unit in the name; None if unknown."""
+    by_name = _BY_NAME.fullmatch(name)
     if name in joint_names:
         return ("q", joint_names.index(name) + 1), None
-    if called and called["name"] in joint_names:
-        return (called["kind"].lower(), joint_names.index(called["name"]) + 1), None
+    if by_name and by_name["name"] in joint_names:
+        return (by_name["kind"].lower(), joint_names.index(by_name["name"]) + 1), None
     match = _NAME.fullmatch(name)
     kind = KINDS[match["kind"].lower()] if match else ""
     if match is None or (match["joint"] is None) != (kind == "t"):

@@ -1,4 +1,4 @@
-"""Quantities as users write them: a number in SI units, or text with a unit such as `5 mm`."""
+"""Convert quantities that users write, a number in SI units or text such as `5 mm`, to SI units."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from armcontour._numbers import plain_number
 from armcontour._quantities import Quantity
 from armcontour._text import show
 
-# No quantity is longer.
+# Longest text of a quantity.
 MOST_CHARACTERS = 100
-# What is taken is not given back, so the time grows with the length of the text alone.
+# Possessive quantifiers prevent backtracking, so that the time is linear in the length of the text.
 NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
-# A name, and at most one power of one digit: the library would work out powers of powers.
+# A name, and at most one power of one digit: pint would compute powers of powers.
 NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?+"
-# Products and quotients of names, or of one and names.
+# Products and quotients of names; the first factor may be 1, as in 1/s.
 UNIT = rf"(?:1\s*+/\s*+)?+{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*+"
 QUANTITY = re.compile(rf"\s*+{NUMBER}\s*+(?:{UNIT}|°)\s*+")
 PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
@@ -29,20 +29,21 @@ def _registry() -> Any:
     from pint import UnitRegistry
 
     registry: Any = UnitRegistry(cache_folder=None)
-    # What data sheets write for the unit of torque.
+    # Data sheets write Nm for the unit of torque.
     registry.define("newton_meter = newton * meter = Nm")
     return registry
 
 
 def parse(value: Any, unit: str) -> float:
-    """The value in `unit`.
+    """Convert a quantity to a number in `unit`.
 
     Args:
         value: A number, which is in `unit` already, or text such as "5 mm".
-        unit: The SI unit wanted, such as "m/s".
+        unit: The SI unit of the result, such as "m/s".
 
     Raises:
-        ValueError: Neither, text without a unit, an unknown unit, or one of another dimension.
+        ValueError: Neither a number nor text, text without a unit, an unknown unit, or a unit of
+            another dimension.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a number in {unit} or text with a unit, not {show(value)}")
@@ -50,7 +51,7 @@ def parse(value: Any, unit: str) -> float:
 
 
 def _parse_text(text: str, unit: str) -> float:
-    """A number with its unit, in another unit."""
+    """Convert text such as "5 mm" to a number in `unit`."""
     if len(text) > MOST_CHARACTERS:
         raise ValueError(
             f"{show(text)} has {len(text)} characters, more than the {MOST_CHARACTERS} of a "
@@ -60,7 +61,7 @@ def _parse_text(text: str, unit: str) -> float:
         raise ValueError(
             f"{text!r} has no unit: write one, such as '{text} {unit}', or a plain number in {unit}"
         )
-    # The library would compute whatever arithmetic stands there.
+    # Checked here, because pint would compute any arithmetic in the text.
     if not QUANTITY.fullmatch(text):
         raise ValueError(f"{show(text)} is not a quantity in {unit}: write a number and a unit")
     import pint
@@ -77,6 +78,7 @@ def _parse_text(text: str, unit: str) -> float:
 
 
 def _finite(value: float) -> float:
+    """A number as a finite float."""
     try:
         number = float(value)
     except OverflowError:
@@ -87,10 +89,10 @@ def _finite(value: float) -> float:
 
 
 def share(value: Any) -> float:
-    """A share of something, from a plain number or text in percent such as "10 %".
+    """Convert a share, given as a plain number or as text such as "10 %", to a number.
 
     Raises:
-        ValueError: Neither.
+        ValueError: Neither a number nor a percentage.
     """
     if isinstance(value, str):
         found = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
@@ -103,14 +105,14 @@ def share(value: Any) -> float:
 
 
 def read_quantity(value: Any, kind: Quantity) -> float:
-    """A quantity of a kind in SI units, from a plain number or text with a unit.
+    """Convert a quantity that a user wrote to SI units, and check its range.
 
     Args:
-        value: What the user wrote.
-        kind: The unit, and where the quantity lies.
+        value: A plain number, or text with a unit.
+        kind: Unit and range of the quantity.
 
     Raises:
-        ValueError: It is no such quantity.
+        ValueError: No quantity of this unit, or out of range.
     """
     if kind.unit == "1":
         return share(value)

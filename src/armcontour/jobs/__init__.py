@@ -1,4 +1,4 @@
-"""Jobs and studies: all arrows at once."""
+"""Jobs, and `run`, which does all steps of a job and returns a study."""
 
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Experiment, Job, Published, Rounding, Run

@@ -1,4 +1,4 @@
-"""What a certificate is asked to hold."""
+"""`Goal`: the requirements that a certified plan meets."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ SATURATION = ("refuse", "report")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Goal:
-    """What a certified plan has to hold.
+    """Requirements that a certified plan meets.
 
     Args:
-        tolerance: Largest distance of the tool from the objective path [m]: what servo and command
-            interval do not need of it goes to the corners. None leaves the corners as the run has
-            them.
-        servo: Largest contour error that servo and command interval may make, over the box if there
-            is one [m]; None leaves that open, where there is a tolerance.
-        rms: Largest root mean square of that error over time, of the nominal robot [m].
-        saturation: "refuse" certifies only plans that ask no joint for more than it has; "report"
-            executes them with the saturation and says how long it lasts.
-        box: How far the robot may be from its model; None is exactly as the model.
-        samples: Robots drawn from the box to judge a plan by, beside its corners.
+        tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
+            command interval do not use goes to the corners. None keeps the corners of the run.
+        servo: Largest contour error from servo and command interval [m], over the whole box if
+            there is one. None sets no limit of its own; then a tolerance is needed.
+        rms: Largest root mean square of the contour error over time, of the nominal robot [m].
+        saturation: "refuse" certifies only plans that saturate no joint; "report" allows
+            saturation, simulates it and reports how long it lasts.
+        box: Uncertainty of the robot's parameters; None takes the model as exact.
+        samples: Number of robots drawn from the box, in addition to the corners of the box.
         seed: Seed of these robots.
-        run: Name of the run of the job; None is the only one with the method "optimal".
-        slowest: A plan that takes this many times as long as the uncertified optimum is none.
+        run: Name of the run to certify; None is the only run with the method "optimal".
+        slowest: Largest duration of a certified plan, as a multiple of the uncertified optimum.
 
     Raises:
-        InvalidInput: Nothing to hold, or a number that is not above zero.
+        InvalidInput: Neither tolerance nor servo, or a number that is not above zero.
     """
 
     tolerance: Length | None = None
@@ -58,8 +57,8 @@ class Goal:
             )
         if self.tolerance is not None and (self.servo or 0.0) >= self.tolerance:
             raise InvalidInput(
-                f"servo is {self.servo:g} m, but must leave something of the tolerance of "
-                f"{self.tolerance:g} m for the corners."
+                f"servo is {self.servo:g} m, but must be below the tolerance of "
+                f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
         _checks.choice("saturation", self.saturation, SATURATION)
         _checks.whole("samples", self.samples, 1, 10**7)

@@ -1,4 +1,4 @@
-"""A job: everything that a study needs to know, in SI units."""
+"""`Job`: path, arm, servo and runs of a study, in SI units."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Rounding:
     Args:
         tolerance: Largest corner error [m] (case II).
         speed: Lowest corner speed [m/s] (case I).
-        acceleration: Centripetal acceleration at that speed [m/s²]; without a
-            `centripetal_acceleration` in the limits it limits the corner speed too.
-        angular_tolerance: Largest angle by which the tool's orientation may be off [rad].
+        acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
+            `centripetal_acceleration`, this value limits the corner speed too.
+        angular_tolerance: Largest angle between the tool and its required orientation [rad].
     """
 
     tolerance: Distance | None = None
@@ -50,17 +50,17 @@ class Rounding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """The arm's rigid bodies, on which a run is executed too: options of `RigidBodyPlant`.
+    """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
 
     Args:
-        step: Cycle of the drives [s].
-        gravity_feedforward: Whether the controller adds the torque against gravity.
-        friction: Whether the arm's friction acts.
+        step: Cycle time of the drives [s].
+        gravity_feedforward: Whether the controller adds the gravity torque.
+        friction: Whether the simulation includes joint friction.
         noise: Standard deviation of measured joint positions [rad].
         seed: Seed of the noise.
 
     Raises:
-        InvalidInput: A step or a noise that no drive has.
+        InvalidInput: A step or a noise out of range.
     """
 
     step: Interval = 2.5e-4
@@ -77,24 +77,24 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """One way to do the job, to be compared with others.
+    """A run: limits and methods for one plan of the job, to be compared with other runs.
 
     Args:
         name: Key of the run in the study.
         timing: Method of `plan`.
         compensation: Method of `compensate`.
         limits: Limits of this run.
-        rounding: How its corners are rounded; None keeps them sharp.
+        rounding: How corners are rounded; None keeps sharp corners.
         period: Command interval [s].
         timing_options: Options of the timing method.
         compensation_options: Options of the compensation method.
-        until: End of the time that errors cover [s]; None is until the tool rests.
-        ignore_jerk: Plan in spite of limits of jerk.
+        until: End of the time over which errors are evaluated [s]; None is when the tool rests.
+        ignore_jerk: Whether to plan although the limits include jerk, which no method keeps.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
-        experiment: How it is executed on the arm's rigid bodies too; None leaves that out.
+        experiment: Options of a simulation on rigid bodies; None simulates none.
 
     Raises:
-        InvalidInput: A command interval that no controller has, or an end that is not above zero.
+        InvalidInput: A command interval out of range, or an end that is not above zero.
     """
 
     name: str
@@ -117,7 +117,7 @@ class Run:
 
     @property
     def plan_options(self) -> dict[str, Any]:
-        """How `plan` is to time its path."""
+        """Keyword arguments of `plan` for this run."""
         return {
             "method": self.timing,
             "ignore_jerk": self.ignore_jerk,
@@ -128,15 +128,15 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Published:
-    """Figures that someone published for the same job, to stand beside ours.
+    """Figures that were published for the same job, to compare with the results.
 
     Args:
-        source: Where they stand.
+        source: Publication of the figures.
         runs: Per run of the job: name of a figure ("contour_error_rms", "duration", "settled") to
             its value [SI].
         time_stamps: The published times of the switching points [s].
-        time_stamps_of: The run that they belong to.
-        notes: Sentences on what to make of the differences.
+        time_stamps_of: The run of these switching points.
+        notes: Sentences that explain the differences.
     """
 
     source: str
@@ -150,30 +150,30 @@ class Published:
 class Job:
     """A path, an arm, a servo, and the runs to compare.
 
-    Its `program` is the path as a program, whichever was given. Its `objective` is the program with
-    what the process adds, corners not rounded; None where leads of automatic length are added,
-    which every run finds for itself.
+    Its `program` is the path as a program. Its `objective` is the program with leads, overlaps and
+    events of the process, and with sharp corners. The objective is None if the process has leads of
+    automatic length, because every run computes these lengths itself.
 
     Args:
         name: Short name.
-        title: For people.
+        title: Title for reports.
         arm: The arm.
-        path: The objective path, or a program of several.
-        process: What is added to the contours of a program, such as leads.
-        branch: Branch of the inverse kinematics of an arm in the plane; None is its first.
-        start: For an arm in space: joint positions near to those to start in [rad], (dof,); None
-            is the configuration that is fastest along the path.
+        path: The objective path, or a program of several contours.
+        process: Leads, overlaps and events that are added to the contours.
+        branch: Branch of the inverse kinematics of a planar arm; None is its first branch.
+        start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
+            takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
-        plant_servo: The gains of the simulated servo.
-        runs: At least one, with different names.
-        published: Figures to compare with.
-        certificate: What a certified plan of it has to hold.
-        memory: What the program may take for it [bytes].
+        plant_servo: The simulated servo.
+        runs: At least one run, with different names.
+        published: Published figures to compare with.
+        certificate: Requirements of a certified plan.
+        memory: Largest memory of the calculation [bytes].
 
     Raises:
-        InvalidInput: No run, two of the same name, a name that is too long or not printable, a
-            start for another number of joints, gains too large for a command interval, a speed
-            at which the path takes for ever, or a process that does not fit the program.
+        InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
+            a start for another number of joints, gains too large for a command interval, a speed
+            so low that the motion is endless, or a process that does not fit the program.
     """
 
     name: str
@@ -212,8 +212,8 @@ class Job:
         single_path = None if objective is None else objective.single_path
         if single_path is None and any(x.until is not None for x in self.runs):
             raise InvalidInput(
-                "until is for a job of one path: the contours of a program are judged while they "
-                "are worked on."
+                "until is for a job with a single path: errors of a program are evaluated while "
+                "the process is on."
             )
         if self.start is not None:
             start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
@@ -221,10 +221,10 @@ class Job:
 
     @property
     def single_path(self) -> Path:
-        """The objective path of a job that has one.
+        """The objective path of a job with a single path.
 
         Raises:
-            InvalidInput: It has several contours, or something around its contour.
+            InvalidInput: The job is a program with several contours, or with other moves.
         """
         single_path = None if self.objective is None else self.objective.single_path
         if single_path is not None:
@@ -232,5 +232,5 @@ class Job:
         count = len(self.program.contours)
         raise InvalidInput(
             f"The job {self.name} is a program of {count} contour{'s' if count != 1 else ''} with "
-            "what belongs to it, and not one path: take its program."
+            "other moves, not a single path: use its attribute program."
         )

@@ -1,4 +1,4 @@
-"""What a job's runs take of memory, before they take it."""
+"""Estimated memory of the runs of a job; refuses a run that needs more than the job allows."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from armcontour.jobs.job import Job, Run
 
 # Largest time between two results of an execution [s], unless the drives on bodies are slower.
 RESOLUTION = 1e-3
-# What a set-point of one joint takes until it is written with the plan beside it [bytes], measured.
+# Memory of one set-point per joint, from its computation to the written files [bytes], measured.
 SET_POINT = 230.0
-# What a segment of the path takes of one joint once it is planned [bytes], measured on a program of
-# 150,000 lines.
+# Memory of one planned path segment per joint [bytes], measured on a program of 150,000 lines.
 SEGMENT = 1650.0
-# Of a run that is done this share stays: its results, without what they were computed from.
+# Share of a run's memory that its results keep after the run is done.
 STAYS = 0.5
 
 
@@ -29,12 +28,12 @@ def refuse_too_large(
     Args:
         job: The job.
         this: The run.
-        duration: Of its motion [s].
+        duration: Duration of the motion [s].
         earlier: Runs that are done, and the durations of their motions [s].
-        simulated: Whether runs are executed.
+        simulated: Whether the execution is simulated.
 
     Raises:
-        InvalidInput: It takes more; the sentence says how much, and what would mend it.
+        InvalidInput: The run needs more memory than the job allows.
     """
     kept = sum(STAYS * needed_bytes(job, x, time, simulated) for x, time in earlier)
     count = _count(job, this, duration)
@@ -50,13 +49,13 @@ def refuse_too_large(
 
 
 def needed_bytes(job: Job, this: Run, duration: float, simulated: bool) -> float:
-    """Bytes that a run takes, about.
+    """Estimate the memory of a run [bytes].
 
     Args:
         job: The job.
         this: The run.
-        duration: Of its motion [s].
-        simulated: Whether it is executed.
+        duration: Duration of the motion [s].
+        simulated: Whether the execution is simulated.
     """
     count = _count(job, this, duration)
     segments = sum(len(x.path) for x in job.program.contours)
@@ -73,6 +72,7 @@ def needed_bytes(job: Job, this: Run, duration: float, simulated: bool) -> float
 
 
 def _count(job: Job, this: Run, duration: float) -> float:
+    """Number of set-points of a run."""
     poles = this.compensation_options.get("poles")
     servo = job.servo.for_joints(job.arm.dof)
     return set_point_count(duration, servo, this.period, this.compensation, poles)

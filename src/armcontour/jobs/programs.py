@@ -1,4 +1,4 @@
-"""The program of a run: prepared as its process asks, automatic leads as long as they need."""
+"""Prepare, trace and time the program of a run; compute the lengths of automatic leads."""
 
 from __future__ import annotations
 
@@ -24,20 +24,19 @@ from armcontour.program import (
 )
 from armcontour.timing import Tracing, plan, trace_program
 
-# Automatic leads: the first that is tried [m], and how many times it is made twice as long.
+# Automatic leads: the first length that is tried [m], and how often the length is doubled.
 FIRST_LEAD = 2e-3
 MOST_DOUBLINGS = 12
-# A lead that is found is longer than it would have to be by up to this share, or this [m].
-SPARE = 0.05
+# Resolution of the search for the shortest lead: a share of its length, and a length [m].
+LEAD_RESOLUTION = 0.05
 FINEST_LEAD = 1e-4
-# A speed this near to another one is the same; so little do margins take.
+# Relative difference below which two speeds are equal: margins of the timing are smaller.
 SAME_SPEED = 1e-3
 Rounding = dict[str, Any]
-# Called with the number of contours done, and of all.
 
 
 def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program, Program]:
-    """The program of a run before and after its corners are rounded.
+    """The program of a run, prepared, before and after its corners are rounded.
 
     Args:
         job: The job.
@@ -45,7 +44,7 @@ def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program,
         rounding: Arguments of `round_corners`; None keeps corners sharp.
 
     Raises:
-        ArmContourError: As preparing, and planning of automatic leads, raise it.
+        ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
     objective = job.objective
     if objective is None:
@@ -60,15 +59,18 @@ def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program,
 
 
 def rounded(program: Program, rounding: Rounding | None) -> Program:
-    """The program with rounded corners, if they are."""
+    """The program with rounded corners; with None the program itself."""
     return program if rounding is None else round_corners(program, **rounding)
 
 
 def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Leads]:
-    """The shortest leads with which the tool is as fast where it goes on and off as it can be.
+    """The shortest leads with which the tool has full speed where the process goes on and off.
 
-    That is the assigned velocity, or what longer leads do not exceed or cannot try, because they
-    leave the arm's reach.
+    Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
+    velocity, full speed is the largest speed that a lead gives.
+
+    Returns:
+        The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
     process = job.process
     plain = dataclasses.replace(process, lead_in=None, lead_out=None, approach=0.0, retract=0.0)
@@ -76,31 +78,32 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
     for x in prepare(job.program, plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
-        def reached(before: float, after: float, contour: Contour = contour) -> tuple[float, float]:
-            return _reached(job, this, rounding, contour, Leads(before=before, after=after))
+        def end_speeds(before: float, after: float, x: Contour = contour) -> tuple[float, float]:
+            return _end_speeds(job, this, rounding, x, Leads(before=before, after=after))
 
         lengths = []
         with locate_errors("leads"):
             for lead, s, side, speed in (
-                (process.lead_in, 0.0, "right", lambda length: reached(length, 0.0)[0]),
-                (process.lead_out, x.path.length, "left", lambda length: reached(0.0, length)[1]),
+                (process.lead_in, 0.0, "right", lambda x: end_speeds(x, 0.0)[0]),
+                (process.lead_out, x.path.length, "left", lambda x: end_speeds(0.0, x)[1]),
             ):
                 automatic = lead is not None and lead.length is None
-                lengths.append(_length(speed, _assigned(x, s, side, this)) if automatic else 0.0)
+                assigned = _assigned(x, s, side, this)
+                lengths.append(_shortest_lead(speed, assigned) if automatic else 0.0)
         found.append(Leads(before=lengths[0], after=lengths[1]))
     return found
 
 
 def _assigned(contour: Contour, s: float, side: str, this: Run) -> float:
-    """The assigned velocity at a place of a contour [m/s]; infinite without one."""
+    """The assigned velocity at arc length s of a contour [m/s]; infinite without one."""
     most = np.inf if this.limits.speed is None else this.limits.speed
     return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
 
 
-def _reached(
+def _end_speeds(
     job: Job, this: Run, rounding: Rounding | None, contour: Contour, leads: Leads
 ) -> tuple[float, float]:
-    """Speeds where the tool goes on and off [m/s], of a contour planned by itself."""
+    """Speeds where the process goes on and off [m/s], of one contour that is planned alone."""
     ends = Process(
         begin="drawn",
         lead_in=job.process.lead_in if leads.before else None,
@@ -114,14 +117,20 @@ def _reached(
     return float(on), float(off)
 
 
-def _length(speed: Callable[[float], float], assigned: float) -> float:
-    """The shortest lead that gives the assigned velocity, or else what longer ones give too.
+def _shortest_lead(speed: Callable[[float], float], assigned: float) -> float:
+    """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead.
+
+    The length is doubled until the speed suffices, does not grow or the arm does not reach; then
+    the length is bisected.
 
     Args:
-        speed: With a lead of some length.
-        assigned: The assigned velocity.
+        speed: Gives the speed at the contour's end [m/s] with a lead of a length [m].
+        assigned: The assigned velocity [m/s].
+
+    Raises:
+        NotRealizable: The speed still grows at the longest lead.
     """
-    # Half of what counts as slow: what is found is not told to be so.
+    # Half of the tolerance of `slow_ends`, so that no warning is given for the result.
     enough = assigned * (1 - SAME_SPEED / 2)
     short, length, now = 0.0, FIRST_LEAD, speed(FIRST_LEAD)
     found: float | None = None
@@ -132,7 +141,7 @@ def _length(speed: Callable[[float], float], assigned: float) -> float:
         try:
             longer = speed(2 * length)
         except ArmContourError:
-            # So far the arm does not reach: it may part of the way.
+            # The arm does not reach the end of this lead, but may reach that of a shorter one.
             short, length = length, 2 * length
             break
         if longer <= now * (1 + SAME_SPEED):
@@ -146,7 +155,7 @@ def _length(speed: Callable[[float], float], assigned: float) -> float:
             limit="speed",
             needed=length,
         )
-    while length - short > max(SPARE * length, FINEST_LEAD):
+    while length - short > max(LEAD_RESOLUTION * length, FINEST_LEAD):
         middle = (short + length) / 2
         try:
             suffices = speed(middle) >= enough
@@ -161,26 +170,26 @@ def _length(speed: Callable[[float], float], assigned: float) -> float:
 
 
 def planned(job: Job, this: Run, program: Program) -> Trajectory:
-    """The trajectory of a program under the limits and the options of a run."""
+    """Trace and time a program under the limits and the options of a run."""
     return timed(job, this, trace_run(job, this, program))
 
 
 def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
-    """What the joints follow along a program, under the limits of a run."""
+    """Trace the joint paths of all moves of a program, under the limits of a run."""
     return trace_program(
         program, job.arm, this.limits, branch=job.branch, start=job.start, progress=progress
     )
 
 
 def timed(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
-    """The trajectory of a traced program under the limits and the options of a run."""
+    """Time a traced program under the limits and the options of a run."""
     return plan(
         traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options
     )
 
 
 def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
-    """Sentences on contours with leads, where the tool goes on or off below the assigned velocity.
+    """Warnings for contours with leads that start or end below the assigned velocity.
 
     Args:
         program: The program that was planned.
@@ -192,9 +201,9 @@ def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
     for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
         if x.work is None or span.trajectory is None:
             continue
-        begin, end = x.work
+        start, end = x.work
         for word, s, lead, side in (
-            ("on", begin, begin, "right"),
+            ("on", start, start, "right"),
             ("off", end, x.path.length - end, "left"),
         ):
             assigned = _assigned(x, s, side, this)

@@ -1,4 +1,4 @@
-"""What a run came to beyond its evaluation: torques, and how the tool turns."""
+"""Drive torques and angular tool speeds of a run."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from armcontour.arms import Arm, SerialArm
 from armcontour.jobs.study import ExperimentResult, RunResult
 from armcontour.motion import Execution, Trajectory
 
-# Times at which a plan is looked at, beside its breaks.
-PLACES = 4000
+# Number of times at which torques are computed, in addition to the breaks of the plan.
+SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,7 +22,7 @@ class Torques:
 
     Args:
         t: Times [s], (n,).
-        values: (n, dof) [N m].
+        values: Torques [N m], (n, dof).
     """
 
     t: FloatArray
@@ -39,17 +39,20 @@ class Torques:
 
 
 def assumed_numbers(arm: Arm) -> str:
-    """Which numbers of an arm's bodies are assumed, and by what rule; empty if none."""
+    """Which parameters of an arm's bodies are assumed, and by which rule; empty if none is."""
     return "" if arm.chain is None else arm.chain.assumed
 
 
 def planned_torques(result: RunResult) -> Torques | None:
-    """Torques that the plan takes; where they jump, both sides. None without bodies."""
+    """Torques of a plan over time; None if the arm has no bodies.
+
+    Every time appears twice, with the torques before and after a jump.
+    """
     arm, plan = result.execution.arm, result.trajectory
     if not arm.has_bodies:
         return None
-    t = np.union1d(np.linspace(0, plan.duration, PLACES), plan.breaks)
-    # At the ends there is one side only.
+    t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
+    # The first time has no left side, the last time has no right side.
     left = torques_at(arm, plan, t[1:], side="left")
     right = torques_at(arm, plan, t[:-1])
     values = np.empty((2 * len(left), arm.dof))
@@ -58,18 +61,18 @@ def planned_torques(result: RunResult) -> Torques | None:
 
 
 def applied_torques(experiment: ExperimentResult) -> Torques | None:
-    """Torques that the drives gave in an experiment."""
-    done = experiment.execution
-    return None if done.torque is None else Torques(t=done.t, values=done.torque)
+    """Torques of the drives in an experiment; None if it has none."""
+    executed = experiment.execution
+    return None if executed.torque is None else Torques(t=executed.t, values=executed.torque)
 
 
 def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
-    """Torques of a plan at some times, (n, dof) [N m]."""
+    """Torques of a plan at the times t [s], (n,); returns (n, dof) [N m]."""
     return arm.torque(*(plan(t, order, side=side) for order in (0, 1, 2)))
 
 
 def angular_speed(execution: Execution) -> FloatArray | None:
-    """Rate at which the tool turned [rad/s], (n,); None for an arm in the plane."""
+    """Angular speed of the tool [rad/s], (n,); None for a planar arm."""
     if not isinstance(execution.arm, SerialArm):
         return None
     twist = execution.arm.tool_twist(execution.q, execution.dq)

@@ -1,4 +1,4 @@
-"""All arrows at once: from a job to a study."""
+"""`run` and `teach`: all steps of every run of a job, from rounding to evaluation."""
 
 from __future__ import annotations
 
@@ -27,26 +27,25 @@ from armcontour.timing import (
     assigned_time,
     explain,
     refuse_jerk,
-    trace_fastest,
     with_reserve,
 )
 
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:4]
 EXPERIMENT = "experiment"
-# Set-points farther apart than this share of the motion are said to be coarse.
+# Share of the motion above which a command interval is reported as coarse.
 COARSE = 0.1
 Result = TypeVar("Result", bound="RunPlan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExperimentResult:
-    """What a run came to on the arm's rigid bodies.
+    """Result of a run on the simulated rigid bodies of the arm.
 
     Args:
         plant: The bodies and drives.
-        execution: What the joints did.
-        evaluation: What that was worth.
+        execution: The executed motion.
+        evaluation: Errors of the executed motion.
     """
 
     plant: RigidBodyPlant
@@ -56,17 +55,16 @@ class ExperimentResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunPlan:
-    """What one run of a job tells the robot to do, arrow by arrow.
+    """Plan and taught data of one run of a job.
 
     Args:
         run: The run.
-        objective: The program before its corners were rounded; a path becomes one.
-        path: What the tool was to follow: the same with its corners rounded, if they were.
-        joint_path: The same in joint space, of a single path; None for other programs.
+        objective: The program with sharp corners; a path becomes a program.
+        path: The program that the tool follows: with rounded corners, if the run rounds corners.
+        joint_path: The joint path of a single path; None for other programs.
         trajectory: The realizable trajectory.
         taught: The taught data.
-        traced: What the joints follow in all moves, if it is known; runs that differ only in what
-            comes after tracing share it.
+        traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
     """
 
     run: Run
@@ -83,13 +81,13 @@ class RunPlan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on what makes these results less than they look."""
+        """Sentences on weak points of the plan, such as a coarse command interval."""
         period, duration = self.run.period, self.trajectory.duration
         found = []
         if period > COARSE * duration:
             found.append(
                 f"the command interval of {period:g} s is more than a tenth of the motion of "
-                f"{duration:.3g} s, so set-points hardly say what was planned."
+                f"{duration:.3g} s, so the set-points hardly represent the plan."
             )
         found += [*self.path.notes, *slow_ends(self.path, self.trajectory, self.run)]
         return tuple(f"Run {self.run.name}: {x}" for x in found)
@@ -97,15 +95,14 @@ class RunPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult(RunPlan):
-    """What one run of a job came to: its plan, and what the servo made of it.
+    """Result of one run of a job: its plan, the simulated execution and the evaluation.
 
     Args:
         explanation: Which limit binds where, for a plan of the method "optimal".
-        execution: What the joints did.
-        evaluation: What that was worth.
-        experiment: The same on the arm's rigid bodies, if the run has an experiment that did not
-            fail.
-        failure: Why its experiment failed, if it did.
+        execution: The executed motion.
+        evaluation: Errors of the executed motion.
+        experiment: Result on rigid bodies, if the run has an experiment that did not fail.
+        failure: The error of a failed experiment.
     """
 
     explanation: Explanation | None
@@ -117,7 +114,7 @@ class RunResult(RunPlan):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Study:
-    """A job and its results, by the names of its runs.
+    """A job and the results of its runs.
 
     Args:
         job: The job.
@@ -129,43 +126,43 @@ class Study:
 
 
 def run(job: Job, *, progress: Progress | None = None) -> Study:
-    """Do a job: every run from the objective path to its evaluation.
+    """Do every run of a job, from the objective path to the evaluation.
 
-    An experiment whose joints do not come to rest is the `failure` of its run, and no error.
+    An experiment whose joints do not come to rest raises no error: it is the `failure` of its run.
 
     Args:
         job: The job.
-        progress: Called before each step with its names, such as ("proposed", "timing"), and again
-            with the share that is done while a program is traced or planned.
+        progress: Called before each step with its names, such as ("proposed", "timing"). While a
+            program is traced or planned, called again with the share that is done.
 
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    return Study(job=job, runs=_every(job, _run, progress))
+    return Study(job=job, runs=_do_runs(job, _run, progress))
 
 
 def teach(job: Job, *, progress: Progress | None = None) -> Mapping[str, RunPlan]:
-    """Plan and compensate every run of a job, without simulating what the servo makes of it.
+    """Plan and compensate every run of a job, without a simulation of the execution.
 
     Args:
         job: The job.
         progress: As in `run`.
 
     Returns:
-        The plans by the names of their runs.
+        The plans, by the names of the runs.
 
     Raises:
         ArmContourError: The first run that fails says why.
     """
-    return _every(job, _taught, progress)
+    return _do_runs(job, _teach, progress)
 
 
-def _every(
+def _do_runs(
     job: Job,
     do: Callable[[Job, Run, Progress, Iterable[Result]], Result],
     progress: Progress | None,
 ) -> Mapping[str, Result]:
-    """What every run of a job comes to, by its name; each is told of those before it."""
+    """Results of all runs by their names; `do` gets the results of the earlier runs, too."""
     found: dict[str, Result] = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
@@ -174,7 +171,7 @@ def _every(
 
 
 def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
-    """The steps that a run takes, in order."""
+    """Names of the steps of a run, in order."""
     if not simulated:
         return TEACHING
     return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
@@ -186,7 +183,7 @@ def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
 
 
 def path_of(job: Job, this: Run) -> Path:
-    """The path that the tool is to follow in one run: with its corners rounded, if they are.
+    """The path that the tool follows in a run: with rounded corners, if the run rounds corners.
 
     Raises:
         InvalidInput: The job is a program of several contours.
@@ -195,7 +192,7 @@ def path_of(job: Job, this: Run) -> Path:
 
 
 def rounding_of(this: Run) -> dict[str, Any] | None:
-    """The arguments of `round_corners` for a run; None if it keeps its corners."""
+    """The arguments of `round_corners` for a run; None if the run keeps sharp corners."""
     if this.rounding is None:
         return None
     acceleration = this.rounding.acceleration
@@ -210,8 +207,9 @@ def rounding_of(this: Run) -> dict[str, Any] | None:
 
 
 def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
+    """Do one run, from its objective path to its evaluation."""
     earlier = list(earlier)
-    plan = _taught(job, this, progress, earlier, simulated=True)
+    plan = _teach(job, this, progress, earlier, simulated=True)
     progress(Step(("execution",)))
     executed = execute(
         plan.taught,
@@ -245,7 +243,7 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
     )
 
 
-def _taught(
+def _teach(
     job: Job,
     this: Run,
     progress: Progress,
@@ -253,15 +251,15 @@ def _taught(
     *,
     simulated: bool = False,
 ) -> RunPlan:
-    """A run from its objective to its taught data."""
-    # Before tracing, which can take seconds.
+    """Do the steps of one run from its objective path to its taught data."""
+    # Refused before tracing, which can take seconds.
     refuse_jerk(this.limits, this.ignore_jerk)
     earlier = list(earlier)
     done_before = [(x.run, x.trajectory.duration) for x in earlier]
-    # Before planning, by the least time: corners may leave half of the path out.
+    # Refused before planning, by the least duration: rounding may halve the length of the path.
     least = assigned_time(job.program, this.limits) / 2
     refuse_too_large(job, this, least, done_before, simulated)
-    objective, path, traced = _traced(job, this, progress, earlier)
+    objective, path, traced = _trace(job, this, progress, earlier)
     progress(Step(("timing",)))
     trajectory = timed(job, this, traced, progress)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
@@ -285,13 +283,14 @@ def _taught(
     )
 
 
-def _traced(
+def _trace(
     job: Job, this: Run, progress: Progress, earlier: Iterable[RunPlan]
 ) -> tuple[Program, Program, Tracing]:
-    """The program of a run before and after rounding, and what the joints follow along it.
+    """The program of a run before and after rounding, and the joint paths of its moves.
 
-    Runs that differ in what comes after tracing share what is before: with redundant joints
-    tracing takes seconds. Leads of automatic length depend on the timing too.
+    Runs with the same path and limits share one tracing, because tracing with redundant degrees of
+    freedom takes seconds. Leads of automatic length depend on the timing, so that such runs share
+    nothing.
     """
     for x in earlier:
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
@@ -312,13 +311,8 @@ def same_plan(first: RunResult, second: RunResult) -> bool:
     )
 
 
-def traced(job: Job, this: Run, path: Path) -> JointPath:
-    """The joint path of the configuration that is fastest under the run's limits."""
-    return trace_fastest(path, job.arm, this.limits, branch=job.branch, start=job.start)
-
-
 def traced_alike(first: Run, second: Run) -> bool:
-    """Whether two runs have the same path and limits."""
+    """Whether two runs have the same path and limits, and so the same joint path."""
     return first.rounding == second.rounding and all(
         np.array_equal(getattr(first.limits, x.name), getattr(second.limits, x.name))
         for x in fields(Limits)
@@ -328,11 +322,11 @@ def traced_alike(first: Run, second: Run) -> bool:
 def on_bodies(
     job: Job, this: Run, taught: TaughtData, path: Path | Program, objective: Path | Program
 ) -> ExperimentResult:
-    """The same taught data on the arm's rigid bodies, by the real servo's gains."""
+    """Execute taught data on the simulated rigid bodies of the arm."""
     assert this.experiment is not None
     options = asdict(this.experiment)
     plant = RigidBodyPlant(job.arm, job.plant_servo, this.limits, **options)
-    # Results closer than the drives' cycle there are none.
+    # The plant has no results between two cycles of the drives.
     executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
     return ExperimentResult(
         plant=plant,

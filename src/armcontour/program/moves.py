@@ -1,4 +1,4 @@
-"""A program: contours, and what comes between them."""
+"""`Program` and its moves: contours, rapids, dwells and events."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ Value = bool | float | str
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something that is switched at a place of a contour, or where the tool stands still.
+    """An output that is switched at a position of a contour, or while the tool is at rest.
 
     Args:
-        name: What is switched, such as "tool", "spindle", "laser" or "coolant".
-        value: What to: on and off are True and False.
-        s: Place along the path of its contour [m]; 0 where it is a move of its own.
-        lead_time: So much earlier than the tool gets there [s]; later if negative.
-        lead_distance: So far before that place along the path [m]; after it if negative.
+        name: Name of the output, such as "tool", "spindle", "laser" or "coolant".
+        value: The new value of the output; True and False are on and off.
+        s: Arc length along the path of the contour [m]; 0 for an event that is a move of its own.
+        lead_time: Time by which the output is switched before the tool reaches s [s]; after it if
+            negative.
+        lead_distance: Length along the path by which the output is switched before s [m]; after it
+            if negative.
 
     Raises:
         InvalidInput: A name or a value that is longer than 80 characters or not printable, or a
@@ -67,21 +69,22 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour:
-    """A path along which the process is at work.
+    """A path along which the process is on.
 
     Args:
         path: The path.
-        name: What it is called in its source, such as an id or a line number.
-        layer: Layer of the drawing that it is on.
-        events: What is switched along it, by their places.
-        work: Between which places the process is at work [m]; before and after are leads. By
-            default all of it.
-        keep_start: Whether the drawn start is kept, as in G-code.
-        ring: Whether it is closed, where its path with leads and overlap does not tell.
+        name: Name in its source, such as an id or a line number.
+        layer: Layer of the drawing.
+        events: Events along the contour.
+        work: Arc lengths at which the process goes on and off [m]; leads are before and after. By
+            default the whole path.
+        keep_start: Whether to keep the drawn start point, as in G-code.
+        ring: Whether the contour is closed, if leads and overlap hide this; None decides by the
+            ends of the path.
 
     Raises:
-        InvalidInput: No path, a name or a layer that is no name, an event after its end, or work
-            that is not within it.
+        InvalidInput: No path, an invalid name or layer, an event after the end of the path, or work
+            outside the path.
     """
 
     path: Path
@@ -100,19 +103,19 @@ class Contour:
         if self.work is not None:
             if np.shape(self.work) != (2,):
                 raise InvalidInput(
-                    f"The work on the contour {self.name} goes from one place to another: give two."
+                    f"The work on the contour {self.name} needs two arc lengths, start and end."
                 )
-            begin, end = (_checks.number("work of a contour", x, "m") for x in self.work)
-            if not -REPEATED_POINT <= begin < end <= self.path.length + REPEATED_POINT:
+            start, end = (_checks.number("work of a contour", x, "m") for x in self.work)
+            if not -REPEATED_POINT <= start < end <= self.path.length + REPEATED_POINT:
                 raise InvalidInput(
-                    f"The work on the contour {self.name} is to go from {begin:g} to {end:g} m, "
-                    f"which is not along its {self.path.length:g} m."
+                    f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
+                    f"is not within its length of {self.path.length:g} m."
                 )
         for x in self.events:
             if x.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
-                    f"The event {x.name} is to come at {x.s:g} m of the contour {self.name}, which "
-                    f"is {self.path.length:g} m long.",
+                    f"The event {x.name} is at {x.s:g} m of the contour {self.name}, which is only "
+                    f"{self.path.length:g} m long.",
                     s=x.s,
                     allowed=self.path.length,
                 )
@@ -121,7 +124,7 @@ class Contour:
 
     @property
     def closed(self) -> bool:
-        """Whether it ends where it starts, leads and overlap apart."""
+        """Whether the contour ends at its start point, without leads and overlap."""
         if self.ring is not None:
             return self.ring
         ends = self.path([0.0, self.path.length])
@@ -129,11 +132,11 @@ class Contour:
 
     @property
     def at_work(self) -> tuple[float, float]:
-        """Between which places the process is at work [m]: between its leads."""
+        """Arc lengths at which the process goes on and off [m], between the leads."""
         return (0.0, self.path.length) if self.work is None else self.work
 
     def without_z(self) -> tuple[Contour | Event, ...]:
-        """The contour without z; of one of which nothing is left, what is switched there."""
+        """The contour without z; if no length remains, its events as moves of their own."""
         path, work = self.path, self.work
         if not has_length_without_z(path):
             return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
@@ -148,7 +151,7 @@ class Contour:
 
 
 def contour_called(contour: Contour, number: int) -> str:
-    """What sentences call a contour: by its name, or by its number, which is counted from 0."""
+    """Name of a contour for messages: its name, or its number, which is given from 0."""
     if not contour.name:
         return f"contour {number + 1}"
     return contour.name if contour.name.startswith("contour ") else f"contour {contour.name}"
@@ -159,10 +162,10 @@ class Rapid:
     """A free motion with the tool off, at the arm's limits.
 
     Args:
-        path: What the tool follows; None leaves the way to the joints.
+        path: Path of the tool; None moves every joint directly to its goal.
 
     Raises:
-        InvalidInput: Something else than a path.
+        InvalidInput: Neither a path nor None.
     """
 
     path: Path | None = None
@@ -174,10 +177,10 @@ class Rapid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dwell:
-    """The tool stands still.
+    """A time during which the tool is at rest.
 
     Args:
-        duration: For so long [s].
+        duration: The duration [s].
     """
 
     duration: float
@@ -191,16 +194,16 @@ Move = Contour | Rapid | Dwell | Event
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program:
-    """Moves in order. Where two contours do not meet, a rapid goes from one to the next.
+    """Moves in order; between two contours that do not meet, a rapid is added.
 
     Args:
         moves: The moves.
-        source: What it was made from, such as the name of a file.
-        notes: Sentences on what was left out or changed when it was read.
+        source: Origin of the program, such as the name of a file.
+        notes: Sentences on parts that were left out or changed when the program was read.
 
     Raises:
-        InvalidInput: No contour, something else than moves, an event between contours that has a
-            place, or paths of different dimension.
+        InvalidInput: No contour, an object that is no move, an event between contours with an arc
+            length or a lead distance, or paths of different dimensions.
     """
 
     moves: tuple[Move, ...]
@@ -209,7 +212,7 @@ class Program:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "moves", tuple(self.moves))
-        # Both repeat names of files and what stands in them, and come to terminals.
+        # Both contain text of files, and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
         object.__setattr__(self, "notes", tuple(make_printable(shorten(x)) for x in self.notes))
         for x in self.moves:
@@ -220,8 +223,8 @@ class Program:
                 )
             if isinstance(x, Event) and (x.s or x.lead_distance):
                 raise InvalidInput(
-                    f"The event {x.name} is a move of its own, where the tool stands still, and "
-                    "has no place and no lead distance: give it to a contour, or a lead time."
+                    f"The event {x.name} is a move of its own, at which the tool is at rest, and "
+                    "can have no s and no lead distance: put it into a contour, or use a lead time."
                 )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
@@ -233,16 +236,16 @@ class Program:
 
     @classmethod
     def of(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
-        """The program of a path, which starts where the path does; a program stays as it is.
+        """Make a program of a path, whose start point is kept; return a program as it is.
 
-        This is the only place that tells paths from programs: everything after it takes programs.
+        All other code takes programs only.
 
         Args:
             path: The path or the program.
-            needs: Begins the sentence that refuses anything else.
+            needs: Start of the error message for any other object.
 
         Raises:
-            InvalidInput: Something else.
+            InvalidInput: Neither a path nor a program.
         """
         if isinstance(path, Program):
             return path
@@ -257,24 +260,23 @@ class Program:
 
     @property
     def single_path(self) -> Path | None:
-        """The path of a program that is one contour without leads or events, and no other move.
+        """The path of a program of one contour without leads and events; None for other programs.
 
-        Options and results that mean one path from start to end are those of such a program. None
-        if there is anything around the contour.
+        Some options and results are defined for such a program only.
         """
         if len(self.moves) > 1:
             return None
         (only,) = self.contours
-        begin, end = only.at_work
-        whole = begin <= REPEATED_POINT and only.path.length - end <= REPEATED_POINT
+        start, end = only.at_work
+        whole = start <= REPEATED_POINT and only.path.length - end <= REPEATED_POINT
         return only.path if whole and not only.events else None
 
     @property
     def path(self) -> Path:
-        """The path of its only contour.
+        """The path of the only contour.
 
         Raises:
-            InvalidInput: It has several.
+            InvalidInput: The program has several contours.
         """
         if len(self.contours) != 1:
             raise InvalidInput(
@@ -290,20 +292,20 @@ class Program:
 
     @property
     def length(self) -> float:
-        """Length of all contours together [m]."""
+        """Total length of all contours [m]."""
         return float(sum(x.path.length for x in self.contours))
 
     @property
     def breaks(self) -> FloatArray:
-        """Arc length of all contours before each contour, and of all [m], (contours + 1,)."""
+        """Total length before each contour, and of all contours [m], (contours + 1,)."""
         lengths = [x.path.length for x in self.contours]
         return np.concatenate([[0.0], np.cumsum(lengths)])
 
     def mapped(self, change: Callable[[Path], Path]) -> Program:
-        """The same with other paths; events keep their share of the length of theirs.
+        """The program with changed paths; events keep their relative positions.
 
         Args:
-            change: Function from the old path of a contour to the new path.
+            change: Function from an old path to a new path.
         """
         moves: list[Move] = []
         for x in self.moves:
@@ -322,17 +324,17 @@ class Program:
         return dataclasses.replace(self, moves=tuple(moves))
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
-        """The program in space with one tool orientation, as `Path.oriented`.
+        """The program in space with one tool orientation, as by `Path.oriented`.
 
         Args:
             rotations: Tool axes as columns: a matrix, a quaternion (x, y, z, w) or a rotation of
                 scipy.
-            axis_only: Only the tool axis counts: the tool may turn about this axis.
+            axis_only: Whether only the tool axis is required; rotation about the tool axis is free.
         """
         return self.mapped(lambda path: lift_path(path).oriented(rotations, axis_only=axis_only))
 
     def pointing(self, direction: npt.ArrayLike) -> Program:
-        """The program in space with the tool axis in one direction, as `Path.pointing`.
+        """The program in space with the tool axis in one direction, as by `Path.pointing`.
 
         Args:
             direction: Direction of the tool axis, of any length, (3,).
@@ -340,26 +342,26 @@ class Program:
         return self.mapped(lambda path: lift_path(path).pointing(direction))
 
     def __repr__(self) -> str:
-        """What it is, and not all of its numbers."""
+        """Source, number of contours and length."""
         source = f"{self.source!r}, " if self.source else ""
         return f"Program({source}{len(self.contours)} contours, {self.length:.6g} m)"
 
     def placed(self, frame: Frame, *, scale: float = 1.0) -> Program:
-        """The program drawn in a frame, as seen from where the frame stands.
+        """The program moved from the coordinates of a frame to those of the frame's parent.
 
-        Speeds, tolerances and leads stay what they are.
+        Speeds, tolerances and leads stay the same.
 
         Args:
-            frame: The frame that the program is drawn in.
+            frame: The frame of the drawing.
             scale: Factor of all lengths, before the program is placed.
         """
         return self.mapped(lambda path: place_path(path, frame, scale=scale))
 
     def without_z(self) -> Program:
-        """The program without z; what only goes up and down is left out, but for its events.
+        """The program without z; purely vertical moves are left out, their events stay.
 
         Raises:
-            InvalidInput: An arc that stands across the plane.
+            InvalidInput: An arc that is not parallel to the plane.
         """
         moves: list[Move] = []
         number = 0
@@ -369,28 +371,28 @@ class Program:
                 try:
                     moves += x.without_z()
                 except InvalidInput as error:
-                    said = f"{self.source}: {called}" if self.source else called
-                    raise InvalidInput(f"{said}: {error}") from None
+                    where = f"{self.source}: {called}" if self.source else called
+                    raise InvalidInput(f"{where}: {error}") from None
             elif not isinstance(x, Rapid) or x.path is None:
                 moves.append(x)
             elif has_length_without_z(x.path):
                 moves.append(Rapid(path=drop_z(x.path)))
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
-            notes = (*notes, "how the tool is held is left out with z.")
+            notes = (*notes, "the tool orientation is left out together with z.")
         return dataclasses.replace(self, moves=tuple(moves), notes=notes)
 
     def selected(
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
     ) -> Program:
-        """The contours on some layers, or of some names, with free rapids between them.
+        """The contours on some layers or with some names, with new rapids between them.
 
         Args:
             layers: Names of layers; None takes all.
             names: Names of contours; None takes all.
 
         Raises:
-            InvalidInput: A layer or a name that there is not, or none.
+            InvalidInput: An unknown layer or name, or no contour that is left.
         """
         layers, names = ([x] if isinstance(x, str) else x for x in (layers, names))
         for what, wanted, known in (
@@ -421,6 +423,6 @@ class Program:
             )
         notes = self.notes
         if len(self.contours) < len(self.moves):
-            left = "what stood between the chosen contours is left out: rapids, dwells, events."
+            left = "rapids, dwells and events between the chosen contours are left out."
             notes = (*notes, left)
         return dataclasses.replace(self, moves=kept, notes=notes)

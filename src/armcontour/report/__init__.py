@@ -1,4 +1,4 @@
-"""The report of a study: the only room that plots."""
+"""The report of a study: the only package that plots."""
 
 from armcontour.report.report import render_report, render_sweep, write_report
 

@@ -1,4 +1,4 @@
-"""The report of an identification: motion, residuals, their spectrum; one page, offline."""
+"""The report of an identification as one HTML page: motion, residuals, their spectrum."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ SYMBOLS = {
     "dead_time": "dead time",
     "acceleration": "acceleration limit",
 }
-# Segments of the spectrum are this long at most: enough lines to see a resonance by.
+# Longest segment for the spectrum [samples]: fine enough to show a resonance.
 SEGMENT = 2048
 
 
 def render_identification(found: Identification) -> str:
-    """The report as one HTML page that needs nothing else."""
+    """Render the report of an identification as one HTML page without other files."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
@@ -71,6 +71,7 @@ def render_identification(found: Identification) -> str:
 
 
 def _row(x: Estimate) -> dict[str, str]:
+    """An estimate as cells of a table."""
     scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
 
     def shown(value: float) -> str:
@@ -89,6 +90,7 @@ def _row(x: Estimate) -> dict[str, str]:
 
 
 def _figures(found: Identification, j: int) -> list[Any]:
+    """The figures of one joint."""
     joint, log = found.joints[j], found.log
     return [
         _motion(joint, log.t, log.command[:, j], log.measured[:, j]),
@@ -100,6 +102,7 @@ def _figures(found: Identification, j: int) -> list[Any]:
 def _motion(
     joint: JointIdentification, t: FloatArray, command: FloatArray, measured: FloatArray
 ) -> Any:
+    """Figure of command, measured and simulated position of a joint."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -112,10 +115,11 @@ def _motion(
         figure.add_trace(line(x, y, name, colour, width=1.5))
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="position [rad]")
-    return finish(figure, title=f"{joint.name}: told, measured and simulated")
+    return finish(figure, title=f"{joint.name}: command, measured and simulated")
 
 
 def _residuals(joint: JointIdentification) -> Any:
+    """Figure of the residuals of a joint."""
     import plotly.graph_objects as go
 
     x, y = thin(joint.t, joint.residuals * 1e3)
@@ -126,6 +130,7 @@ def _residuals(joint: JointIdentification) -> Any:
 
 
 def _spectrum(joint: JointIdentification) -> Any:
+    """Figure of the spectrum of the residuals, with that of white noise of equal power."""
     import plotly.graph_objects as go
     from scipy.signal import welch
 
@@ -141,7 +146,9 @@ def _spectrum(joint: JointIdentification) -> Any:
     figure = go.Figure(
         [
             line(f[1:], root, "residuals", EXECUTED_COLOUR, width=1),
-            line(f[[1, -1]], [white, white], "white noise of that size", LIMIT_COLOUR, dash="dash"),
+            line(
+                f[[1, -1]], [white, white], "white noise of equal power", LIMIT_COLOUR, dash="dash"
+            ),
         ]
     )
     figure.update_xaxes(title="frequency [Hz]", type="log")

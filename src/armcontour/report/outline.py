@@ -1,4 +1,4 @@
-"""Few points that draw long curves: those from which the curve between them hardly leaves."""
+"""Reduce long curves to few points, so that the error of the drawing is not visible."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.program import Program
 
-# What is off by less than this share of a drawing's size is not seen.
-UNSEEN = 1 / 5000
-# More points than this in one drawing are loaded, but hardly seen.
+# Largest error of a drawn curve, as a share of the drawing's size, that is not visible.
+VISIBLE = 1 / 5000
+# Largest number of points in one drawing; more points are loaded, but not visible.
 MOST_DRAWN = 20_000
-# Points that may be looked at, so that a curve of any length is drawn in about a second.
-MOST_LOOKED_AT = 200_000
-# So many points, evenly spread, are drawn in any case: what is small shows when enlarged.
+# Largest number of points to choose from, so that any curve is simplified in about a second.
+MOST_SAMPLED = 200_000
+# Number of evenly spaced points that are always drawn, so that enlarged details show.
 EVEN = 4000
-# Evenly spread places along a program that are drawn with the ends of its segments.
+# Evenly spaced points along a program that are drawn in addition to the ends of its segments.
 DRAWN_PLACES = 800
-# Chords of a whole circle, so that it looks round.
+# Chords of a full circle.
 CHORDS = 96
 
 
 def outline_points(program: Program) -> FloatArray:
-    """Points that draw the contours of a program, with gaps (NaN) after them."""
+    """Points that draw the contours of a program, with a gap (NaN) after each contour."""
     each = DRAWN_PLACES // len(program.contours)
     return outlines([finely(x.path, least=each) for x in program.contours])
 
 
 def finely(
-    path: Path, begin: float = 0.0, end: float | None = None, *, least: int = 0
+    path: Path, start: float = 0.0, end: float | None = None, *, least: int = 0
 ) -> FloatArray:
-    """Points along a path from one place to another: ends of segments, and arcs as chords.
+    """Points along a path: ends of segments, and chords of arcs.
 
     Args:
         path: The path.
-        begin: The first place [m].
-        end: The last place [m]; by default the end of the path.
-        least: Of a path with fewer segments, so many places besides, evenly spread.
+        start: Arc length of the first point [m].
+        end: Arc length of the last point [m]; by default the end of the path.
+        least: Number of evenly spaced points that are added if the path has fewer segments.
     """
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
@@ -50,12 +50,12 @@ def finely(
     if len(path) <= least:
         inner.append(np.linspace(0.0, path.length, least))
     places = np.union1d(path.breaks, np.concatenate(inner)) if inner else path.breaks
-    kept = places[(places > begin) & (places < last)]
-    return path(np.concatenate([[begin], kept, [last]]))
+    kept = places[(places > start) & (places < last)]
+    return path(np.concatenate([[start], kept, [last]]))
 
 
 def outlines(curves: Sequence[FloatArray]) -> FloatArray:
-    """Several curves as one with gaps (NaN) between them, in as many points as are seen."""
+    """Join several curves to one with gaps (NaN) between them, and simplify them."""
     kept = simplify(curves)
     gap = np.full((1, curves[0].shape[1]), np.nan)
     return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
@@ -64,59 +64,69 @@ def outlines(curves: Sequence[FloatArray]) -> FloatArray:
 def simplify(
     curves: Sequence[FloatArray], most: int = MOST_DRAWN, *, even: int = EVEN
 ) -> list[IntArray]:
-    """Which points of curves to draw, so that nothing that is seen is off.
+    """Choose points of curves, so that lines between these points show the curves.
 
-    Every stretch between two kept points is split where it leaves the line between them most, all
-    of them at once, until none does so visibly or there are enough.
+    Every part between two chosen points is split at its largest distance from the line between
+    them, all parts at once, until no distance is visible or the number of points is reached
+    (Ramer, Douglas and Peucker).
 
     Args:
         curves: Points, (n, dimension) each.
-        most: Number of points of all; every curve has its ends in any case.
-        even: About so many, evenly spread over all, are kept in any case.
+        most: Largest number of points; the ends of every curve are always chosen.
+        even: Approximate number of evenly spaced points that are always chosen.
+
+    Returns:
+        Indices of the chosen points of every curve.
     """
-    step = max(1, sum(map(len, curves)) // MOST_LOOKED_AT)
-    looked = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
-    points = np.concatenate([x[at] for x, at in zip(curves, looked, strict=True)])
-    lasts = np.cumsum([len(x) for x in looked])
+    step = max(1, sum(map(len, curves)) // MOST_SAMPLED)
+    sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
+    points = np.concatenate([x[at] for x, at in zip(curves, sampled, strict=True)])
+    lasts = np.cumsum([len(x) for x in sampled])
     kept = np.zeros(len(points), dtype=bool)
     kept[np.append(0, lasts[:-1])] = kept[lasts - 1] = True
-    # To begin with, too: a spiral is else split a turn at a time.
+    # Evenly spaced points from the start: a spiral would be split one turn at a time.
     kept[:: max(1, len(points) // even)] = True
     ends = np.flatnonzero(kept)
     within = ~np.isin(ends[:-1], lasts - 1)
-    begin, end = ends[:-1][within], ends[1:][within]
-    unseen = (UNSEEN * float(np.ptp(points, axis=0).max())) ** 2
+    start, end = ends[:-1][within], ends[1:][within]
+    invisible = (VISIBLE * float(np.ptp(points, axis=0).max())) ** 2
     room = most - int(kept.sum())
     while room > 0:
-        long = end - begin > 1
-        begin, end = begin[long], end[long]
-        if not len(begin):
+        long = end - start > 1
+        start, end = start[long], end[long]
+        if not len(start):
             break
-        off, middle = _farthest(points, begin, end)
-        split = np.flatnonzero(off > unseen)
+        off, middle = _farthest(points, start, end)
+        split = np.flatnonzero(off > invisible)
         if len(split) > room:
             split = split[np.argsort(-off[split], kind="stable")[:room]]
-        begin, middle, end = begin[split], middle[split], end[split]
+        start, middle, end = start[split], middle[split], end[split]
         kept[middle] = True
         room -= len(split)
-        begin, end = np.concatenate([begin, middle]), np.concatenate([middle, end])
+        start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
     parts = np.split(kept, lasts[:-1])
-    return [at[which] for at, which in zip(looked, parts, strict=True)]
+    return [at[which] for at, which in zip(sampled, parts, strict=True)]
 
 
-def _farthest(points: FloatArray, begin: IntArray, end: IntArray) -> tuple[FloatArray, IntArray]:
-    """How far curves leave the lines between two of their points at most, squared, and where."""
-    counts = end - begin - 1
+def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[FloatArray, IntArray]:
+    """Largest squared distance of curves from the lines between two of their points, and where.
+
+    Args:
+        points: Points of all curves, (n, dimension).
+        start: Indices of the first points of the lines.
+        end: Indices of the last points of the lines.
+    """
+    counts = end - start - 1
     first = np.cumsum(counts) - counts
-    of = np.repeat(np.arange(len(begin)), counts)
-    inner = np.arange(len(of)) - first[of] + begin[of] + 1
-    away = points[inner] - points[begin][of]
-    along = points[end] - points[begin]
+    of = np.repeat(np.arange(len(start)), counts)
+    inner = np.arange(len(of)) - first[of] + start[of] + 1
+    away = points[inner] - points[start][of]
+    along = points[end] - points[start]
     square = np.einsum("ij,ij->i", along, along)
-    # Where a curve comes back to where it began, its distance from there counts.
+    # A line of length 0, of a closed curve, is a point.
     along = along / np.where(square > 0, square, np.inf)[:, None]
     share = np.clip(np.einsum("ij,ij->i", away, along[of]), 0.0, 1.0)
-    away -= share[:, None] * (points[end] - points[begin])[of]
+    away -= share[:, None] * (points[end] - points[start])[of]
     off = np.einsum("ij,ij->i", away, away)
     largest = np.maximum.reduceat(off, first)
     at = np.flatnonzero(off == largest[of])

@@ -1,4 +1,4 @@
-"""What several sections show of a plan and is slow to compute: once per report."""
+"""Torques of plans for several sections of the report, computed once per report."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from armcontour.jobs import RunResult
 from armcontour.jobs.quantities import Torques, planned_torques, torques_at
 
-# More runs than this are computed again.
+# Number of runs whose torques are stored.
 MOST_RUNS = 16
-# Breaks of a plan at which torques are looked at; of more, this many. The others differ little.
+# Largest number of breaks of a plan at which torques are computed for the figures.
 MOST_BREAKS = 20_000
 SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 
 
 @lru_cache(maxsize=MOST_RUNS)
 def torques_of(result: RunResult) -> Torques | None:
-    """Torques that a plan takes, of a long one at a share of its breaks; None without bodies."""
+    """Torques of a plan over time, for a long plan at some of its breaks; None without bodies."""
     arm, plan = result.execution.arm, result.trajectory
     every = torque_stride(result)
     if not arm.has_bodies or every == 1:
@@ -31,7 +31,7 @@ def torques_of(result: RunResult) -> Torques | None:
 
 
 def torque_notes(results: Iterable[RunResult]) -> list[str]:
-    """Sentences on plans whose torques are not looked at at every break."""
+    """Sentences on plans whose torques are not drawn at every break."""
     return [
         f"Run {x.run.name}: torques are computed at every {ordinal(torque_stride(x))} of the "
         f"plan's {len(x.trajectory.breaks)} breaks; summary.json has the largest of all breaks."
@@ -41,16 +41,16 @@ def torque_notes(results: Iterable[RunResult]) -> list[str]:
 
 
 def torque_stride(result: RunResult) -> int:
-    """Torques are looked at at every so many-th break of the plan."""
+    """The number k if torques are drawn at every k-th break of a plan."""
     return -(-len(result.trajectory.breaks) // MOST_BREAKS)
 
 
 def ordinal(n: int) -> str:
-    """A number as a place in a row: 1st, 2nd, 3rd, 4th."""
+    """A number as an ordinal: 1st, 2nd, 3rd, 4th."""
     last = 0 if 10 < n % 100 < 14 else n % 10
     return f"{n}{SUFFIXES.get(last, 'th')}"
 
 
 def forget() -> None:
-    """Let go of what was computed."""
+    """Delete the stored torques."""
     torques_of.cache_clear()

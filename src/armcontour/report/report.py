@@ -1,4 +1,4 @@
-"""The report: sections in order, one page that works offline."""
+"""Render the report of a study: its sections in order, as one HTML page without other files."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from armcontour.report import sections
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
 
-# Tiles that a row has room for.
+# Largest number of tiles in a row.
 MOST_COLUMNS = 5
 
 
 def render_report(study: Study, *, certificate: Certificate | None = None) -> str:
-    """The report of a study as one HTML page that needs nothing else.
+    """Render the report of a study as one HTML page without other files.
 
     Args:
         study: The study.
-        certificate: Of its only run; comes first.
+        certificate: Certificate of the only run, for the first section.
     """
     try:
         return _page(study.job, _sections(study, certificate))
@@ -32,7 +32,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
 
 
 def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
-    """The sections that have something to show."""
+    """The sections that have content for a study."""
     found = [
         *([] if certificate is None else [sections.certificate(certificate)]),
         sections.overview(study),
@@ -59,11 +59,12 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
 
 
 def render_sweep(sweep: Sweep) -> str:
-    """The report of a trade-off as one HTML page that needs nothing else."""
+    """Render the report of a sweep as one HTML page without other files."""
     return _page(sweep.job, [sections.sweep(sweep)])
 
 
 def _page(job: Job, found: Sequence[Section]) -> str:
+    """Render sections as one HTML page."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
@@ -94,16 +95,16 @@ def _page(job: Job, found: Sequence[Section]) -> str:
 
 
 def _columns(count: int) -> int:
-    """How many of so many tiles stand in a row, so that rows are about equally full."""
+    """Number of columns for a number of tiles, so that rows are about equally full."""
     return -(-count // -(-count // MOST_COLUMNS))
 
 
 def write_report(study: Study, file: str | FilePath) -> None:
-    """Write the report of a study to an HTML file; it is there whole or not at all.
+    """Write the report of a study to an HTML file, completely or not at all.
 
     Args:
-        study: The job with its results.
-        file: The HTML file; a file of that name is replaced.
+        study: The study.
+        file: The HTML file; an existing file is replaced.
 
     Raises:
         InvalidInput: The file cannot be written.

@@ -1,4 +1,4 @@
-"""What a section of the report is made of: data only, which the template shows."""
+"""Data of a section of the report, which the template shows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from armcontour.jobs import RunResult, Study
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Rows of text under a header; the first column names the row."""
+    """Rows of text with a header; the first column names the row."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -19,7 +19,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One figure that matters, in large print."""
+    """One important figure, in large print."""
 
     label: str
     value: str
@@ -32,14 +32,13 @@ class Section:
 
     Args:
         key: Anchor of the section.
-        title: Its heading.
-        text: What there is to see.
-        tiles: Figures in large print, by the name of their run.
+        title: Heading of the section.
+        text: Introduction.
+        tiles: Figures in large print, by the names of their runs.
         figures: Plotly figures.
-        columns: Shares of the width that figures take which stand beside each other; by default
-            every figure has all of it.
+        columns: Relative widths of figures in one row; by default every figure has a row.
         tables: Tables.
-        notes: Sentences below.
+        notes: Sentences at the end.
     """
 
     key: str
@@ -53,7 +52,7 @@ class Section:
 
 
 def marked_run(study: Study) -> RunResult | None:
-    """The run whose switching points figures show: the one with published times, or the last."""
+    """The run whose switching points are drawn: that with published times, or the last."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     published = study.job.published
     if published is not None and published.time_stamps_of is not None:

@@ -1,4 +1,4 @@
-"""Colours, fonts and layout that all figures share."""
+"""Colours, fonts and layout of all figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 
-# Okabe and Ito's palette, which the colour-blind can tell apart; grey and black are kept for paths.
+# Palette of Okabe and Ito for colour-blind readers; grey and black are for paths and limits.
 RUN_COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 PATH_COLOUR = "#888888"
 LIMIT_COLOUR = "#000000"
@@ -19,32 +19,32 @@ EXPERIMENT_COLOUR = "#009E73"
 # An experiment has its run's colour.
 EXPERIMENT_DASH = "dot"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
-# More points than this in one curve are not seen, but loaded.
+# Largest number of points in one curve; more points are not visible.
 MOST_POINTS = 3000
-# More sentences of one kind than this nobody reads.
+# Largest number of sentences of one kind.
 MOST_SENTENCES = 12
-# With more switching points than this their labels would hide each other.
+# Largest number of switching points with labels; more labels would overlap.
 MOST_LABELS = 40
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
-    """One colour per run, in order, starting over after six."""
+    """One colour per run, in order; colours repeat after six runs."""
     return {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(names)}
 
 
 def run_widths(names: Iterable[str]) -> dict[str, float]:
-    """A line width per run, thinner in order, so that none hides another under it."""
+    """A line width per run, thinner in order, so that no line covers another."""
     listed = list(names)
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
 def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
-    """Times and curves with at most about `most` points, every peak and every gap (NaN) kept.
+    """Times and curves reduced to about `most` points; every peak and gap (NaN) is kept.
 
     Args:
-        t: (n,).
-        curves: (n,) each; the extremes of each are kept in every stretch of time.
-        most: Number of points.
+        t: Times, (n,).
+        curves: Values, (n,) each; every interval of time keeps the extremes of every curve.
+        most: Approximate number of points.
     """
     n = len(t)
     bins = most // (2 * max(1, len(curves)))
@@ -56,7 +56,7 @@ def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[Fl
         gaps = np.isnan(curve)
         kept |= set(np.flatnonzero(gaps).tolist())
         for sign in (1, -1):
-            # A gap is no peak.
+            # Gaps must not be chosen as peaks.
             peaks = np.where(gaps, -np.inf, sign * curve)
             padded = np.append(peaks, np.full(-n % size, -np.inf)).reshape(-1, size)
             first = np.arange(len(padded)) * size
@@ -66,7 +66,7 @@ def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[Fl
 
 
 def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
-    """The first sentences of a list, and how many more there are."""
+    """The first sentences of a list, and the number of other sentences."""
     found = tuple(sentences)
     if len(found) <= MOST_SENTENCES:
         return found
@@ -74,7 +74,7 @@ def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
 
 
 def finish(figure: Any, *, title: str, height: int = 460) -> Any:
-    """Apply the common layout."""
+    """Apply the layout of all figures."""
     figure.update_layout(
         title={"text": title, "x": 0, "xanchor": "left", "font": {"size": 16}},
         template="plotly_white",
@@ -92,7 +92,7 @@ def finish(figure: Any, *, title: str, height: int = 460) -> Any:
 
 
 def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
-    """A curve; drawn in single precision, which halves the page and is not seen."""
+    """A curve of a figure, in single precision, which halves the size of the page."""
     import plotly.graph_objects as go
 
     dash = more.pop("dash", "solid")
@@ -108,7 +108,7 @@ def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
 
 
 def switching_labels(figure: Any, times: FloatArray) -> None:
-    """Mark the switching points P0, P1, ... along the first time axis, unless too many."""
+    """Draw the switching points P0, P1, ... on the first time axis, unless there are too many."""
     if len(times) > MOST_LABELS:
         return
     line = {"color": "#BBBBBB", "width": 1, "dash": "dot"}
@@ -120,7 +120,7 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
         )
         label = {"text": f"P{k}", "showarrow": False, "font": {"size": 10}, "yanchor": "bottom"}
         labels.append({"x": float(t), "y": 1, **label, **at})
-    # All at once: adding them one by one takes plotly quadratic time.
+    # Added all at once: adding them one by one takes quadratic time in plotly.
     figure.layout.shapes += tuple(shapes)
     figure.layout.annotations += tuple(labels)
 
@@ -131,7 +131,7 @@ def shade(
     row: int,
     colour: str = SATURATION_COLOUR,
 ) -> None:
-    """Shade spans of time in one row of subplots."""
+    """Shade intervals of time in one row of subplots."""
     axis = "" if row == 1 else str(row)
     figure.layout.shapes += tuple(
         {

@@ -183,7 +183,7 @@ def test_repeated_points_are_merged_with_their_orientation():
         ("x,y,z,ax,ay,az\n0,0,0,0,0,1\n1,0,0,0,0,-1\n", "line 2, column 'ax ay az': The tool or"),
         (
             "x,y,z,ax,ay,az,roll,pitch,yaw\n0,0,0,0,0,1,0,0,0\n1,0,0,0,0,-1,0,0,0\n",
-            "says twice how the tool is held",
+            "gives the tool orientation twice",
         ),
         ('x,y\n0,0\n1,"2\n', "line 3: "),
         (b"x,y\n0,\xff\n", "not UTF-8"),

@@ -131,7 +131,7 @@ def test_pipes_are_refused(name, tmp_path, refuses):
         ('xyz="0.4 0 0.02"', 'xyz="1e300 0 0.02"', ("elbow", "up to 1e+09", "1e300")),
         ('<axis xyz="0 1 1"/>', '<axis xyz="0 1e200 1"/>', ("tilt", "up to 1e+09")),
         ('<mass value="2"/>', '<mass value="1e200"/>', ("its mass", "up to 1e+09")),
-        ('multiplier="0.5"', 'multiplier="1e300"', ("right", "held still", "beyond 1e+09")),
+        ('multiplier="0.5"', 'multiplier="1e300"', ("right", "is locked", "beyond 1e+09")),
     ],
 )
 def test_numbers_of_no_robot_are_refused(old, new, words, tmp_path, refuses):

@@ -1,4 +1,4 @@
-"""Tables of waypoints as they stand in CSV and Parquet files: columns, and where rows are."""
+"""Read tables of waypoints from CSV and Parquet files: columns, cells and line numbers."""
 
 from __future__ import annotations
 
@@ -30,13 +30,22 @@ UNITS = {
     "speed": "m/s",
 }
 _NAME = re.compile(r"(?P<name>[A-Za-z]+)(?:_(?P<unit>[A-Za-zµ°]\S*))?")
-# Of a column: text, or numbers with NaN where there is none.
+# Cells of a column: text, or numbers with NaN for empty cells.
 Cells = Sequence[str] | FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns by what they hold, and where each row stands in the file."""
+    """A table of waypoints.
+
+    Args:
+        source: Name of the file.
+        word: "line" or "row", for messages.
+        places: Number of each row in the file, from 1.
+        columns: The known columns.
+        cells: Cells by columns.
+        notes: Notes on columns that were left out.
+    """
 
     source: str
     word: str
@@ -46,17 +55,17 @@ class Table:
     notes: tuple[str, ...]
 
     def where(self, i: int, *keys: str) -> str:
-        """Row `i`, and the columns that are meant, for messages."""
+        """File, number of row `i` and titles of columns, for messages."""
         titles = " ".join(self.columns[key].title for key in keys)
         place = f"{self.source}, {self.word} {self.places[i]}"
         return f"{place}, column {show(titles)}" if titles else place
 
 
 def table_of(data: bytes, *, source: str, kind: str, reading: Reading) -> Table:
-    """The table in a CSV or Parquet file.
+    """Read the table in a CSV or Parquet file.
 
     Raises:
-        InvalidInput: It is none, has no rows, or a column that is unknown, there twice or missing.
+        InvalidInput: No table, no rows, or a column that is unknown, repeated or missing.
     """
     table = (_csv if kind == "csv" else _parquet)(data, source, reading)
     if not len(table.places):
@@ -65,7 +74,7 @@ def table_of(data: bytes, *, source: str, kind: str, reading: Reading) -> Table:
 
 
 def _csv(data: bytes, source: str, reading: Reading) -> Table:
-    """The table in a CSV file."""
+    """Read the table in a CSV file."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -88,7 +97,7 @@ def _csv(data: bytes, source: str, reading: Reading) -> Table:
 
 
 def _parquet(data: bytes, source: str, reading: Reading) -> Table:
-    """The table in a Parquet file, of which only columns that are known are unpacked."""
+    """Read the table in a Parquet file; only known columns are unpacked."""
     file = ParquetTable(data, source)
     columns, notes = _columns(file.titles, source, "", reading)
     unpacked = file.cells([x.title for x in columns.values()])
@@ -99,10 +108,10 @@ def _parquet(data: bytes, source: str, reading: Reading) -> Table:
 def _columns(
     titles: Sequence[str], source: str, line: str, reading: Reading
 ) -> tuple[dict[str, Column[str]], tuple[str, ...]]:
-    """The columns that are known, by what they hold, and notes; others are refused, or noted.
+    """The known columns by their quantity, and notes on unknown columns that are skipped.
 
     Raises:
-        InvalidInput: A column that is unknown, there twice or missing, or has a wrong unit.
+        InvalidInput: A column that is unknown, repeated or missing, or has a wrong unit.
     """
     notes: list[str] = []
 
@@ -133,7 +142,7 @@ def _columns(
 
 
 def _key(name: str) -> tuple[str, str | None] | None:
-    """What a column of a name holds, and the unit in that name."""
+    """Quantity of a column by its name, and the unit in the name; None if unknown."""
     match = _NAME.fullmatch(name.strip())
     key = match["name"].lower() if match else ""
     key = "event" if key == "events" else key

@@ -1,4 +1,4 @@
-"""Waypoints from CSV and Parquet tables: points, how the tool is held there, speeds, events."""
+"""Read waypoints from CSV and Parquet tables: points, tool orientations, speeds, events."""
 
 from __future__ import annotations
 
@@ -34,23 +34,24 @@ SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False,
 
 
 def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> Program:
-    """The contours in a table of waypoints, which are joined by straight lines.
+    """Read a program from a table of waypoints, which are joined by straight lines.
 
-    The columns are `x`, `y` and, in space, `z`; and if wanted an orientation of the tool (`qx`,
+    The columns are `x`, `y` and, in space, `z`. Optional columns are the tool orientation (`qx`,
     `qy`, `qz`, `qw`, or `roll`, `pitch`, `yaw` about fixed axes, or the tool axis `ax`, `ay`, `az`
-    with turning about it free), `speed`, `tolerance`, `contour`, `layer` and `event`. A unit stands
-    in brackets or as a suffix: `x [mm]`, `x_mm`; without one, lengths are in the unit of the
-    reading or m, speeds in that per second, angles in rad. Speed and tolerance of a row are those
-    of the line that ends there. A new name in `contour` or `layer` begins a new contour.
+    with free rotation about the axis), `speed`, `tolerance`, `contour`, `layer` and `event`. A unit
+    follows in brackets or as a suffix: `x [mm]`, `x_mm`. Without a unit, lengths are in the unit of
+    the reading or m, speeds in that unit per second, angles in rad. Speed and tolerance of a row
+    belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
+    contour.
 
     Args:
-        data: What the file holds: CSV with commas, semicolons or tabs, or Parquet.
+        data: Content of the file: CSV with commas, semicolons or tabs, or Parquet.
         source: Name of the file.
         kind: "csv" or "parquet".
-        reading: How it is to be read.
+        reading: Options for reading the file.
 
     Raises:
-        InvalidInput: Anything else; names the line or row and the column.
+        InvalidInput: A table of another form; names the line or row and the column.
     """
     _checks.choice("kind of a table of waypoints", kind, KINDS)
     table = table_of(data, source=source, kind=kind, reading=reading)
@@ -74,14 +75,14 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
 
 
 def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
-    """All numbers in SI units, NaN where a cell is empty.
+    """All numbers in SI units, by their columns; NaN where a cell is empty.
 
     Raises:
-        InvalidInput: A unit or a number that is none, or out of its range.
+        InvalidInput: Points of which only some columns have a unit, or an invalid number.
     """
-    said = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
-    if len(set(said.values())) > 1:
-        has, lacks = (next(k for k, v in said.items() if v is wanted) for wanted in (True, False))
+    has_unit = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
+    if len(set(has_unit.values())) > 1:
+        has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
         raise InvalidInput(
             f"{table.source}: the column {table.columns[has].title!r} has a unit and "
             f"{table.columns[lacks].title!r} has none: give both one."
@@ -109,6 +110,7 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
 
 
 def _numbers(table: Table, key: str) -> FloatArray:
+    """The numbers of a column, (rows,); NaN where a cell is empty."""
     cells = table.cells[key]
     if isinstance(cells, np.ndarray):
         values, written = cells, np.isinf(cells)
@@ -126,20 +128,20 @@ def _numbers(table: Table, key: str) -> FloatArray:
 def _orientation(
     table: Table, values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
-    """The columns that say how the tool is held, and their numbers, (rows, 3 or 4)."""
+    """The columns of the tool orientation, and their numbers, (rows, 3 or 4); None without."""
     given = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
     if not given:
         return None
     if len(given) > 1:
         raise InvalidInput(
-            f"{table.source} says twice how the tool is held, by {given[0][0]} and by "
+            f"{table.source} gives the tool orientation twice, by {given[0][0]} and by "
             f"{given[1][0]}: leave one out."
         )
     keys = given[0]
     if "z" not in values:
-        raise InvalidInput(f"{table.source}: a tool is oriented in space: add the column z.")
+        raise InvalidInput(f"{table.source}: a tool orientation needs space: add the column z.")
     numbers = np.stack([values[key] for key in keys], axis=1)
-    # A quaternion of another length is an error of the file, a tool axis of another is not.
+    # A quaternion must have the length 1; a tool axis may have any length above 0.
     size = np.linalg.norm(numbers, axis=1)
     if keys == QUATERNION:
         bad, must = np.abs(size - 1) > QUATERNION_TOLERANCE, "must have the length 1, but has"
@@ -155,7 +157,7 @@ def _orientation(
 
 
 def _texts(table: Table, key: str) -> Sequence[str]:
-    """A column of text; numbers as text, whole ones without a point."""
+    """A column as text; whole numbers without a decimal point."""
     if key not in table.columns:
         return [""] * len(table.places)
     cells = table.cells[key]
@@ -165,7 +167,7 @@ def _texts(table: Table, key: str) -> Sequence[str]:
 
 
 def _fill_down(table: Table, key: str) -> list[str]:
-    """A column of text whose empty cells repeat the one above."""
+    """A column of text in which every empty cell repeats the cell above."""
     texts, last = [], ""
     for text in _texts(table, key):
         last = text or last
@@ -174,7 +176,7 @@ def _fill_down(table: Table, key: str) -> list[str]:
 
 
 def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
-    """Rows at which a new contour begins."""
+    """Rows at which a new contour starts."""
     rows = list(zip(*texts.values(), strict=True))
     return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
 
@@ -189,7 +191,7 @@ def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
     first = int(table.places[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
         raise InvalidInput(
-            f"{table.source}: the contour that begins in {table.word} {first} has no two different "
+            f"{table.source}: the contour that starts in {table.word} {first} has no two different "
             "points: give it more, or leave it out."
         )
     path = Path.polyline(points)
@@ -208,10 +210,11 @@ def _orient(
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
 ) -> Path:
-    """A path with the tool held as the rows say.
+    """Give a path the tool orientation of some rows.
 
     Raises:
-        InvalidInput: Some rows say nothing, two orientations at one point, or half a turn.
+        InvalidInput: Only some rows have an orientation, one point has two orientations, or a line
+            turns the tool by half a turn.
     """
     if orientation is None:
         return path
@@ -222,8 +225,8 @@ def _orient(
     if empty.any():
         i = rows.start + int(np.argmax(empty))
         raise InvalidInput(
-            f"{table.where(i, *keys)}: empty, but other rows of the contour say how the tool is "
-            "held: fill all or none.",
+            f"{table.where(i, *keys)}: empty, but other rows of the contour give the tool "
+            "orientation: fill all or none.",
             index=i,
         )
     from scipy.spatial.transform import Rotation
@@ -238,10 +241,10 @@ def _orient(
 
 
 def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tuple[Event, ...]:
-    """What is switched at the rows of a contour, such as `laser=on; gas=2.5`."""
+    """Events at the rows of a contour, from text such as `laser=on; gas=2.5`."""
     if "event" not in table.columns:
         return ()
-    # A point that repeats the one before is that one.
+    # A point that repeats the point before is not a vertex of its own.
     repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
     repeated[list(path.merged)] = 1
     places = np.arange(len(repeated)) - np.cumsum(repeated)
@@ -264,6 +267,7 @@ def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tupl
 
 
 def _value(text: str) -> bool | float | str:
+    """The value of an event, from text such as on, 2.5 or a word."""
     if text.lower() in SWITCHED:
         return SWITCHED[text.lower()]
     number = plain_number(text)
@@ -271,7 +275,7 @@ def _value(text: str) -> bool | float | str:
 
 
 def _note_unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:
-    """Notes on what the first row of a contour says of a line that does not end there."""
+    """Notes on speed and tolerance in the first row of a contour, where no line ends."""
     return [
         f"{table.where(first, key)}: no line ends at the first waypoint of a contour, so its "
         f"{key} is not used."

@@ -1,1 +1,1 @@
-"""Files of robots: the built-in arms, arm files, robot descriptions, limits of MoveIt."""
+"""Read arms: built-in arms, arm files, robot descriptions, joint limits of MoveIt."""

@@ -1,4 +1,4 @@
-"""Arm files: YAML in which every number is a quantity with a unit and a source."""
+"""Read arm files: YAML in which every number is a quantity with a unit and a source."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ UNITS = {
     "coulomb": "N m",
     "gravity": "m/s^2",
 }
-# Files spell powers out.
+# Arm files write powers as ^2 and ^3.
 LIMITS = {
     name: LIMIT_UNITS[name].replace("²", "^2").replace("³", "^3")
     for name in (*JOINT_LIMITS, *JOINT_RANGE)
 }
 UNITS |= LIMITS
-# "not_kept" holds what is published and not a limit of the arm here; it is for people.
+# "not_kept" is for readers of the file: published limits that armcontour does not use.
 COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
 PLANAR = COMMON | {"base", "links", "tubes"}
 BODIES = ("masses", "centers", "inertias")
@@ -58,15 +58,15 @@ KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
 
 
 def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
-    """The arm in an arm file.
+    """Read the arm in an arm file.
 
     Args:
-        file: For messages.
-        content: Of the file.
-        payload: What an arm in the plane carries; one in space is given it later.
+        file: Name of the file, for messages.
+        content: Content of the file.
+        payload: Payload of a planar arm; an arm in space gets its payload by `equip`.
 
     Raises:
-        InvalidInput: Not YAML, or it does not describe an arm.
+        InvalidInput: Not YAML, or no description of an arm.
     """
     data = _yaml.load(content, file, _yaml.AngleLoader)
     kind = data.get("kind") if isinstance(data, Mapping) else None
@@ -85,6 +85,7 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
 
 
 def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:
+    """The planar arm of an arm file."""
     links = _array(file, "links", data, (2,)).tolist()
     return PlanarTwoLink(
         **_common(file, data),
@@ -97,6 +98,7 @@ def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> Plan
 
 
 def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
+    """The two tubes of a planar arm."""
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
         raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
@@ -106,34 +108,20 @@ def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
 
 
 def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
+    """The serial arm of an arm file."""
     joints = data.get("joints")
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
     for joint in joints:
         _checks.check_name(f"name of a joint of {file}", joint, most=MOST_CHARACTERS)
     n = len(joints)
-    given = [key for key in BODIES if key in data]
-    if given and len(given) < len(BODIES):
-        raise InvalidInput(f"{file}: bodies need all of {', '.join(BODIES)}, not {given[0]} alone.")
-    values: dict[str, Any] = {}
-    if given:
-        tensors = _array(file, "inertias", data, (n, 6))[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
-        turned = np.zeros((n, 3))
-        if "inertia_angles" in data:
-            turned = _array(file, "inertia_angles", data, (n, 3))
-        axes = from_rpy(turned)
-        inertias = axes @ tensors.reshape(n, 3, 3) @ np.swapaxes(axes, -1, -2)
-        values = {
-            "masses": _array(file, "masses", data, (n,)),
-            "centers": _array(file, "centers", data, (n, 3)),
-            "inertias": (inertias + np.swapaxes(inertias, -1, -2)) / 2,
-        }
+    values = _bodies(file, data, n)
     for key in ("armature", "viscous", "coulomb"):
         if key in data:
             values[key] = _array(file, key, data, (n,))
     if "gravity" in data:
         values["gravity"] = _array(file, "gravity", data, (3,))
-    place, turn = (
+    position, angles = (
         _array(file, key, data, (3,)) if key in data else np.zeros(3)
         for key in ("tip", "tip_angles")
     )
@@ -145,14 +133,36 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
             rotations=from_rpy(_array(file, "angles", data, (n, 3))),
             positions=_array(file, "positions", data, (n, 3)),
             axes=directions,
-            tip=Frame.rpy(place, turn),
+            tip=Frame.rpy(position, angles),
             assumed=str(data.get("assumed", "")).strip(),
             **values,
         ),
     )
 
 
+def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
+    """Masses, centres of mass and inertias of n bodies; empty if the file gives none."""
+    given = [key for key in BODIES if key in data]
+    if not given:
+        return {}
+    if len(given) < len(BODIES):
+        raise InvalidInput(f"{file}: bodies need all of {', '.join(BODIES)}, not {given[0]} alone.")
+    tensors = _array(file, "inertias", data, (n, 6))[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
+    angles = np.zeros((n, 3))
+    if "inertia_angles" in data:
+        angles = _array(file, "inertia_angles", data, (n, 3))
+    axes = from_rpy(angles)
+    inertias = axes @ tensors.reshape(n, 3, 3) @ np.swapaxes(axes, -1, -2)
+    return {
+        "masses": _array(file, "masses", data, (n,)),
+        "centers": _array(file, "centers", data, (n, 3)),
+        # Products of rotations are symmetric only up to rounding.
+        "inertias": (inertias + np.swapaxes(inertias, -1, -2)) / 2,
+    }
+
+
 def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Name, source and limits of an arm file."""
     limits = data.get("limits") or {}
     if not isinstance(limits, Mapping):
         raise InvalidInput(f"{file}: limits must be named quantities, each with value and unit.")
@@ -173,6 +183,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
+    """The numbers of a key as an array of a given shape."""
     array = _checks.numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
     if array.shape != shape:
         raise InvalidInput(
@@ -183,6 +194,7 @@ def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...])
 
 
 def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
+    """The value of a key, which must be a quantity in the unit of `UNITS`."""
     quantity = data.get(key)
     if not isinstance(quantity, Mapping) or "value" not in quantity:
         raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")
@@ -194,7 +206,7 @@ def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
 
 
 def _numbers(where: str, value: Any, unit: str) -> Any:
-    """A number of a file, or a list of numbers, or of lists of them."""
+    """A number of a file, or a nested list of numbers."""
     if isinstance(value, list):
         return [_numbers(where, x, unit) for x in value]
     found = plain_number(value)

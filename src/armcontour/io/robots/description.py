@@ -1,4 +1,4 @@
-"""A robot description as a chain: what moves with which joint, and what is held still."""
+"""Make a chain of moving joints from a robot description, with all other joints locked."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, exp
 from armcontour.io.robots.tree import Joint, Tree
 
-# Joints that mimic one another in a row; grippers have some 3.
+# Longest sequence of joints of which each mimics the next; grippers have about 3.
 MOST_MIMICS = 50
-# Of places, axes, masses and inertias, in SI: products of some of larger ones overflow.
+# Largest position, axis component, mass or inertia [SI]: products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class Description:
-    """The part of a tree that moves with, or stands under, some of its joints.
+    """The part of a robot description that belongs to an arm.
 
     Args:
-        tree: The robot.
+        tree: The robot description.
         route: The joints from base to tip.
-        moving: Those of them that move.
-        locked: Positions of joints that are held [rad or m].
-        base: Link that stands still.
+        moving: The joints of the route that move.
+        locked: Positions of locked joints [rad or m].
+        base: Fixed link at the start of the arm.
     """
 
     def __init__(
@@ -53,15 +53,15 @@ class Description:
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
-        """The chain of the joints that move, with all that hangs on it.
+        """The chain of the moving joints, with the bodies that move with each joint.
 
         Raises:
-            InvalidInput: A body that cannot be, or a joint that cannot be held.
+            InvalidInput: An impossible body, or a joint that cannot be locked.
         """
         heavy = self._check_bodies()
         pin = pinocchio()
         try:
-            model = pin.buildModelFromXML(self._rewritten(heavy))
+            model = pin.buildModelFromXML(self._rewrite(heavy))
         except (RuntimeError, ValueError) as error:
             raise InvalidInput(f"{self.tree.file} cannot be read: {error}.") from None
         ids = range(1, model.njoints)
@@ -71,7 +71,7 @@ class Description:
             inertias = [model.inertias[i] for i in ids]
             bodies["masses"] = [x.mass for x in inertias]
             bodies["centers"] = [x.lever for x in inertias]
-            # Symmetric but for rounding.
+            # Symmetric only up to rounding.
             bodies["inertias"] = [(x.inertia + x.inertia.T) / 2 for x in inertias]
         return Chain(
             joints=tuple(joint.name for joint in self.moving),
@@ -84,15 +84,19 @@ class Description:
             **bodies,
         )
 
-    def _rewritten(self, heavy: bool) -> str:
-        """The description without what is of no matter here; what does not move is fixed."""
+    def _rewrite(self, heavy: bool) -> str:
+        """Write a description (URDF) of the arm alone, in which locked joints are fixed joints.
+
+        Args:
+            heavy: Whether the links have masses.
+        """
         robot = ET.Element("robot", name="arm")
         ET.SubElement(robot, "link", name=self.base)
         for joint in self.below:
             link = ET.SubElement(robot, "link", name=joint.child)
             inertial = self.tree.links[joint.child].find("inertial")
             if heavy and inertial is not None:
-                # What a body is stands in these, and nothing else is copied.
+                # These elements define the body; nothing else is copied.
                 body = ET.SubElement(link, "inertial")
                 for part in ("origin", "mass", "inertia"):
                     found = inertial.find(part)
@@ -104,21 +108,23 @@ class Description:
             element = ET.SubElement(robot, "joint", name=joint.name, type=kind)
             ET.SubElement(element, "parent", link=joint.parent)
             ET.SubElement(element, "child", link=joint.child)
-            place = self._origin(joint) if moves else self._held_place(joint)
-            ET.SubElement(element, "origin", xyz=_words(place[0]), rpy=_words(place[1]))
+            origin = self._origin(joint) if moves else self._locked_origin(joint)
+            ET.SubElement(element, "origin", xyz=_words(origin[0]), rpy=_words(origin[1]))
             if moves:
                 ET.SubElement(element, "axis", xyz=_words(self._axis(joint)))
-                # Ranges are kept elsewhere; one turn to each side keeps the angle one number.
+                # pinocchio stores the angle of a joint without limits as two numbers. The true
+                # ranges are in `Limits`.
                 ends = {"lower": "-6", "upper": "6", "effort": "1", "velocity": "1"}
                 ET.SubElement(element, "limit", ends)
         return ET.tostring(robot, encoding="unicode")
 
-    def _held_place(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
+    def _locked_origin(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
+        """Position [m] and roll, pitch, yaw [rad] of the link after a locked joint."""
         xyz, rpy = self._origin(joint)
-        value = self._held(joint, ())
+        value = self._locked_position(joint, ())
         if not abs(value) <= LARGEST:
             raise InvalidInput(
-                f"Joint {joint.name} of {self.tree.file} is held still at {value:g}, beyond "
+                f"Joint {joint.name} of {self.tree.file} is locked at {value:g}, beyond "
                 f"{LARGEST:g}: give a position that it can take."
             )
         if value == 0:
@@ -128,8 +134,13 @@ class Description:
             return xyz + place.rotation @ along, rpy
         return xyz, _rpy(place.rotation @ exp(along))
 
-    def _held(self, joint: Joint, asking: tuple[str, ...]) -> float:
-        """Where a joint is held: as told, as it mimics, or at 0."""
+    def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
+        """Position of a locked joint: as given, as the mimicked joint requires, or 0.
+
+        Args:
+            joint: The joint.
+            mimics: Names of the joints that mimic this joint, directly or through others.
+        """
         file, given = self.tree.file, self.locked.get(joint.name)
         if joint.kind in ("fixed", "planar", "floating"):
             if given is not None:
@@ -139,38 +150,40 @@ class Description:
             return 0.0
         mimic = joint.element.find("mimic")
         if mimic is not None and given is None:
-            return self._mimicked(joint, (*asking, joint.name))
+            return self._mimicking_position(joint, (*mimics, joint.name))
         value = 0.0 if given is None else _checks.number(f"position of {joint.name}", given)
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
             if not lower <= value <= upper:
                 unit = "m" if joint.kind == "prismatic" else "rad"
                 raise InvalidInput(
-                    f"Joint {joint.name} of {file} is held still at {value:g} {unit}, outside its "
-                    f"range from {lower:g} to {upper:g} {unit}: say where it is held, with "
+                    f"Joint {joint.name} of {file} is locked at {value:g} {unit}, outside its "
+                    f"range from {lower:g} to {upper:g} {unit}: give its position, with "
                     f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
                 )
         return value
 
-    def _mimicked(self, joint: Joint, asking: tuple[str, ...]) -> float:
+    def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
+        """Position of a joint that mimics another joint."""
         master = self.tree.joints.get(joint.element.find("mimic").get("joint", ""))  # type: ignore[union-attr]
-        if master is None or master.name in asking or len(asking) > MOST_MIMICS:
+        if master is None or master.name in mimics or len(mimics) > MOST_MIMICS:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
             )
         if master.name in self._names:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics {master.name} of the arm: "
-                "what hangs on such a joint has no place in an arm; hold it still with "
+                "an arm cannot carry a joint that moves along with its own joints; lock it with "
                 f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
             )
         file = self.tree.file
         factor = joint.number("mimic", "multiplier", file)
         offset = joint.number("mimic", "offset", file) or 0.0
-        return (1.0 if factor is None else factor) * self._held(master, asking) + offset
+        position = self._locked_position(master, mimics)
+        return (1.0 if factor is None else factor) * position + offset
 
     def _check_bodies(self) -> bool:
-        """Whether the links have masses; refuses links that no body could be."""
+        """Check masses and inertias of all links; returns whether the links have masses."""
         file = self.tree.file
         after: dict[str, str] = {}
         weight: dict[str, float] = {joint.child: 0.0 for joint in self.moving}
@@ -185,7 +198,7 @@ class Description:
             if inertial is not None:
                 known = True
                 mass = self._mass(joint.child, inertial)
-                # Frames that hang on a link may well say that they weigh nothing.
+                # A link on a fixed joint, such as a mere frame, may have the mass 0.
                 if moves and mass == 0:
                     raise InvalidInput(
                         f"The link {joint.child} of {file} has the mass 0 kg: it must be above "
@@ -201,6 +214,7 @@ class Description:
         return known
 
     def _mass(self, link: str, inertial: ET.Element) -> float:
+        """Mass of a link [kg]; checks its inertia and its centre of mass, too."""
         where = f"The link {link} of {self.tree.file}"
         mass = _attribute(where, inertial.find("mass"), "mass", "value")
         if mass < 0:
@@ -216,12 +230,14 @@ class Description:
         return mass
 
     def _origin(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
+        """Position [m] and roll, pitch, yaw [rad] of a joint relative to its parent link."""
         where = f"Joint {joint.name} of {self.tree.file}"
         found = joint.element.find("origin")
         words = ["0 0 0"] * 2 if found is None else [found.get(x, "0 0 0") for x in ("xyz", "rpy")]
         return _three(where, "xyz", words[0]), _three(where, "rpy", words[1])
 
     def _axis(self, joint: Joint) -> FloatArray:
+        """Unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
         found = joint.element.find("axis")
         axis = _three(where, "axis", "1 0 0" if found is None else found.get("xyz", "1 0 0"))
@@ -231,6 +247,7 @@ class Description:
         return axis / size
 
     def _loss(self, joint: Joint, key: str) -> float:
+        """Friction coefficient of a joint: its damping or its friction; 0 by default."""
         value = joint.number("dynamics", key, self.tree.file) or 0.0
         if value < 0:
             raise InvalidInput(
@@ -241,6 +258,7 @@ class Description:
 
 
 def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
+    """A number in an attribute of an element."""
     given = None if element is None else element.get(key)
     value = plain_number(given)
     if value is None or abs(value) > LARGEST:
@@ -251,6 +269,7 @@ def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> fl
 
 
 def _three(where: str, what: str, words: str) -> FloatArray:
+    """Three numbers in the text of an attribute."""
     found = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
     if found.shape != (3,) or not (np.abs(found) <= LARGEST).all():
         raise InvalidInput(
@@ -260,14 +279,15 @@ def _three(where: str, what: str, words: str) -> FloatArray:
 
 
 def _words(numbers: FloatArray) -> str:
+    """Numbers as the text of an attribute."""
     return " ".join(repr(float(x)) for x in numbers)
 
 
 def _rpy(rotation: FloatArray) -> FloatArray:
-    """Roll, pitch and yaw of a rotation."""
+    """Roll, pitch and yaw of a rotation matrix [rad], (3,)."""
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
-        # Roll and yaw turn about the same axis: roll alone will do.
+        # Roll and yaw have the same axis: the whole rotation goes to roll.
         return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])

@@ -1,4 +1,4 @@
-"""Limits joint by joint, and the `joint_limits.yaml` of MoveIt that overrides them."""
+"""Joint limits as a table, and their replacement by a `joint_limits.yaml` of MoveIt."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from armcontour._text import show
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
 from armcontour.errors import InvalidInput
 
-# A limit and its joint's value; None where it has none.
+# Values of each limit, one per joint; None where a joint has no such limit.
 Table = dict[str, list[float | None]]
 
-# What a file switches on and off, its values, and the limits that these are.
+# Kinds of limits that a file switches on and off; keys of the file and names of the limits.
 KINDS = {
     "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
     "velocity": {"max_velocity": "joint_velocity"},
@@ -31,7 +31,7 @@ ACCELERATING = {
     for kind in ("acceleration", "deceleration")
     for word, end in (("has", "_limits"), ("max", ""))
 }
-# Known in the field, and of no meaning here.
+# Keys of such files that armcontour does not use.
 IGNORED = {
     "angle_wraparound",
     "has_soft_limits",
@@ -43,13 +43,13 @@ IGNORED = {
 }
 KNOWN = {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
 KNOWN |= ACCELERATING
-# What a file for the parameter server wraps around the limits.
+# Outer keys in files for the parameter server.
 WRAPPERS = ("/**", "ros__parameters", "robot_description_planning")
 NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
 
 
 def table_of(limits: Limits, dof: int) -> Table:
-    """Limits as a table."""
+    """Limits as a table with one value per joint."""
     found: Table = {}
     for name in NAMES:
         values = getattr(limits, name)
@@ -58,16 +58,16 @@ def table_of(limits: Limits, dof: int) -> Table:
 
 
 def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
-    """Put what a `joint_limits.yaml` says in the place of what stands in the table.
+    """Replace limits in a table by those of a `joint_limits.yaml`.
 
-    A kind that is switched off (`has_velocity_limits: false`) is lifted; one that is not mentioned
-    stays. `max_deceleration` limits slowing down, whichever way a joint moves, as an amount or, as
-    in MoveIt, negative; here the smaller of it and `max_acceleration` holds both ways, which keeps
-    both. The default scaling factors are what requests to MoveIt begin with, not limits, and are
-    not applied.
+    A kind of limit that is switched off (`has_velocity_limits: false`) is lifted; a kind that is
+    not in the file stays. `max_deceleration` may be positive or, as in MoveIt, negative. The
+    smaller of `max_deceleration` and `max_acceleration` becomes the acceleration limit in both
+    directions, so that both are kept. The default scaling factors are not applied: they are
+    defaults of requests to MoveIt, not limits.
 
     Raises:
-        InvalidInput: Not such a file, none of its joints, or a value that is no limit.
+        InvalidInput: No such file, a file for other joints, or a value that is no limit.
     """
     content = _files.read_bytes(file, "file of joint limits")
     data = _yaml.load(content, str(file), _yaml.AngleLoader)
@@ -91,10 +91,15 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
 
 
 def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
-    """The limits that a table means.
+    """Make `Limits` from a table.
+
+    Args:
+        table: The table.
+        joints: Names of the joints.
+        where: File or arm, for messages.
 
     Raises:
-        InvalidInput: A limit that some joints have and others lack, or that is none.
+        InvalidInput: A limit that only some joints have, or a value that is no limit.
     """
     found: dict[str, Any] = {}
     for name, unit in JOINT_LIMITS.items():
@@ -103,7 +108,7 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
         if len(lacking) == len(joints):
             continue
         if name == "joint_jerk":
-            # No planner keeps it: that some joints have it is enough to know.
+            # No planner keeps jerk limits, so that joints without one do no harm.
             values = [math.inf if value is None else value for value in values]
         elif lacking:
             raise InvalidInput(
@@ -135,6 +140,7 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
 
 
 def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
+    """Replace the limits of joint k by an entry of the file."""
     if not isinstance(entry, Mapping):
         raise InvalidInput(f"{where} must be named limits, such as max_velocity, not {entry!r}.")
     for key in entry:
@@ -150,11 +156,11 @@ def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
             else:
                 value = _given(where, entry, kind, key)
                 table[name][k] = table[name][k] if value is None else value
-    _accelerate(table, k, where, entry)
+    _override_acceleration(table, k, where, entry)
 
 
-def _accelerate(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> None:
-    """Let what the file says of acceleration hold both ways."""
+def _override_acceleration(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> None:
+    """Set one acceleration limit for both directions from acceleration and deceleration."""
     if not ACCELERATING & set(entry):
         return
     slowing = None
@@ -170,6 +176,7 @@ def _accelerate(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> N
 
 
 def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
+    """Whether a kind of limit is switched on; None if the file does not say."""
     switch = entry.get(f"has_{kind}_limits")
     if switch is None or isinstance(switch, bool):
         return switch
@@ -177,6 +184,7 @@ def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
 
 
 def _given(where: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
+    """The value of a limit in the file; None without one."""
     if key in entry:
         value = plain_number(entry[key])
         if value is None:

@@ -1,4 +1,4 @@
-"""Arms by name or file: the built-in library, arm files, and robot descriptions."""
+"""`load_arm`: load a built-in arm, an arm file or a robot description."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ def load_arm(
     locked: Mapping[str, float] | None = None,
     trust_xacro: bool = False,
 ) -> Arm:
-    """An arm by its built-in name, such as "ur5e", or from a file.
+    """Load an arm by its built-in name, such as "ur5e", or from a file.
 
     Args:
         name: Built-in name, arm file (.yaml), or robot description (.urdf, .xacro).
-        tip: Of a description: the link at the end of the arm; by default the only end there is.
-        base: Of a description: the link that stands still; by default the root.
-        joint_limits: A `joint_limits.yaml` of MoveIt, which goes before what the arm's own file
-            says. Its default scaling factors are no limits and are not applied.
-        tool: The tool in the frame of the tip.
-        work: The frame that tool points are given in, in the frame of the base.
-        payload: What the tip carries.
-        locked: Of a description: joints that are held still, and where [rad or m].
-        trust_xacro: Whether a .xacro file may be expanded. Such a file is a program: what guards
-            it is no boundary, so trust files only that you would run.
+        tip: Link at the end of the arm, for a robot description; by default its only end.
+        base: Fixed link at the start of the arm, for a robot description; by default the root.
+        joint_limits: A `joint_limits.yaml` of MoveIt, which replaces limits of the arm's own file.
+            Its default scaling factors are not applied.
+        tool: The tool frame relative to the tip.
+        work: The frame of tool points relative to the base.
+        payload: Payload at the tip.
+        locked: Positions of locked joints by name, for a robot description [rad or m].
+        trust_xacro: Whether a .xacro file may be expanded. Such a file is a program and its guard
+            is no security boundary: trust only files that you would run.
 
     Raises:
         InvalidInput: No such arm or file, a .xacro file that is not trusted, or a file that does
@@ -70,7 +70,7 @@ def load_arm(
         if limits_file is not None:
             table = table_of(arm.limits, arm.dof)
             override(table, arm.joint_names, limits_file)
-            # What concerns the tool is of no file, and stays.
+            # The file has joint limits only; the arm keeps its other limits.
             own = limits_of(table, arm.joint_names, str(limits_file))
             own = arm.limits.replace(**{key: getattr(own, key) for key in table})
             arm = arm.with_limits(own)
@@ -78,7 +78,7 @@ def load_arm(
 
 
 def _refuse_misuse(name: object, tool: object, work: object, payload: object) -> None:
-    """Refuse arguments of other kinds, which would fail far from here."""
+    """Refuse arguments of a wrong type, which would cause unclear errors later."""
     if not isinstance(name, str | FilePath):
         raise InvalidInput(
             f"load_arm needs a name such as 'ur5e', or a file, not {type(name).__name__}."
@@ -95,6 +95,7 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
 
 
 def _read(name: str, payload: Payload | None) -> Arm:
+    """Read a built-in arm or an arm file."""
     if name.lower().endswith((".yaml", ".yml")):
         return read_arm(name, _files.read_bytes(name, "arm file"), payload)
     if name not in arm_names():
@@ -113,10 +114,10 @@ def equip(
     work: Frame | None = None,
     payload: Payload | None = None,
 ) -> Arm:
-    """The same arm with a tool, a work frame and a payload; None leaves what the arm has.
+    """The arm with a tool, a work frame and a payload; None keeps what the arm has.
 
     Raises:
-        InvalidInput: A tool or a work frame for an arm in the plane.
+        InvalidInput: A tool or a work frame for a planar arm.
     """
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:

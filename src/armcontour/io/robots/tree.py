@@ -1,4 +1,4 @@
-"""A robot description (URDF) as a tree of links and joints, checked before anything reads it."""
+"""Read a robot description (URDF) as a tree of links and joints, and check it."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from armcontour._numbers import plain_number
 from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 
-# Joints that one angle describes.
+# Kinds of joints whose position is one angle.
 TURNING = ("revolute", "continuous")
 KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
-# The deepest elements of the format stand in 6 others.
+# Deepest nesting of elements; the format needs 6.
 DEEPEST = 100
-# Robots have some 100; the reader of bodies, pinocchio, overflows its stack near 10,000 in a row.
+# Robots have about 100 links; pinocchio overflows its stack near 10,000 links in a row.
 MOST_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
 MOST_ELEMENTS = 200_000
-# Of a name; packages put prefixes before the names of joints and links.
+# Longest name; some packages add prefixes to the names of joints and links.
 MOST_CHARACTERS = 1000
-# Of names in a message: more nobody reads.
+# Largest number of names in a message.
 MOST_NAMED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joint:
-    """A joint of a description, with its element.
+    """A joint of a robot description.
 
     Args:
-        name, kind, parent, child: As in the file.
-        element: What the file says of it.
+        name, kind, parent, child: Its name, type and links, as in the file.
+        element: Its XML element.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Joint:
     element: ET.Element
 
     def number(self, tag: str, key: str, where: str) -> float | None:
-        """A number in an attribute of one of its elements, or None without it."""
+        """The number in attribute `key` of the joint's element `tag`; None without one."""
         found = self.element.find(tag)
         given = None if found is None else found.get(key)
         value = plain_number(given)
@@ -57,14 +57,14 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tree:
-    """Links and joints of a description.
+    """Links and joints of a robot description.
 
     Args:
-        file: For messages.
-        name: Of the robot.
-        links: Elements by name.
-        joints: By name, in the order of the file.
-        above: The joint above each link but the root.
+        file: Name of the file, for messages.
+        name: Name of the robot.
+        links: XML elements of the links, by name.
+        joints: Joints by name, in the order of the file.
+        above: The joint that carries each link except the root.
     """
 
     file: str
@@ -92,14 +92,14 @@ class Tree:
         return found
 
     def between(self, base: str | None, tip: str | None) -> list[Joint]:
-        """The joints from one link to another.
+        """The joints from the link `base` to the link `tip`.
 
         Args:
-            base: By default the root.
-            tip: By default the only link that bears no other, below the base.
+            base: The first link; by default the root.
+            tip: The last link; by default the only link below the base that carries no other link.
 
         Raises:
-            InvalidInput: No such link, no single end, or no way from one to the other.
+            InvalidInput: No such link, no single end, or no chain of joints from base to tip.
         """
         start = self._link("base", self.root if base is None else base)
         if tip is None:
@@ -113,11 +113,11 @@ class Tree:
             tip = ends[0]
         link = self._link("tip", tip)
         found: list[Joint] = []
-        # From the tip up, and turned round at the end.
+        # From the tip up to the base; reversed at the end.
         while link != start:
             if link not in self.above:
                 raise InvalidInput(
-                    f"The tip {tip} does not hang on the base {start} in {self.file}: choose a "
+                    f"The base {start} does not carry the tip {tip} in {self.file}: choose a "
                     f"base above it, such as {self.root}."
                 )
             found.append(self.above[link])
@@ -125,6 +125,7 @@ class Tree:
         return found[::-1]
 
     def _link(self, what: str, name: str) -> str:
+        """The name of a link, which must exist."""
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {what}: its links are "
@@ -134,12 +135,16 @@ class Tree:
 
 
 def read_tree(file: str, content: bytes | str) -> Tree:
-    """The tree in a robot description.
+    """Read and check the tree of links and joints in a robot description.
+
+    Args:
+        file: Name of the file, for messages.
+        content: Content of the file.
 
     Raises:
-        InvalidInput: Not XML, not a robot, or links and joints that make no tree.
+        InvalidInput: Not XML, not a robot, or links and joints that form no tree.
     """
-    robot = _parsed(file, content)
+    robot = _parse(file, content)
     if robot.tag != "robot":
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
@@ -173,7 +178,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
 def _joints(
     file: str, robot: ET.Element, links: Mapping[str, ET.Element]
 ) -> tuple[dict[str, Joint], dict[str, Joint]]:
-    """The joints of a robot by name, and the one above each link."""
+    """The joints of a robot by name, and the joint that carries each link."""
     joints: dict[str, Joint] = {}
     above: dict[str, Joint] = {}
     for element in robot.findall("joint"):
@@ -189,14 +194,14 @@ def _joints(
     return joints, above
 
 
-def _parsed(file: str, content: bytes | str) -> ET.Element:
-    """The outermost element of a document.
+def _parse(file: str, content: bytes | str) -> ET.Element:
+    """Parse an XML document and return its outermost element.
 
     Raises:
-        InvalidInput: Not XML, in an unknown encoding, or of absurd depth or size.
+        InvalidInput: Not XML, an unknown encoding, or a document that is too deep or too large.
     """
     data = content.encode() if isinstance(content, str) else content
-    # Text that was decoded once is UTF-8 here, whatever its first line says.
+    # Text is encoded as UTF-8 above, even if its first line names another encoding.
     parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)
     depth = links = 0
     root: ET.Element | None = None
@@ -217,7 +222,7 @@ def _parsed(file: str, content: bytes | str) -> ET.Element:
 
 
 def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
-    """Refuse a document that is deeper or larger than any robot."""
+    """Refuse a document that is deeper or larger than any robot description."""
     if depth > DEEPEST:
         raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
     for count, most, what in ((links, MOST_LINKS, "links"), (elements, MOST_ELEMENTS, "elements")):
@@ -229,6 +234,7 @@ def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
 
 
 def _name(file: str, element: ET.Element) -> str:
+    """The name of a link or joint."""
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
@@ -237,6 +243,7 @@ def _name(file: str, element: ET.Element) -> str:
 
 
 def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
+    """The joint of an XML element, whose links must exist."""
     name, kind = _name(file, element), element.get("type") or ""
     if kind not in KINDS:
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""Arms from robot descriptions: URDF, and xacro that becomes one."""
+"""Make arms from robot descriptions: URDF, and xacro files that expand to URDF."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ def arm_of_tree(
     joint_limits: FilePath | None = None,
     locked: Mapping[str, float] | None = None,
 ) -> SerialArm:
-    """The arm in a robot description.
+    """Make a serial arm from a robot description.
 
     Args:
-        tree: The description, as `read_description` gives it.
-        tip: Link at the end; its frame is the tip. By default the only end there is.
-        base: Link that stands still; by default the root.
-        joint_limits: MoveIt file whose values go before those of the description.
-        locked: Joints that are held still, with their positions [rad or m]. Joints beside the way
-            from base to tip are held at 0 where nothing else is given.
+        tree: The description, from `read_description`.
+        tip: Link at the end of the arm, whose frame is the tip; by default the only end.
+        base: Fixed link at the start of the arm; by default the root.
+        joint_limits: MoveIt file whose values replace those of the description.
+        locked: Positions of locked joints, by name [rad or m]. Joints that are not between base
+            and tip are locked at 0 by default.
 
     Raises:
-        InvalidInput: A description that no serial arm can be made of; says what and where.
+        InvalidInput: A description that gives no serial arm.
     """
     file = tree.file
     route = tree.between(base, tip)
-    held = dict(locked or {})
-    for name in held:
+    positions = dict(locked or {})
+    for name in positions:
         if name not in tree.joints:
             raise InvalidInput(
                 f"{file} has no joint {name!r} to be locked: its joints are "
                 f"{list_some(list(tree.joints), MOST_NAMED)}."
             )
-    moving = [x for x in route if x.kind != "fixed" and x.name not in held]
-    _refuse(tree, moving)
-    description = Description(tree, route, moving, held, tree.root if base is None else base)
+    moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
+    _refuse_joints(tree, moving)
+    description = Description(tree, route, moving, positions, tree.root if base is None else base)
     chain = description.chain()
     table = _limits(tree, moving, checked=joint_limits is None)
     if joint_limits is not None:
@@ -61,7 +61,7 @@ def arm_of_tree(
     limits = limits_of(table, chain.joints, file)
     source = file
     if chain.masses is None and limits.joint_torque is not None:
-        # Every description gives efforts; without masses nobody can tell what they allow.
+        # Descriptions give effort limits, but without masses no torque can be computed.
         limits = limits.replace(joint_torque=None)
         source += " (no link has a mass, so limits of effort are left out)"
     return SerialArm(
@@ -74,10 +74,10 @@ def arm_of_tree(
 
 
 def read_description(file: FilePath, *, trust_xacro: bool = False) -> Tree:
-    """The links and joints in a robot description.
+    """Read the links and joints of a robot description.
 
     Args:
-        file: .urdf, or .xacro, which the package xacro expands.
+        file: A .urdf file, or a .xacro file, which the package xacro expands.
         trust_xacro: Whether a .xacro file may be expanded: such a file is a program.
 
     Raises:
@@ -105,26 +105,31 @@ def is_xacro(file: str | FilePath) -> bool:
     return FilePath(file).suffix.lower() == ".xacro"
 
 
-def _refuse(tree: Tree, moving: list[Joint]) -> None:
+def _refuse_joints(tree: Tree, moving: list[Joint]) -> None:
+    """Refuse moving joints that do not turn, or that mimic another joint."""
     if not moving:
         raise InvalidInput(f"No joint turns between base and tip in {tree.file}: choose others.")
     for joint in moving:
         if joint.kind not in TURNING:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, and an arm takes joints that "
-                "turn: choose a base and a tip without it between them, or hold it still with "
+                "turn: choose a base and a tip without it between them, or lock it with "
                 f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
             )
         if joint.element.find("mimic") is not None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} mimics another, and the joints of an arm move "
-                "by themselves: choose a base and a tip without it between them, or hold it still "
+                "by themselves: choose a base and a tip without it between them, or lock it "
                 f"with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
             )
 
 
 def _limits(tree: Tree, moving: list[Joint], *, checked: bool) -> Table:
-    """What the description allows; `checked`: nothing else will say what it leaves out."""
+    """Limits of the moving joints in the description.
+
+    With `checked` every joint must have velocity and effort limits, because no other file adds
+    them.
+    """
     table: Table = {
         name: [None] * len(moving)
         for name in ("joint_acceleration", "joint_deceleration", "joint_jerk")
@@ -145,7 +150,7 @@ def _limits(tree: Tree, moving: list[Joint], *, checked: bool) -> Table:
         for name, key in (("joint_lower", "lower"), ("joint_upper", "upper")):
             value = None
             if limit is not None and joint.kind != "continuous":
-                # What is left out of a limit element is 0, by the format.
+                # By the format, a missing attribute of a limit element means 0.
                 value = joint.number("limit", key, tree.file) or 0.0
             table[name].append(value)
     return table

@@ -1,4 +1,4 @@
-"""The sections of the report: each turns a study into data that the template shows."""
+"""Sections of the report: each function makes data for the template from a study."""
 
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate

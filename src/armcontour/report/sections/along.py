@@ -1,4 +1,4 @@
-"""What is followed, contour after contour: tool speeds along it, and when it was executed."""
+"""Tool speeds along all contours, and the executed samples of every contour."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from armcontour.jobs import RunResult
 from armcontour.motion import Execution, Trajectory
 from armcontour.program import Program
 
-# A path, its motion, when that begins [s], and the length before it [m].
+# A path, its motion, the start of the motion [s], and the length of all paths before it [m].
 Followed = tuple[Path, Trajectory, float, float]
 GAP = np.array([np.nan])
 
 
 def planned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
-    """Arc length of all contours and planned tool speed there, with gaps (NaN) between contours."""
+    """Arc length over all contours [m] and planned tool speed [m/s], with gaps (NaN) between."""
     s, speed = [], []
     for _, motion, _, offset in _list_followed(result):
         t = motion.breaks
@@ -26,15 +26,15 @@ def planned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
 
 
 def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Times, arc lengths and assigned velocity as steps; None where none is assigned."""
+    """Times, arc lengths and assigned velocity as a step curve; None if no velocity is assigned."""
     most = np.inf if result.run.limits.speed is None else result.run.limits.speed
     found = []
-    for path, motion, begin, offset in _list_followed(result):
-        times, places = begin + motion.breaks, motion.s(motion.breaks)
+    for path, motion, start, offset in _list_followed(result):
+        times, places = start + motion.breaks, motion.s(motion.breaks)
         middle = (places[:-1] + places[1:]) / 2
         value = np.fmin(path.speeds[path.locate(middle)], most)
         value[~np.isfinite(value)] = np.nan
-        # Only where it changes: a contour may have a hundred thousand segments of one speed.
+        # Only changes are drawn: a contour may have 100,000 segments of one speed.
         same = np.isclose(value[1:], value[:-1], rtol=1e-12, equal_nan=True)
         edges = np.concatenate([[0], np.flatnonzero(~same) + 1, [len(value)]])
         steps = np.repeat(edges, 2)[1:-1]
@@ -46,23 +46,23 @@ def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArr
 
 
 def executed_contours(execution: Execution, program: Program) -> list[tuple[Path, int, int]]:
-    """The path of every contour, and from which to which of the results it was followed.
+    """The path of every contour, and the indices of its first and after its last executed sample.
 
-    Results before and after the motion belong to the contour that the motion starts or ends with.
+    Samples before and after the motion belong to the first and the last contour.
     """
     trajectory, last = execution.taught.trajectory, len(execution.t)
     found = []
     for x, span in zip(program.contours, trajectory.contour_spans, strict=True):
-        begin, end = np.searchsorted(execution.t, span.t).tolist()
-        # Two results at least, however short the contour is.
-        begin = 0 if span.t[0] <= 0 else min(begin, last - 2)
-        end = last if span.t[1] >= trajectory.duration else max(end + 1, begin + 2)
-        found.append((x.path, begin, end))
+        start, end = np.searchsorted(execution.t, span.t).tolist()
+        # At least two samples, also of a very short contour.
+        start = 0 if span.t[0] <= 0 else min(start, last - 2)
+        end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
+        found.append((x.path, start, end))
     return found
 
 
 def _list_followed(result: RunResult) -> list[Followed]:
-    """Everything that is followed, in order."""
+    """All contours with a planned motion, in order."""
     spans = result.trajectory.contour_spans
     return [
         (x.path, span.trajectory, span.t[0], span.s[0])

@@ -1,4 +1,4 @@
-"""What binds where: why a plan of the method "optimal" is not faster."""
+"""The section on what binds where: why a plan of the method "optimal" is not faster."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
 
-# A run's places below the assigned velocity are listed up to this number.
+# Largest number of listed places below the assigned velocity per run.
 MOST_NOTES = 8
 BETWEEN = "between two limits"
-# Told apart beside the colours.
+# Patterns of bars, when there are more limits than colours.
 PATTERNS = ("", "/", "x", ".")
-# More bars than this are not seen; from so many on they have no edges.
+# Largest number of visible bars, and of bars with edges.
 MOST_BARS = 1200
 MOST_EDGED = 200
-# Assigned velocities that differ by less than this share are one.
+# Relative difference below which assigned velocities are equal.
 SAME_SPEED = 1e-9
 
 
 def bindings(study: Study) -> Section | None:
-    """A coloured strip along the path for every optimal run; None if there is none."""
+    """A coloured strip along the path for every optimal run; None without such a run."""
     plans = _plans(study)
     if not plans:
         return None
@@ -34,7 +34,7 @@ def bindings(study: Study) -> Section | None:
         title="What binds where",
         text=(
             "Above: planned tool speed along the path; below: the limit that keeps it from being "
-            f"faster. Where it is {BETWEEN}, an optimal plan passes from one to the next."
+            f"faster. {BETWEEN.capitalize()}, an optimal plan passes from one to the next."
         ),
         figures=tuple(_strip(*x) for x in plans),
         tables=tuple(_table(*x) for x in plans),
@@ -51,7 +51,7 @@ def bindings(study: Study) -> Section | None:
 
 
 def _plans(study: Study) -> list[tuple[str, RunResult, Explanation]]:
-    """Every explained plan once, under the names of all runs that have it."""
+    """Every explained plan once, with the names of all runs that have this plan."""
     found: list[list[RunResult]] = []
     for result in study.runs.values():
         if result.explanation is None:
@@ -61,16 +61,17 @@ def _plans(study: Study) -> list[tuple[str, RunResult, Explanation]]:
             found.append([result])
         else:
             same.append(result)
-    return [(_called(x), x[0], x[0].explanation) for x in found if x[0].explanation is not None]
+    return [(_label_runs(x), x[0], x[0].explanation) for x in found if x[0].explanation is not None]
 
 
-def _called(results: list[RunResult]) -> str:
+def _label_runs(results: list[RunResult]) -> str:
+    """Names of runs as a title."""
     *first, last = (x.run.name for x in results)
     return f"Runs {', '.join(first)} and {last}" if first else f"Run {last}"
 
 
 def _notes(name: str, result: RunResult, why: Explanation) -> list[str]:
-    """Where the assigned velocity is not reached: the slowest places first, and how many more."""
+    """Sentences on the slowest places below the assigned velocity, and the number of others."""
     worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)
     notes = [f"{name}: {x.sentence} ({x.kind})." for x in worst[:MOST_NOTES]]
     if len(worst) > MOST_NOTES:
@@ -79,6 +80,7 @@ def _notes(name: str, result: RunResult, why: Explanation) -> list[str]:
 
 
 def _strip(title: str, result: RunResult, why: Explanation) -> Any:
+    """Figure of tool speed and binding limits along the path of a run."""
     from plotly.subplots import make_subplots
 
     figure = make_subplots(
@@ -98,7 +100,7 @@ def _strip(title: str, result: RunResult, why: Explanation) -> Any:
 
 
 def _speeds(result: RunResult) -> list[Any]:
-    """Planned and assigned tool speed along the path, or along all contours."""
+    """Curves of planned and assigned tool speed along the path, or along all contours."""
     planned = planned_speeds(result)
     s, speed = thin(planned[0], planned[1] * 1e3)
     found = [line(s, speed, "planned tool speed", "#000000")]
@@ -114,7 +116,7 @@ def _speeds(result: RunResult) -> list[Any]:
 
 
 def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
-    """The stretches on which one limit binds."""
+    """Bars of the intervals in which one limit binds."""
     import plotly.graph_objects as go
 
     colour = PATH_COLOUR if name == "nothing" else RUN_COLOURS[k % len(RUN_COLOURS)]
@@ -124,11 +126,11 @@ def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
         y=[""] * len(bars),
         base=[x[0] for x in bars],
         x=[x[1] - x[0] for x in bars],
-        # Many joints have more limits than there are colours.
+        # Patterns repeat the colours for arms with many limits.
         marker={
             "color": colour,
             "pattern": {"shape": PATTERNS[k // len(RUN_COLOURS) % len(PATTERNS)]},
-            # Between so many bars their edges would be all that is seen.
+            # Edges would cover many thin bars.
             "line": {"width": 0 if len(bars) > MOST_EDGED else 0.5},
         },
         customdata=bars,
@@ -140,10 +142,10 @@ def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
 
 
 def merge_bindings(why: Explanation) -> dict[str, list[tuple[float, ...]]]:
-    """Start and end along the path and in time of bars, by the name of what binds.
+    """Start and end of bars along the path [m] and in time [s], by the names of binding limits.
 
-    Of more stretches than can be seen, the longest in each of many equal parts of the length is
-    drawn over all of it; neighbours of one name are joined.
+    If there are too many intervals to see, the path is cut into equal parts, and each part has one
+    bar: that of its longest interval. Neighbouring bars of one limit are joined.
     """
     names = [x.name for x in why.bindings]
     ends = np.array([(*x.s, *x.t) for x in why.bindings])
@@ -152,7 +154,7 @@ def merge_bindings(why: Explanation) -> dict[str, list[tuple[float, ...]]]:
         cell = np.floor((ends[:, 0] + ends[:, 1]) / 2 / ends[-1, 1] * MOST_BARS).astype(int)
         order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
         which = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
-        # Each goes on to the next one.
+        # Every bar ends where the next bar starts.
         starts = ends[which][:, [0, 2]]
         starts[0] = ends[0, [0, 2]]
         following = np.concatenate([starts[1:], ends[-1:, [1, 3]]])
@@ -173,18 +175,18 @@ def merge_bindings(why: Explanation) -> dict[str, list[tuple[float, ...]]]:
 
 
 def _label(name: str) -> str:
-    """What a limit is called in the figures; "nothing" is the way from one to the next."""
+    """Name of a limit in the figures; "nothing" means the transition between two limits."""
     return BETWEEN if name == "nothing" else name
 
 
 def _names(why: Explanation) -> list[str]:
-    """What binds anywhere, in order of first appearance, "nothing" last."""
+    """Names of all binding limits in order of appearance, "nothing" last."""
     names = list(dict.fromkeys(x.name for x in why.bindings))
     return sorted(names, key=lambda name: name == "nothing")
 
 
 def _table(title: str, result: RunResult, why: Explanation) -> Table:
-    """Share of length and time per limit; of a program, of all its contours."""
+    """Share of length and time per limit, over all contours of a program."""
     sums: dict[str, list[float]] = {}
     for x in why.bindings:
         of = sums.setdefault(x.name, [0.0, 0.0, 0])

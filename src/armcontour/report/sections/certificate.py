@@ -1,4 +1,4 @@
-"""The certificate: what holds, on which model, and what it cost."""
+"""The section on a certificate: what holds, for which model, and what it costs."""
 
 from __future__ import annotations
 
@@ -22,19 +22,23 @@ from armcontour.report.style import (
 
 
 def certificate(found: Certificate) -> Section:
-    """Its parts, its cost, and where limits were derated."""
+    """Error budget, cost in time, and derating of a certificate."""
     return Section(
         key="certificate",
         title="Certificate",
         text=(
             f"The fastest plan found whose execution holds the tolerance. It holds for "
-            f"{found.model}. It says nothing of collisions, of flexibility, or of any other model."
+            f"{found.model}. It does not cover collisions, flexibility, or any other model."
             + (_SEVERAL if _several(found) else "")
         ),
         tiles=((found.run.name, _tiles(found)),),
-        tables=(_budget(found), _compared(found), *([_contours(found)] if _several(found) else [])),
+        tables=(
+            _budget(found),
+            _comparison(found),
+            *([_contours(found)] if _several(found) else []),
+        ),
         figures=(
-            *([_against_budget(found)] if _several(found) else []),
+            *([_errors_figure(found)] if _several(found) else []),
             _parts(found),
             _derating(found),
             _error(found),
@@ -44,16 +48,18 @@ def certificate(found: Certificate) -> Section:
 
 
 _SEVERAL = (
-    " Every contour is judged while the process is at work on it, in the execution of the whole; "
-    "rapids are judged by the limits of the joints alone."
+    " Every contour is certified while the process is on, in the execution of the whole program; "
+    "rapids only keep the limits of the joints."
 )
 
 
 def _several(found: Certificate) -> bool:
+    """Whether the program has several contours."""
     return len(found.contours) > 1
 
 
 def _tiles(found: Certificate) -> tuple[Tile, ...]:
+    """Important figures of a certificate."""
     budget, e = found.budget, found.evaluation
     optimum = found.uncertified.duration
     return (
@@ -82,11 +88,12 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
             value=", ".join(f"{x:.2%}" for x in found.headroom),
             note="mean; at most " + ", ".join(f"{x:.1%}" for x in found.largest_headroom),
         ),
-        _work(found) if _several(found) else _smoothing(found),
+        _certified_contours(found) if _several(found) else _smoothing(found),
     )
 
 
 def _smoothing(found: Certificate) -> Tile:
+    """Tile with the smoothing windows of a single contour."""
     windows = " + ".join(f"{x * 1e3:.3g}" for x in found.windows)
     return Tile(
         label="smoothing",
@@ -95,7 +102,8 @@ def _smoothing(found: Certificate) -> Tile:
     )
 
 
-def _work(found: Certificate) -> Tile:
+def _certified_contours(found: Certificate) -> Tile:
+    """Tile with the number of certified contours."""
     pauses = f"; pauses {found.pauses * 1e3:.3g} ms" if found.pauses > 0 else ""
     return Tile(
         label="contours certified",
@@ -105,6 +113,7 @@ def _work(found: Certificate) -> Tile:
 
 
 def _budget(found: Certificate) -> Table:
+    """Table of the parts of the error of the contour with the least margin."""
     budget = found.budget
     rows = [
         ("rounding of corners", _mm(budget.rounding)),
@@ -120,7 +129,7 @@ def _budget(found: Certificate) -> Table:
 
 
 def _contours(found: Certificate) -> Table:
-    """A row for every contour, or for those with the least left, and one for the whole."""
+    """Rows for all contours, or for those with the least margin, and a row for the program."""
     contours, optimum = list(found.contours), found.uncertified.duration
     caption = "Contours in order"
     if len(contours) > MOST_ROWS:
@@ -164,8 +173,8 @@ def _contours(found: Certificate) -> Table:
     return Table(header=header, rows=tuple(rows), caption=caption)
 
 
-def _against_budget(found: Certificate) -> Any:
-    """The largest error of every contour, below what is allowed."""
+def _errors_figure(found: Certificate) -> Any:
+    """Figure of the largest error of every contour, and the allowed error."""
     import plotly.graph_objects as go
 
     contours = found.contours
@@ -188,10 +197,11 @@ def _against_budget(found: Certificate) -> Any:
         names = [x.name.removeprefix("contour ") for x in contours]
         figure.update_xaxes(tickvals=number, ticktext=names)
     figure.update_yaxes(type="log", title="largest contour error [mm]")
-    return finish(figure, title="Contours against what is allowed", height=360)
+    return finish(figure, title="Errors of contours and allowed error", height=360)
 
 
-def _compared(found: Certificate) -> Table:
+def _comparison(found: Certificate) -> Table:
+    """Table of the certified and the uncertified plan."""
     e, before = found.evaluation, found.uncertified
     header = ["", "motion", "largest error", "RMS error", "saturated"]
     rows: list[tuple[str, ...]] = [
@@ -229,7 +239,7 @@ def _compared(found: Certificate) -> Table:
 
 
 def _parts(found: Certificate) -> Any:
-    """The budget's parts side by side; logarithmic, for they differ by thousands."""
+    """Figure of the parts of the error, with a logarithmic axis, because they differ widely."""
     import plotly.graph_objects as go
 
     budget = found.budget
@@ -255,29 +265,30 @@ def _parts(found: Certificate) -> Any:
 
 
 def _derating(found: Certificate) -> Any:
-    """What is left of every joint's acceleration limit along the contours, one after the other."""
+    """Figure of the usable share of every joint's acceleration limit along all contours."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
     starts = np.cumsum([0.0, *(x.path.length for x in found.contours)])
-    helds = [x.held for x in found.contours]
+    deratings = [x.held for x in found.contours]
     # A gap after every contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
-        for start, x in zip(starts[:-1], helds, strict=True)
+        for start, x in zip(starts[:-1], deratings, strict=True)
     ]
     for j, name in enumerate(found.job.arm.joint_names):
-        shares = [np.append(x.share[:, j], np.nan) for x in helds]
+        shares = [np.append(x.share[:, j], np.nan) for x in deratings]
         s, left = thin(np.concatenate(places), np.concatenate(shares))
         figure.add_trace(line(s, left * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
     figure.update_xaxes(
         title="arc length of the contours [m]" if _several(found) else "arc length [m]"
     )
-    figure.update_yaxes(title="acceleration limit left [%]")
-    return finish(figure, title="How limits are derated", height=360)
+    figure.update_yaxes(title="usable acceleration limit [%]")
+    return finish(figure, title="Derating of limits", height=360)
 
 
 def _error(found: Certificate) -> Any:
+    """Figure of the contour error over time."""
     import plotly.graph_objects as go
 
     error = found.evaluation.contour_error
@@ -296,6 +307,7 @@ def _error(found: Certificate) -> Any:
 
 
 def _notes(found: Certificate) -> tuple[str, ...]:
+    """Sentences on robots of the box, saturation and limits that were not checked."""
     notes = []
     if found.spread is not None:
         drawn = found.spread
@@ -310,11 +322,12 @@ def _notes(found: Certificate) -> tuple[str, ...]:
             f"{_mm(found.corners.max.max())}."
         )
     if found.goal.saturation == "report":
-        notes.append("Saturation was allowed, and is part of the execution that is certified.")
+        notes.append("Saturation was allowed; the certified execution includes it.")
     if found.check.not_judged:
-        notes.append("Not judged: " + ", ".join(found.check.not_judged) + ".")
+        notes.append("Not checked: " + ", ".join(found.check.not_judged) + ".")
     return tuple(notes)
 
 
 def _mm(value: float) -> str:
+    """A length in mm as text."""
     return f"{value * 1e3:.5f} mm"

@@ -1,4 +1,4 @@
-"""Corners enlarged: in the plane as they are, in space in the plane of their two lines."""
+"""Figures of enlarged corners: in the plane, or in space in the plane of a corner's two lines."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from armcontour.report.style import (
     run_widths,
 )
 
-# An enlarged corner shows this many corner errors around it.
+# Half width of an enlarged corner, in corner errors.
 ZOOM = 4.0
-# This many corners are enlarged, the first ones.
+# Largest number of enlarged corners.
 MOST_CORNERS = 4
-# Between two results of an execution its tool is drawn at so many times.
+# Number of drawn points per executed sample.
 FINER = 6
 MOST_POINTS = 800
-# Points that draw the rounded path through a corner.
+# Number of points of a drawn path.
 PLACES = 200
 IN_PLANE = np.eye(2)
-# Of rounded paths that differ, in order.
+# Dashes of different rounded paths.
 DASHES = ("dash", "dot", "dashdot", "longdash")
 
 
 def corners(study: Study) -> list[Any]:
-    """One row of enlarged corners, if any run has rounded ones."""
+    """A row of enlarged corners; empty if no run has rounded corners."""
     from plotly.subplots import make_subplots
 
     paths = _rounded_paths(study)
@@ -48,7 +48,7 @@ def corners(study: Study) -> list[Any]:
     shown = rounded[:MOST_CORNERS]
     if not len(shown):
         return []
-    # Beside each other, titles in one line would hide each other.
+    # Long titles of neighbouring figures would overlap.
     apart = "<br>" if len(shown) > 2 else " "
     figure = make_subplots(
         rows=1,
@@ -72,7 +72,7 @@ def corners(study: Study) -> list[Any]:
     finish(figure, title=title, height=540)
     figure.update_layout(margin={"t": 100})
     if len(shown) > 2:
-        # Room for a line more.
+        # Room for a third line of the titles.
         figure.update_layout(margin={"t": 130}, title={"y": 0.98, "yanchor": "top"})
         figure.update_xaxes(nticks=6, tickangle=0)
         figure.update_yaxes(nticks=6)
@@ -81,13 +81,13 @@ def corners(study: Study) -> list[Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tool:
-    """Where the tool was in a run or an experiment, and how that is drawn.
+    """The executed tool path of a run or an experiment, and its line in figures.
 
     Args:
-        name: In the legend.
+        name: Name in the legend.
         done: The execution.
-        points: Its tool points [m], (n, dimension).
-        colour, look: Of the line.
+        points: Tool positions [m], (n, dimension).
+        colour, look: Colour and other options of the line.
     """
 
     name: str
@@ -98,6 +98,7 @@ class Tool:
 
 
 def _tools(study: Study) -> list[Tool]:
+    """Executed tool paths of all runs and experiments."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     found = []
     for name, result in study.runs.items():
@@ -114,7 +115,7 @@ def _tools(study: Study) -> list[Tool]:
 
 
 def rounded_programs(study: Study) -> dict[str, Program]:
-    """The rounded programs that differ, each by the name of the first run that has it."""
+    """The different rounded programs, each by the name of the first run that has it."""
     found: dict[str, Program] = {}
     which = _shown(study)
     for name, result in study.runs.items():
@@ -126,7 +127,7 @@ def rounded_programs(study: Study) -> dict[str, Program]:
 
 
 def _rounded_paths(study: Study) -> dict[str, RoundedPath]:
-    """Those of the contour that is shown, by what they are called in the figure."""
+    """The different rounded paths of the contour in the figure, by their names in the legend."""
     programs, which = rounded_programs(study), _shown(study)
     found: dict[str, RoundedPath] = {}
     for name, program in programs.items():
@@ -137,7 +138,7 @@ def _rounded_paths(study: Study) -> dict[str, RoundedPath]:
 
 
 def _shown(study: Study) -> int:
-    """Index of the contour whose corners are shown: the first one that has rounded corners."""
+    """Index of the contour in the figure: the first with rounded corners."""
     program = next(iter(study.runs.values())).path
     for i, x in enumerate(program.contours):
         if isinstance(x.path, RoundedPath) and (x.path.corners.radius > 0).any():
@@ -146,6 +147,7 @@ def _shown(study: Study) -> int:
 
 
 def _alike(first: Path, second: Path) -> bool:
+    """Whether two paths have the same vertices."""
     return np.array_equal(first.breaks, second.breaks) and np.array_equal(
         first.vertices, second.vertices
     )
@@ -154,11 +156,12 @@ def _alike(first: Path, second: Path) -> bool:
 def _corner(
     figure: Any, tools: list[Tool], paths: dict[str, RoundedPath], k: int, column: int
 ) -> None:
+    """Draw corner k of all paths and executions in one column of the figure."""
     path = next(iter(paths.values()))
     found, place = path.corners, {"row": 1, "col": column}
     corner, half = found.point[k], ZOOM * float(found.error[k])
     view = _view(path.objective, int(found.vertex[k]))
-    # In the plane coordinates are the path's own, in space they count from the corner.
+    # In the plane the coordinates are those of the path, in space they are relative to the corner.
     origin = np.zeros_like(corner) if path.dimension == 2 else corner
 
     def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
@@ -191,9 +194,9 @@ def _corner(
 
 
 def _view(path: Path, vertex: int) -> FloatArray:
-    """What is to the right and up where a corner is drawn, (2, dimension).
+    """Directions of the two axes of an enlarged corner, (2, dimension).
 
-    In space: the direction in which the path arrives, and the side to which it turns.
+    In space these are the tangent before the corner, and the normal towards the tangent after it.
     """
     if path.dimension == 2:
         return IN_PLANE
@@ -203,14 +206,14 @@ def _view(path: Path, vertex: int) -> FloatArray:
 
 
 def _between(path: Path, start: float, end: float, margin: float) -> FloatArray:
-    """A path from a margin before a start to a margin after an end, its vertices among them."""
+    """Points of a path from a margin before `start` to a margin after `end`, with its vertices."""
     low, high = max(start - margin, 0.0), min(end + margin, path.length)
     vertices = path.breaks[(path.breaks > low) & (path.breaks < high)]
     return path(np.union1d(np.linspace(low, high, PLACES), vertices))
 
 
 def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float) -> FloatArray:
-    """The tool where it is near a corner, finer than results are listed; gaps elsewhere."""
+    """Tool positions near a corner, interpolated between executed samples; gaps (NaN) elsewhere."""
     from scipy.interpolate import CubicHermiteSpline
 
     near = np.flatnonzero(np.all(np.abs(tool - corner) < distance, axis=1)[:-1])

@@ -1,4 +1,4 @@
-"""Joints of an arm in space: positions, velocities, accelerations, and torques of any arm."""
+"""Sections on joints: positions, velocities, accelerations in space; torques of any arm."""
 
 from __future__ import annotations
 
@@ -29,29 +29,28 @@ from armcontour.report.style import (
 )
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
-# Small figures need few points, and there are many of them.
+# Points of a curve; a report has many such small figures.
 MOST_POINTS = 400
-# Digits after the decimal point of amounts in tables: what is left of nothing is nothing.
+# Digits after the decimal point of values in tables, so that numerical noise is 0.
 ROUNDED = 6
-# A joint that moves by less stands still, and so does one that takes less of a limit.
+# Range of motion [rad], or share of a limit, below which a joint is at rest.
 AT_REST = 1e-4
-# A limit is shown where this share of it is used; else it would flatten the curve.
+# Use of a limit from which the limit is drawn; otherwise it would flatten the curve.
 WORTH_SHOWING = 0.3
-# An experiment's spikes beyond this percentile do not set the scale.
+# Percentile of an experiment's values that sets the scale, so that spikes do not.
 USUAL = 99.5
 
 
 def joints(study: Study) -> Section | None:
-    """All joints of every run, with ranges and limits; None for an arm in the plane."""
+    """Joint motion of every run, with ranges and limits; None for a planar arm."""
     if study.job.program.dimension != 3:
         return None
     return Section(
         key="joints",
         title="Joints",
         text=(
-            "Planned, executed and, where there is an experiment, on the arm's rigid bodies. Black "
-            "lines are limits; they are out of the picture where less than a third is used, and "
-            "stand in the tables."
+            "Planned, executed and, with an experiment, on the arm's rigid bodies. Black lines are "
+            "limits; a limit of which less than a third is used is in the tables only."
         ),
         tables=tuple(_table(name, x) for name, x in study.runs.items()),
         figures=tuple(_figure(name, x) for name, x in study.runs.items()),
@@ -64,23 +63,24 @@ def torques(study: Study) -> Section | None:
     known = [(name, x, plan) for name, x, plan in found if plan is not None]
     if not known:
         return None
-    rests_on = assumed_numbers(study.job.arm)
+    assumed = assumed_numbers(study.job.arm)
     return Section(
         key="torques",
         title="Drive torques",
         text=(
-            "What the plan takes of every drive and, where there is an experiment, what the drives "
-            "gave; black lines are limits. Computed from the masses of the links."
+            "Planned torques of every drive and, with an experiment, the torques of the simulated "
+            "drives; black lines are limits. Computed from the masses of the links."
         ),
         figures=tuple(_torques(name, x, plan) for name, x, plan in known),
         notes=(
             *torque_notes([x for _, x, _ in known]),
-            *((f"About the masses: {rests_on}",) if rests_on else ()),
+            *((f"About the masses: {assumed}",) if assumed else ()),
         ),
     )
 
 
 def _figure(name: str, result: RunResult) -> Any:
+    """Figure of position, velocity and acceleration of every joint of a run."""
     from plotly.subplots import make_subplots
 
     names = result.execution.arm.joint_names
@@ -130,7 +130,7 @@ def _figure(name: str, result: RunResult) -> Any:
 
 
 def _end(result: RunResult) -> float:
-    """When the run and its experiment are over [s]."""
+    """End of the run and its experiment [s]."""
     ends = [result.evaluation.until]
     if result.experiment is not None:
         ends.append(result.experiment.evaluation.until)
@@ -140,7 +140,7 @@ def _end(result: RunResult) -> float:
 def _curves(
     result: RunResult, order: int
 ) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
-    """Times, values and look of what is drawn of one quantity."""
+    """Times, values and line options of one quantity, by the names of the curves."""
     t = np.linspace(0, result.trajectory.duration, 4 * MOST_POINTS)
     found: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
     if result.experiment is not None:
@@ -155,6 +155,7 @@ def _curves(
 
 
 def _state(done: Execution, order: int) -> FloatArray:
+    """Joint positions, velocities or accelerations of an execution, (n, dof)."""
     return (done.q, done.dq, done.ddq)[order]
 
 
@@ -206,7 +207,7 @@ def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dic
 
 
 def _table(name: str, result: RunResult) -> Table:
-    """What every joint was used for, as executed, beside its limits."""
+    """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.execution, result.execution.arm, result.run.limits
     low, high = limits.joint_range(arm.dof)
     plan = torques_of(result)
@@ -227,7 +228,7 @@ def _table(name: str, result: RunResult) -> Table:
 
 
 def _worst_accelerations(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray | None]:
-    """Largest amounts, in the direction that uses more of its limit, and that limit."""
+    """Largest accelerations, in the direction with the larger use of the limit, and the limits."""
     if limits.joint_acceleration is None:
         return np.abs(ddq).max(axis=0), None
     low, high = limits.acceleration_bounds(ddq.shape[1])
@@ -237,11 +238,12 @@ def _worst_accelerations(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, F
 
 
 def _angle(value: float) -> str:
+    """An end of a joint range as text."""
     return f"{value:.3f}" if np.isfinite(value) else "free"
 
 
 def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
-    """An amount, and its share of the limit if there is one."""
+    """A value, and its share of the limit if there is one."""
     amount = f"{round(float(values[j]), ROUNDED):.4g}"
     if limit is None:
         return amount
@@ -249,6 +251,7 @@ def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
 
 
 def _torques(name: str, result: RunResult, plan: Torques) -> Any:
+    """Figure of the torques of every drive of a run."""
     from plotly.subplots import make_subplots
 
     names = result.execution.arm.joint_names

@@ -1,4 +1,4 @@
-"""What happened over time: tool speed, joint accelerations, contour error, time stamps."""
+"""Sections on motion over time: tool speed, joint accelerations, contour error, time stamps."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from armcontour.report.style import (
     thin,
 )
 
-# What is smaller than this on the logarithmic axis of errors is drawn there [mm].
+# Smallest error on the logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
-# A joint is shown as saturated where it does not get its demand by this share of what it gets.
+# Relative difference of demand and acceleration above which a joint is shown as saturated.
 SATURATED = 1e-3
-# Times at which planned accelerations are looked at.
+# Number of samples of planned accelerations.
 MOST_TIMES = 20_000
-# Rapids are shaded; more than so many cannot be told apart.
+# Colour of rapids, and largest number of shaded rapids.
 RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 MOST_SHADES = 300
 
@@ -55,7 +55,7 @@ def tool_speed(study: Study) -> Section:
         rapids = _rapids(study)
         where = "between them, in grey," if rapids else "between them"
         text += (
-            f" Assigned velocities hold along contours; {where} rapids run at the limits of the "
+            f" Assigned velocities apply along contours; {where} rapids run at the limits of the "
             "joints."
         )
         shade(figure, rapids, 1, RAPID_SHADE)
@@ -73,7 +73,7 @@ def tool_speed(study: Study) -> Section:
 
 
 def _assigned(study: Study) -> list[Any]:
-    """Assigned velocities over time; runs with one and the same all along share a line."""
+    """Curves of assigned velocities over time; runs with the same constant velocity share one."""
     steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
         assigned = assigned_speeds(result)
@@ -94,7 +94,7 @@ def _assigned(study: Study) -> list[Any]:
 
 
 def _rapids(study: Study) -> list[tuple[float, float]]:
-    """When the only run of a study is between contours; none if it is too often to be seen."""
+    """Times of the rapids of the only run of a study; empty if there are too many to see."""
     if len(study.runs) > 1:
         return []
     (result,) = study.runs.values()
@@ -111,8 +111,8 @@ def accelerations(study: Study) -> Section | None:
         title="Joint accelerations",
         text=(
             "Planned and executed acceleration of every joint, with its limits as black lines. "
-            "Shaded: the joint is saturated, so it does not get what its servo asks for, by more "
-            "than a thousandth of what it gets."
+            "Shaded: the joint is saturated, so that its acceleration differs from the demand of "
+            "its servo by more than a thousandth."
         ),
         figures=tuple(_accelerations(name, result) for name, result in study.runs.items()),
     )
@@ -142,11 +142,11 @@ def contour_error(study: Study) -> Section:
     notes: tuple[str, ...] = ()
     if any(x.experiment is not None for x in study.runs.values()):
         text += (
-            " Dotted: the experiment, the same set-points on the arm's rigid bodies, whose drives "
-            "nobody tuned to the job."
+            " Dotted: the experiment, the same set-points on the arm's rigid bodies, with default "
+            "drive gains."
         )
-        rests_on = assumed_numbers(study.job.arm)
-        notes = (f"About the masses of the experiment: {rests_on}",) if rests_on else ()
+        assumed = assumed_numbers(study.job.arm)
+        notes = (f"About the masses of the experiment: {assumed}",) if assumed else ()
     return Section(
         key="contour-error",
         title="Contour error",
@@ -160,7 +160,7 @@ def contour_error(study: Study) -> Section:
 
 
 def time_stamps(study: Study) -> Section | None:
-    """Switching points with time, place, rule and joint demand, beside published times."""
+    """Switching points with time, position, rule and joint demand, and published times."""
     if not any(x.trajectory.stretches for x in study.runs.values()):
         return None
     return Section(
@@ -177,19 +177,20 @@ def time_stamps(study: Study) -> Section | None:
 
 
 def _accelerations(name: str, result: RunResult) -> Any:
+    """Figure of planned and executed joint accelerations of a run."""
     from plotly.subplots import make_subplots
 
     x = result.execution
     names = x.arm.joint_names
     bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    # Peaks that a coarse look would miss are looked for, and kept.
+    # Finely sampled, so that `thin` finds and keeps the peaks.
     every = np.linspace(0, result.trajectory.duration, MOST_TIMES)
     planned = result.trajectory(every, 2)
     for j, joint in enumerate(names):
         row = {"row": j + 1, "col": 1}
         t, ddq = thin(x.t, x.ddq[:, j])
-        t_plan, asked = thin(every, planned[:, j])
+        t_plan, ddq_plan = thin(every, planned[:, j])
         first = j == 0
         figure.add_trace(
             line(t, ddq, "executed", EXECUTED_COLOUR, showlegend=first, legendgroup="executed"),
@@ -198,7 +199,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
         figure.add_trace(
             line(
                 t_plan,
-                asked,
+                ddq_plan,
                 "planned",
                 PLANNED_COLOUR,
                 dash="dot",
@@ -219,7 +220,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
 
 
 def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
-    """Stretches of time in which a joint does not get its demand, neighbours joined."""
+    """Intervals of time in which a joint does not reach its demand; close intervals are joined."""
     over = np.abs(demand - given) > SATURATED * np.abs(given)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
     joined: list[tuple[float, float]] = []
@@ -233,6 +234,7 @@ def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]
 
 
 def _stamps(study: Study, name: str, result: RunResult) -> Table:
+    """Table of the switching points of a run."""
     published = study.job.published
     theirs: tuple[float, ...] = ()
     if published is not None and published.time_stamps_of == name:

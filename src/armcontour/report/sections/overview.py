@@ -1,4 +1,4 @@
-"""The first section: every run in a few figures."""
+"""The first section: the most important figures of every run."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import few
 
-# So many runs have tiles; more are compared in a table.
+# Largest number of runs with tiles; more runs are compared in a table.
 MOST_TILED = 2
 MASSES = "What torques and experiments assume about masses: see Drive torques."
-# A joint counts as saturated from this share of the time on; below, it would show as 0.0%.
+# Share of the time from which a joint is shown as saturated; less would show as 0.0%.
 SATURATED = 5e-4
 
 
 def overview(study: Study) -> Section:
-    """How long, how exact, how hard: figures of every run, beside each other if there are many."""
+    """Duration, errors and demand of every run, as tiles or in a table."""
     many = len(study.runs) > MOST_TILED
     return Section(
         key="overview",
         title="At a glance",
         text=(
-            "Contour error is the distance from the tool to the path it was to follow, as executed "
-            "on the simulated servo with its acceleration limit."
+            "Contour error is the distance from the executed tool to its path, with the simulated "
+            "servo and its acceleration limit."
         ),
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
         tables=(_compare(study),) if many else (),
@@ -43,7 +43,7 @@ def overview(study: Study) -> Section:
 
 
 def _compare(study: Study) -> Table:
-    """A row for every run, and a column for every figure that any of them has."""
+    """A row for every run, and a column for every figure that a run has."""
     found = {name: {x.label: x.value for x in _tiles(y)} for name, y in study.runs.items()}
     labels = list(dict.fromkeys(label for values in found.values() for label in values))
     rows = []
@@ -56,18 +56,21 @@ def _compare(study: Study) -> Table:
 
 
 def _worse_on_bodies(study: Study) -> list[str]:
-    """Runs whose compensation does harm on rigid bodies, beside the same plan without any."""
+    """Sentences on runs whose compensation increases the error on rigid bodies."""
     notes = []
-    for plain, made_up in permutations(study.runs.values(), 2):
-        if plain.run.compensation != "none" or made_up.run.compensation == "none":
+
+    for plain, compensated in permutations(study.runs.values(), 2):
+        if plain.run.compensation != "none" or compensated.run.compensation == "none":
             continue
-        if plain.experiment is None or made_up.experiment is None or not same_plan(plain, made_up):
+        if plain.experiment is None or compensated.experiment is None:
+            continue
+        if not same_plan(plain, compensated):
             continue
         without = plain.experiment.evaluation.contour_error.rms
-        error = made_up.experiment.evaluation.contour_error.rms
+        error = compensated.experiment.evaluation.contour_error.rms
         if error > without:
             notes.append(
-                f"On rigid bodies the run {made_up.run.name} is farther from the path than "
+                f"On rigid bodies the run {compensated.run.name} is farther from the path than "
                 f"{plain.run.name}, which is the same plan without compensation "
                 f"(RMS {error * 1e3:.4f} mm, not {without * 1e3:.4f} mm): the compensation is made "
                 "for the servo's gains, but on the bodies the loops are faster or slower than "
@@ -78,6 +81,7 @@ def _worse_on_bodies(study: Study) -> list[str]:
 
 
 def _tiles(result: RunResult) -> tuple[Tile, ...]:
+    """Tiles of one run."""
     e = result.evaluation
     worst = int(e.demand_ratio.argmax())
     names = result.execution.arm.joint_names
@@ -125,23 +129,24 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
 
 
 def _judged_time(result: RunResult) -> float:
-    """Time that errors cover [s], contour by contour."""
+    """Time over which errors are evaluated, summed over contours [s]."""
     return sum(float(x.t[-1] - x.t[0]) for x in result.evaluation.contours)
 
 
 def _saturated(result: RunResult) -> str:
+    """A phrase on the saturation of joints."""
     shares = _shares(result)
     return f"saturated: {shares} of the time" if shares else "no joint saturated"
 
 
 def _shares(result: RunResult) -> str:
-    """Which joints were saturated, and for how much of the time."""
+    """Saturated joints, and their shares of the time."""
     shares = zip(result.execution.arm.joint_names, result.evaluation.saturated, strict=True)
     return ", ".join(f"{name} {share:.1%}" for name, share in shares if share >= SATURATED)
 
 
 def _torque(result: RunResult) -> list[Tile]:
-    """The largest share of a drive's torque that the plan takes, where both are known."""
+    """Tile of the largest planned share of a torque limit; empty without bodies or limits."""
     limit, plan = result.run.limits.joint_torque, torques_of(result)
     if limit is None or plan is None:
         return []
@@ -159,6 +164,7 @@ def _torque(result: RunResult) -> list[Tile]:
 
 
 def _experiment(result: RunResult) -> list[Tile]:
+    """Tile of the error of an experiment; empty without an experiment."""
     label = "experiment: contour error, RMS"
     if result.failure is not None:
         return [Tile(label=label, value="failed", note="see below")]
@@ -170,8 +176,10 @@ def _experiment(result: RunResult) -> list[Tile]:
 
 
 def _rests(result: RunResult) -> str:
+    """Reference to the assumed masses, if any are assumed."""
     return "; masses: see Drive torques" if assumed_numbers(result.execution.arm) else ""
 
 
 def _ratio(value: float) -> str:
+    """A ratio as text."""
     return f"{value:.3f}" if value < 10 else f"{value:.4g}"

@@ -1,4 +1,4 @@
-"""The tool's path, its corners enlarged, and the same in joint space."""
+"""Sections on the tool path in the plane, its enlarged corners, and the path in joint space."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from armcontour.report.sections.along import executed_contours
 from armcontour.report.sections.corners import corners
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 
-# Times at which a planned path of the joints is looked at, before it is simplified.
+# Number of samples of a planned joint path, before it is simplified.
 DRAWN_TIMES = 800
 MOST_TIMES = 100_000
 # Height of a line of a legend [px].
 LEGEND_LINE = 20
-# A path this much higher than wide leaves room beside it.
+# Ratio of height to width from which a path leaves room for corners in the same row.
 TALL = 0.8
-# Shares of the width of such a path, and of its enlarged corners.
+# Relative widths of such a path and of its enlarged corners.
 COLUMNS = (2, 3)
 
 
@@ -37,7 +37,7 @@ def paths(study: Study) -> Section | None:
         key="paths",
         title="Path of the tool",
         text=(
-            "The objective path, the rounded path, and what the tool did in each run"
+            "The objective path, the rounded path, and the executed path of the tool in each run"
             + (" along the contours" if len(study.job.program.contours) > 1 else "")
             + ". The enlarged corners show the gap between corner point and arc: the corner error."
         ),
@@ -47,7 +47,7 @@ def paths(study: Study) -> Section | None:
 
 
 def joint_space(study: Study) -> Section | None:
-    """Planned and executed joint positions of an arm in the plane; None in space."""
+    """Planned and executed joint positions of a planar arm; None in space."""
     if study.job.program.dimension != 2:
         return None
     import plotly.graph_objects as go
@@ -79,7 +79,7 @@ def joint_space(study: Study) -> Section | None:
 
 
 def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
-    """Joint positions that draw what was executed, and what was planned."""
+    """Executed and planned joint positions for the figure, simplified, (n, dof) each."""
     q, plan = result.execution.q, result.trajectory
     times = np.linspace(0, plan.duration, min(MOST_TIMES, max(DRAWN_TIMES, len(q))))
     planned = plan(times)
@@ -88,22 +88,24 @@ def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
 
 
 def objective_of(study: Study) -> Program:
-    """What was to be followed, corners not rounded: that of the first run, leads included."""
+    """The program of the first run with leads and with sharp corners."""
     return next(iter(study.runs.values())).objective
 
 
 def _executed_tool(result: RunResult) -> FloatArray:
-    """Where the tool was along the contours, with gaps (NaN) after them."""
+    """Executed tool positions along all contours, with gaps (NaN) after each contour."""
     tool = result.execution.tool
     return outlines([tool[a:b] for _, a, b in executed_contours(result.execution, result.path)])
 
 
 def _tall(points: FloatArray) -> bool:
+    """Whether a path is high enough to leave room in its row."""
     width, height = np.nanmax(points, axis=0) - np.nanmin(points, axis=0)
     return bool(height > TALL * width)
 
 
 def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
+    """Figure of the objective path and the executed paths in the plane."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -127,7 +129,7 @@ def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
 
 
 def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: str) -> None:
-    """Mark P0, P1, ... on the tool's path, or with a trajectory in joint space."""
+    """Mark the switching points P0, P1, ... on the tool path, or in joint space."""
     import plotly.graph_objects as go
 
     t = result.trajectory.switching_points

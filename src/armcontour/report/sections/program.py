@@ -1,4 +1,4 @@
-"""A program: where its contours, rapids and events lie, when they come, and what came of each."""
+"""The section on a program: its moves in place and in time, and the errors of its contours."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
 from armcontour.report.sections.program_timeline import timeline
 
-# So many contours have a row each; of more, those with the largest errors.
+# Largest number of rows; of more contours, those with the largest errors are listed.
 MOST_ROWS = 20
-# The assigned velocity counts as reached from this share of it on.
+# Share of the assigned velocity from which the velocity counts as reached.
 REACHED = 0.999
 
 
@@ -32,9 +32,9 @@ def program(study: Study) -> Section | None:
         key="program",
         title="Program",
         text=(
-            "As planned: contours with the process at work, leads with the tool off, and rapids "
-            "between them, in which only the limits of the joints hold: the tool may be faster "
-            "there than the assigned velocity. Between two moves the tool stands still."
+            "As planned: contours with the process on, leads with the tool off, and rapids between "
+            "them. Rapids keep only the limits of the joints: the tool may be faster than the "
+            "assigned velocity. Between two moves the tool is at rest."
         ),
         tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn, *(timeline(name, x) for name, x in results)),
@@ -48,6 +48,7 @@ def program(study: Study) -> Section | None:
 
 
 def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
+    """Tiles of one run of a program."""
     program = result.path
     spans, duration = result.trajectory.spans, result.trajectory.duration
     contours = result.trajectory.contour_spans
@@ -95,25 +96,29 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
 
 
 def _several(count: int, what: str) -> str:
+    """A count with its noun."""
     return f"{count} {what}{'s' if count != 1 else ''}"
 
 
 def _work(x: Contour) -> float:
-    begin, end = x.at_work
-    return end - begin
+    """Length of a contour with the process on [m]."""
+    start, end = x.at_work
+    return end - start
 
 
 def _time(spans: Sequence[Span]) -> float:
+    """Total duration of moves [s]."""
     return float(sum(x.t[1] - x.t[0] for x in spans))
 
 
 def _names(result: RunResult) -> str:
+    """Names of the events of a run."""
     names = list(dict.fromkeys(x.name for x in result.trajectory.events))
     return list_some(names, 4) or "nothing is switched"
 
 
 def _table(name: str, result: RunResult) -> Table:
-    """A row for every contour, or for the worst ones, worst first."""
+    """A row for every contour, or for those with the largest errors."""
     program, errors = result.path, result.evaluation.contours
     spans = result.trajectory.contour_spans
     order = np.arange(len(spans))
@@ -150,7 +155,7 @@ def _cells(
     layers: bool,
     led: bool,
 ) -> dict[str, str]:
-    """The row of a contour, by its header."""
+    """Cells of a contour, by the titles of their columns."""
     assert span.work is not None
     length, time = _work(contour), span.work[1] - span.work[0]
     found = {"contour": f"{k + 1}" + (f": {contour.name}" if contour.name else "")}
@@ -158,8 +163,8 @@ def _cells(
         found["layer"] = contour.layer
     found["length [mm]"] = f"{length * 1e3:.2f}"
     if led:
-        begin, end = contour.at_work
-        found["leads [mm]"] = f"{begin * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
+        start, end = contour.at_work
+        found["leads [mm]"] = f"{start * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
     return {
         **found,
         "from [s]": f"{span.work[0]:.3f}",
@@ -172,19 +177,19 @@ def _cells(
 
 
 def _assigned_share(contour: Contour, span: Span, most: float) -> str:
-    """Share of a contour's length at work that is run at the assigned velocity."""
+    """Share of a contour's length, with the process on, that has the assigned velocity."""
     assert span.trajectory is not None
     times = span.trajectory.breaks
     s, speeds = span.trajectory.s(times), span.trajectory.s(times, 1)
-    begin, end = contour.at_work
+    start, end = contour.at_work
     middle, width = (s[:-1] + s[1:]) / 2, np.diff(s)
     assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], most)
-    asked = np.isfinite(assigned) & (middle >= begin) & (middle <= end)
-    if not asked.any():
+    has_speed = np.isfinite(assigned) & (middle >= start) & (middle <= end)
+    if not has_speed.any():
         return ""
     speed = np.minimum(speeds[:-1], speeds[1:])
-    reached = asked & (speed >= REACHED * assigned)
-    return f"{width[reached].sum() / width[asked].sum():.0%}"
+    reached = has_speed & (speed >= REACHED * assigned)
+    return f"{width[reached].sum() / width[has_speed].sum():.0%}"
 
 
 def _rest(
@@ -194,7 +199,7 @@ def _rest(
     errors: tuple[ErrorProfile, ...],
     header: list[str],
 ) -> tuple[str, ...]:
-    """One row for all contours that have none."""
+    """A row for all contours that are not listed."""
     length = sum(_work(program.contours[k]) for k in which)
     ends = [spans[k].work or spans[k].t for k in which]
     times = [b - a for a, b in ends]

@@ -1,4 +1,4 @@
-"""The picture of a program: contours by layer, leads, rapids, where each begins, and events."""
+"""Figure of a program: contours by layer, leads, rapids, start points and events."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from armcontour.report.planned import ordinal
 from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons, view_label
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 
-# Layers with a colour of their own, the longest first; black is for all others together.
+# Colours of the longest layers; black is for all other layers.
 LAYER_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 OTHER_COLOUR = "#000000"
 LEAD_COLOUR = RUN_COLOURS[4]
-# Points along every rapid: straight lines of the joints are curves of the tool.
+# Points along every rapid, which is a curve in space.
 RAPID_PLACES = 24
-# More markers than this cannot be told apart, but take their time to draw.
+# Largest number of markers; more markers overlap and are slow to draw.
 MOST_MARKERS = 1500
-# Up to so many contours get an arrow in their middle too.
+# Largest number of contours with a second arrow in their middle.
 MOST_ARROWED = 60
-# More of one kind than this are drawn smaller, by this factor.
+# Number of markers of one kind from which they are drawn smaller, and the factor.
 MANY = 100
 SMALLER = 0.5
 # Length of the arrows in space, in sizes of the picture.
 ARROW = 0.025
-# Of events with a name, in turn: where it is switched on, and where off or to a value.
+# Symbols of events, by name in turn: switched on, and switched off or to a value.
 SYMBOLS_ON = ("circle", "square", "diamond", "cross")
 SYMBOLS_OFF = ("circle-open", "square-open", "diamond-open", "x")
 ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
 
 
 def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
-    """The tool's way through a program as planned, and sentences on what the picture leaves out."""
+    """Figure of the planned tool path of a program, and sentences on what is left out."""
     import plotly.graph_objects as go
 
     program = result.path
@@ -48,7 +48,7 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
     draw = _in_plane if flat else _in_space
     rapids = _rapids(result)
     if rapids is not None:
-        # In space, dashes begin anew with every point.
+        # In space, plotly restarts dashes at every point.
         look = {"width": 1.2, "dash": "dash"} if flat else {"width": 2}
         figure.add_trace(draw(rapids, "rapids", PATH_COLOUR, **look))
     leads = _leads(program)
@@ -59,14 +59,14 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
         figure.add_trace(draw(points, name, colour, width=2.2 if flat else 5))
     if figure.data:
         everywhere = np.concatenate([_coordinates(x, program.dimension) for x in figure.data])
-    starts, told = _starts(result, program)
-    if told:
-        notes.append(told)
+    starts, note = _starts(result, program)
+    if note:
+        notes.append(note)
     for trace in (_arrows_in_plane if flat else _arrows_in_space)(starts, everywhere):
         figure.add_trace(trace)
-    events, told = mark_events(result.trajectory.events, flat)
-    if told:
-        notes.append(told)
+    events, note = mark_events(result.trajectory.events, flat)
+    if note:
+        notes.append(note)
     for trace in events:
         figure.add_trace(trace)
     if flat:
@@ -83,20 +83,23 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
 
 
 def _in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """A curve in the plane, from points in m."""
     mm = points * 1e3
     return line(mm[:, 0], mm[:, 1], name, colour, hoverinfo="skip", **look)
 
 
 def _in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """A curve in space, from points in m."""
     return line_in_space(points * 1e3, name, colour, **look)
 
 
 def _coordinates(trace: Any, dimension: int) -> FloatArray:
+    """Points of a curve, (n, dimension) [mm]."""
     return np.stack([trace.x, trace.y] + ([trace.z] if dimension == 3 else []), axis=1)
 
 
 def _layers(program: Program) -> list[tuple[str, str, FloatArray]]:
-    """What is at work, by layer: name, colour and points [m]."""
+    """Name, colour and points [m] of the contours of every layer, without leads."""
     lengths: dict[str, float] = {}
     for x in program.contours:
         lengths[x.layer] = lengths.get(x.layer, 0.0) + x.path.length
@@ -104,7 +107,7 @@ def _layers(program: Program) -> list[tuple[str, str, FloatArray]]:
         (layer,) = lengths
         name = f"contours on {layer}" if layer else "contours"
         return [(escape(name), LAYER_COLOURS[0], _outline(program.contours))]
-    # Which ones have a colour is by length, the order of the legend is the drawing's.
+    # The longest layers get colours; the legend has the order of the drawing.
     largest = sorted(lengths, key=lambda x: -lengths[x])[: len(LAYER_COLOURS)]
     found = []
     named = [x for x in lengths if x in largest]
@@ -120,10 +123,12 @@ def _layers(program: Program) -> list[tuple[str, str, FloatArray]]:
 
 
 def _outline(contours: Sequence[Contour]) -> FloatArray:
+    """Points of contours without leads."""
     return outlines([finely(x.path, *x.at_work) for x in contours])
 
 
 def _leads(program: Program) -> FloatArray | None:
+    """Points of all leads; None without leads."""
     found = []
     for x in program.contours:
         begin, end = x.at_work
@@ -135,6 +140,7 @@ def _leads(program: Program) -> FloatArray | None:
 
 
 def _rapids(result: RunResult) -> FloatArray | None:
+    """Points of all rapids; None without rapids."""
     plan, arm = result.trajectory, result.execution.arm
     spans = [x for x in plan.spans if x.kind == "rapid"]
     if not spans:
@@ -147,7 +153,7 @@ def _rapids(result: RunResult) -> FloatArray | None:
 def _starts(
     result: RunResult, program: Program
 ) -> tuple[list[tuple[FloatArray, FloatArray, str]], str]:
-    """Places with an arrow: the point, the direction [m, -], and what to say of it."""
+    """Arrows at starts of contours: point [m], direction and hover text; and a note, or ""."""
     spans = result.trajectory.contour_spans
     every = -(-len(spans) // MOST_MARKERS)
     found = []
@@ -166,10 +172,11 @@ def _starts(
 def _arrows_in_plane(
     starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
 ) -> list[Any]:
+    """Arrows in the plane, as markers."""
     import plotly.graph_objects as go
 
     points = np.array([x[0] for x in starts]) * 1e3
-    # Markers turn clockwise, from up.
+    # Angles of markers count clockwise from the vertical.
     angles = [float(np.degrees(np.arctan2(x[1][0], x[1][1]))) for x in starts]
     return [
         go.Scatter(
@@ -193,12 +200,13 @@ def _arrows_in_plane(
 def _arrows_in_space(
     starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
 ) -> list[Any]:
+    """Arrows in space, as lines."""
     import plotly.graph_objects as go
 
     size = ARROW * float(np.nanmax(np.nanmax(everywhere, 0) - np.nanmin(everywhere, 0)))
     points = np.array([x[0] for x in starts]) * 1e3
     along = np.array([x[1] for x in starts])
-    # To the side of the direction, as flat as it can be.
+    # Horizontal vectors perpendicular to the directions.
     side = np.cross(along, [0.0, 0.0, 1.0])
     upright = np.linalg.norm(side, axis=1) < 1e-6
     side[upright] = [1.0, 0.0, 0.0]
@@ -223,7 +231,7 @@ def _arrows_in_space(
 
 
 def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], str]:
-    """Markers where something is switched, a trace for every name and kind of value."""
+    """Markers of events, a trace per name and kind of value; and a note, or ""."""
     every = -(-len(events) // MOST_MARKERS) if events else 1
     groups: dict[tuple[str, str], list[TimedEvent]] = {}
     for x in events[::every]:
@@ -235,11 +243,13 @@ def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], st
     traces = [
         _mark(name, kind, found, names.index(name), flat) for (name, kind), found in groups.items()
     ]
-    told = f"In the picture only every {ordinal(every)} event is marked." if every > 1 else ""
-    return traces, told
+
+    note = f"In the picture only every {ordinal(every)} event is marked." if every > 1 else ""
+    return traces, note
 
 
 def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) -> Any:
+    """Markers of the events of one name and kind of value."""
     import plotly.graph_objects as go
 
     points = np.array([x.point for x in events]) * 1e3
@@ -264,11 +274,12 @@ def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) ->
 
 
 def said(x: TimedEvent) -> str:
-    """What hovering over an event says."""
+    """The hover text of an event."""
     value = {True: "on", False: "off"}[x.value] if isinstance(x.value, bool) else x.value
     lead = "" if x.t == x.due else f", {abs(x.due - x.t) * 1e3:.4g} ms {_side(x)} the tool is there"
     return f"{escape(x.name)} = {escape(str(value))}<br>t = {x.t:.4f} s{lead}<br>s = {x.s:.4f} m"
 
 
 def _side(x: TimedEvent) -> str:
+    """Whether an event is switched before or after the tool is at its position."""
     return "before" if x.t < x.due else "after"

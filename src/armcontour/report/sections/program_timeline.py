@@ -1,4 +1,4 @@
-"""A strip of what a program does when: contours, rapids, dwells and events over time."""
+"""Figure of the moves and events of a program over time."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from armcontour.report.style import PATH_COLOUR, finish
 ROWS = {"contour": "#0072B2", "rapid": PATH_COLOUR, "dwell": "#E69F00"}
 PATTERNS = {"contour": "", "rapid": "/", "dwell": "x"}
 LABELS = {"contour": "contours", "rapid": "rapids", "dwell": "dwells"}
-# Moves with a shorter gap than this share of the time between them are seen as one.
+# Gap between moves, as a share of the time, below which the moves are drawn as one.
 FINEST = 1 / 1500
 MOST_TICKS = 2000
-# Room before and after, so that an event at the very beginning is seen.
+# Margin before and after, as a share of the time, so that an event at the start is visible.
 EDGE = 0.01
 
 
@@ -49,7 +49,7 @@ def timeline(name: str, result: RunResult) -> Any:
                 marker={
                     "color": colour,
                     "pattern": {"shape": PATTERNS[kind], "fgcolor": "#FFFFFF", "size": 5},
-                    # So that the shortest ones are seen, and neighbours told apart.
+                    # Edges make short bars visible and separate neighbours.
                     "line": {"color": "#FFFFFF" if len(bars) < 200 else colour, "width": 0.6},
                 },
             )
@@ -82,7 +82,7 @@ def timeline(name: str, result: RunResult) -> Any:
 
 
 def merge_moves(spans: Sequence[Span], finest: float) -> list[tuple[float, float, str]]:
-    """Begin, end and words of bars; moves too near to each other to be told apart are one."""
+    """Start, end and hover text of bars; moves that are too close to see are merged."""
     if not spans:
         return []
     short = np.array([x.t[1] - x.t[0] for x in spans]) < 2 * finest
@@ -95,8 +95,9 @@ def merge_moves(spans: Sequence[Span], finest: float) -> list[tuple[float, float
 
 
 def _words(spans: Sequence[Span], first: int, last: int) -> str:
-    kind, begin, end = spans[first].kind, spans[first].t[0], spans[last].t[1]
-    times = f"<br>{begin:.3f} to {end:.3f} s"
+    """Hover text of the moves first to last."""
+    kind, start, end = spans[first].kind, spans[first].t[0], spans[last].t[1]
+    times = f"<br>{start:.3f} to {end:.3f} s"
     if last > first:
         return f"{LABELS[kind]} {first + 1} to {last + 1}{times}"
     name = spans[first].name

@@ -1,11 +1,11 @@
-"""Published figures beside ours."""
+"""The section that compares published figures with the results."""
 
 from __future__ import annotations
 
 from armcontour.jobs import Published, Study
 from armcontour.report.section import Section, Table
 
-# Name in a job file -> what people call it, factor from SI, unit.
+# Name in a job file: label, factor from SI, unit.
 FIGURES = {
     "contour_error_rms": ("RMS contour error", 1e3, "mm"),
     "contour_error_max": ("largest contour error", 1e3, "mm"),
@@ -15,7 +15,7 @@ FIGURES = {
 
 
 def published(study: Study) -> Section | None:
-    """A table of published figures, ours, and how the runs compare; None if there are none."""
+    """Tables of published figures and results; None without published figures."""
     found = study.job.published
     if found is None or not found.runs:
         return None
@@ -25,7 +25,7 @@ def published(study: Study) -> Section | None:
         tables.append(ratios)
     return Section(
         key="published",
-        title="Beside the published figures",
+        title="Comparison with published figures",
         text=f"Published: {found.source.rstrip('.')}.",
         tables=tuple(tables),
         notes=found.notes,
@@ -33,7 +33,7 @@ def published(study: Study) -> Section | None:
 
 
 def ours(study: Study, run: str, figure: str) -> float:
-    """Our value of a published figure [SI]."""
+    """The result that corresponds to a published figure [SI]."""
     e = study.runs[run].evaluation
     return {
         "contour_error_rms": e.contour_error.rms,
@@ -44,6 +44,7 @@ def ours(study: Study, run: str, figure: str) -> float:
 
 
 def _figures(study: Study, found: Published) -> Table:
+    """Table of published figures, results and differences."""
     rows = []
     for run, figures in found.runs.items():
         for name, value in figures.items():
@@ -61,7 +62,7 @@ def _figures(study: Study, found: Published) -> Table:
 
 
 def _ratios(study: Study, found: Published) -> Table | None:
-    """Every later run over the first one, in the figures that both have."""
+    """Table of the ratios of later runs to the first run, in figures that both have."""
     runs = list(found.runs)
     rows = []
     for run in runs[1:]:

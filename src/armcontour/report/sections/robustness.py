@@ -1,4 +1,4 @@
-"""How the contour error spreads under what is not known exactly of the robot."""
+"""The section on robustness: distribution of the contour error for uncertain robots."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from armcontour.robustness.monte_carlo import Spread
 def robustness(
     drawn: Spread, corners: Spread | None = None, *, budget: float | None = None, run: str = ""
 ) -> Section:
-    """Distribution of the largest contour error, and what it depends on most.
+    """Distribution of the largest contour error, and its most important parameter.
 
     Args:
         drawn: Executions drawn from a box, by `spread`.
-        corners: Those in its corners, by `worst_corner`.
-        budget: Contour error that must not be exceeded [m].
-        run: Name of the run that the taught data belongs to.
+        corners: Executions in the corners of the box, by `worst_corner`.
+        budget: Largest allowed contour error [m].
+        run: Name of the run of the taught data.
     """
     figures = [_distribution(drawn, corners, budget)]
     if drawn.names:
@@ -49,6 +49,7 @@ def robustness(
 
 
 def _tiles(drawn: Spread, corners: Spread | None, budget: float | None) -> tuple[Tile, ...]:
+    """Tiles of the distribution."""
     found = [
         Tile(label="without errors of the model", value=_mm(drawn.nominal_max)),
         Tile(label="95 % stay within", value=_mm(drawn.quantile(0.95))),
@@ -63,7 +64,7 @@ def _tiles(drawn: Spread, corners: Spread | None, budget: float | None) -> tuple
 
 
 def _distribution(drawn: Spread, corners: Spread | None, budget: float | None) -> Any:
-    """Share of the executions that stay within an error, over that error."""
+    """Figure of the share of executions that stay within an error, over that error."""
     import plotly.graph_objects as go
 
     errors = np.sort(drawn.max) * 1e3
@@ -83,7 +84,7 @@ def _distribution(drawn: Spread, corners: Spread | None, budget: float | None) -
 
 
 def _dependence(drawn: Spread, corners: Spread | None, budget: float | None) -> Any:
-    """Errors over the parameter that explains most of their variance."""
+    """Figure of the error over the parameter that explains most of its variance."""
     import plotly.graph_objects as go
 
     shares = drawn.influence()
@@ -116,6 +117,7 @@ def _dependence(drawn: Spread, corners: Spread | None, budget: float | None) -> 
 
 
 def _table(drawn: Spread, corners: Spread | None) -> Table:
+    """Table of the parameters, their share of the variance, and their worst values."""
     shares, rows = drawn.influence(), []
     for name in sorted(shares, key=lambda x: -shares[x]):
         unit, scale = _unit(name)
@@ -131,24 +133,27 @@ def _table(drawn: Spread, corners: Spread | None) -> Table:
 
 
 def _upright(figure: Any, error: float, name: str, colour: str, dash: str) -> None:
+    """Draw a vertical line at an error."""
     figure.add_trace(line([error * 1e3] * 2, [0, 100], name, colour, dash=dash))
 
 
 def _thin(count: int) -> Any:
-    """Indices of at most so many executions, the first and the last ones among them."""
+    """Indices of evenly spaced executions, with the first and the last, up to `MOST_POINTS`."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).astype(np.intp))
 
 
 def _of(found: Spread, name: str) -> FloatArray:
+    """Deviations of one parameter, (n,)."""
     return np.asarray(found.deviations[:, found.names.index(name)])
 
 
 def _unit(name: str) -> tuple[str, float]:
-    """Unit of a parameter's error, and its factor from SI."""
+    """Unit of the deviation of a parameter, and its factor from SI."""
     if name.startswith("dead time"):
         return "ms", 1e3
     return ("kg", 1.0) if name == "payload" else ("%", 1e2)
 
 
 def _mm(length: float) -> str:
+    """A length in mm as text."""
     return f"{length * 1e3:.3g} mm"

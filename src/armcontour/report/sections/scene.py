@@ -9,11 +9,11 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.report.style import finish
 
-# The shortest side of a scene, in longest ones.
+# Shortest side of a scene, as a share of the longest side.
 FLATTEST = 0.4
-# Longest side of a scene in units of plotly's: it just fits, seen from anywhere.
+# Longest side of a scene in units of plotly; it fits in every view.
 SCENE = 1.45
-# Where each view is seen from, and what is up in it.
+# Position of the eye and upward direction of every view.
 VIEWS = {
     "oblique": ((1.1, -1.5, 0.9), (0, 0, 1)),
     "top": ((0, 0, 2), (0, 1, 0)),
@@ -23,7 +23,7 @@ VIEWS = {
 
 
 def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
-    """A curve in space, its points in mm; a tenth of a micron will do."""
+    """A curve in space from points in mm, rounded to 0.1 µm."""
     import plotly.graph_objects as go
 
     line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
@@ -35,7 +35,7 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
 
 
 def in_space(figure: Any, *, title: str, height: int) -> None:
-    """Layout of a figure in space: equal axes, a legend that hides nothing below."""
+    """Set the layout of a figure in space: equal axes, and a legend at the left."""
     finish(figure, title=title, height=height)
     axis = {
         "nticks": 6,
@@ -63,7 +63,7 @@ def in_space(figure: Any, *, title: str, height: int) -> None:
 
 
 def _roomy(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper ends of a box around points, no side much shorter than the longest."""
+    """Lower and upper corner of a box around points, with no side much shorter than the longest."""
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     size = high - low
     more = np.maximum(FLATTEST * float(size.max()) - size, 0.0) / 2
@@ -71,7 +71,7 @@ def _roomy(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def box(points: FloatArray) -> dict[str, Any]:
-    """Layout of a scene that holds some points, equal in all directions, whatever is seen."""
+    """Layout of a scene that contains all points, with equal scales."""
     low, high = _roomy(points)
     edge = 0.03 * float((high - low).max())
     size = high - low + 2 * edge
@@ -84,21 +84,22 @@ def box(points: FloatArray) -> dict[str, Any]:
 
 
 def _camera(view: str) -> dict[str, Any]:
+    """Camera of a view."""
     (x, y, z), (a, b, c) = VIEWS[view]
     return {
         "eye": {"x": x, "y": y, "z": z},
         "up": {"x": a, "y": b, "z": c},
         "center": {"x": 0, "y": 0, "z": 0},
-        # Parallel lines stay parallel: what is equal looks equal.
+        # Parallel projection: equal lengths look equal.
         "projection": {"type": "orthographic"},
     }
 
 
 def view_buttons(x: float) -> dict[str, Any]:
-    """A row of buttons that turn the scene."""
+    """A row of buttons that change the view, from the position x on."""
     found = []
     for name, (eye, _) in VIEWS.items():
-        # Seen from its end, an axis has all its labels in one place.
+        # An axis along the line of sight is hidden: its labels would overlap.
         args: dict[str, Any] = {
             f"scene.{axis}axis.visible": np.count_nonzero(eye) > 1 or not eye[i]
             for i, axis in enumerate("xyz")
@@ -109,7 +110,7 @@ def view_buttons(x: float) -> dict[str, Any]:
 
 
 def buttons(found: list[dict[str, Any]], x: float) -> dict[str, Any]:
-    """A row of buttons above a scene, from x on."""
+    """A row of buttons above a scene, from the position x on."""
     return {
         "type": "buttons",
         "direction": "right",

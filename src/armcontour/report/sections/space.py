@@ -1,4 +1,4 @@
-"""The tool's path in space, its error magnified on request, and the arm that moves along it."""
+"""The section on the path in space, with magnified errors, and an animation of the arm."""
 
 from __future__ import annotations
 
@@ -34,33 +34,33 @@ from armcontour.report.style import (
     run_widths,
 )
 
-# How many times larger errors can be shown.
+# Factors by which errors can be magnified.
 MAGNIFICATIONS = (1, 10, 100, 1000)
-# Points of an executed path: it is stored once per magnification.
+# Largest number of points of an executed path, which is stored once per magnification.
 MOST_PLACES = 600
-# The same of a program, which may fill an area.
+# The same for a program, which may fill an area.
 MOST_OF_PROGRAM = 6000
-# Places at which the tool's axes are drawn, and their length in sizes of the path.
+# Number of drawn tool axes, and their length as a share of the size of the path.
 STICKS = 32
 STICK_LENGTH = 0.09
-# Instants of the arm's motion.
+# Number of frames of the animation.
 FRAMES = 50
-# More arms than this at once hide each other; the rest wait in the legend.
+# Largest number of visible arms; the others can be shown in the legend.
 MOST_ARMS = 2
 SHOWN = {"size": 13, "color": "#222222"}
 
 
 def space(study: Study) -> Section | None:
-    """The path and what was made of it in space; None for a path in the plane."""
+    """The objective path, executed paths and the moving arm in space; None in the plane."""
     if study.job.program.dimension != 3:
         return None
     return Section(
         key="paths",
         title="Path of the tool",
         text=(
-            "The objective path, the rounded path, and what the tool did in each run. Errors can "
-            "be magnified: then a point is drawn at its nearest place of the path, plus so many "
-            "times its distance from there. Sticks are the tool in the first run: its axis, and "
+            "The objective path, the rounded path, and the executed path of the tool in each run. "
+            "Errors can be magnified: the vector from the nearest point of the path to the tool is "
+            "drawn with that factor. Sticks are the tool in the first run: its axis, and "
             "shorter its x axis where that is given."
         ),
         figures=(_path(study), *corners(study), _arm(study)),
@@ -68,6 +68,7 @@ def space(study: Study) -> Section | None:
 
 
 def _path(study: Study) -> Any:
+    """Figure of the paths in space, with buttons for magnification and view."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -110,7 +111,7 @@ def _path(study: Study) -> Any:
 
 
 def _rounded(study: Study) -> Mapping[str, Program]:
-    """The rounded programs of all runs that differ, by what they are called."""
+    """The different rounded programs of all runs, by their names in the legend."""
     what = "rounded contours" if len(study.job.program.contours) > 1 else "rounded path"
     found = rounded_programs(study)
     return {f"{what} of {x}" if len(found) > 1 else what: y for x, y in found.items()}
@@ -119,7 +120,7 @@ def _rounded(study: Study) -> Mapping[str, Program]:
 def _error(
     execution: Execution, evaluation: Evaluation, program: Program
 ) -> tuple[FloatArray, FloatArray]:
-    """Nearest places of the path, and the way from there to the tool, (n, 3) each [m].
+    """Nearest points of the path, and vectors from these to the tool, (n, 3) each [m].
 
     After each of several contours there is a gap (NaN): rapids have no path.
     """
@@ -140,7 +141,7 @@ def _error(
 
 
 def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArray:
-    """Which results of a contour show its shape."""
+    """Indices of the executed samples that show the shape of a contour."""
     tool = execution.arm.forward(execution.q[begin:end])
     each = max(4, MOST_OF_PROGRAM // contours)
     even = min(max(1, each // 4), MOST_PLACES)
@@ -148,16 +149,17 @@ def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArra
 
 
 def _coordinates(curves: list[FloatArray]) -> dict[str, list[Any]]:
-    """Coordinates of curves as buttons take them; tenths of a micron will do."""
+    """Coordinates of curves in the form of plotly's buttons, rounded to 0.1 µm."""
     return {name: [np.round(x[:, i], 4).tolist() for x in curves] for i, name in enumerate("xyz")}
 
 
 def _points(trace: Any) -> FloatArray:
+    """Points of a curve, (n, 3) [mm]."""
     return np.stack([trace.x, trace.y, trace.z], axis=1)
 
 
 def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
-    """The tool's axes at places along the path of the first run [mm]."""
+    """Tool axes at points along the path of the first run [mm]."""
     result = next(iter(study.runs.values()))
     arm = result.execution.arm
     if not hasattr(arm, "pose"):
@@ -165,7 +167,7 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     points, axes = arm.pose(_along(result))
     outline = outline_points(result.path)
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
-    # The tool is behind its point: its axis goes from the arm to the work.
+    # The tool axis points from the arm to the work, so that the tool is on its negative side.
     found = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
     path = result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
@@ -175,7 +177,7 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at places along every contour, or of many contours along some, (n, dof)."""
+    """Joint positions at points along every contour, or along some of many contours, (n, dof)."""
     spans, contours = result.trajectory.contour_spans, result.path.contours
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))
@@ -187,12 +189,13 @@ def _along(result: RunResult) -> FloatArray:
     return np.concatenate(found)
 
 
-def _separate(begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Lines from points to others, with gaps between them."""
-    return np.stack([begin, end, np.full_like(begin, np.nan)], axis=1).reshape(-1, 3)
+def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Lines from start points to end points, with gaps (NaN) between."""
+    return np.stack([start, end, np.full_like(start, np.nan)], axis=1).reshape(-1, 3)
 
 
 def _arm(study: Study) -> Any:
+    """Animation of the arm along the executed motions."""
     import plotly.graph_objects as go
 
     colours = run_colours(study.runs)
@@ -250,13 +253,13 @@ def _arm(study: Study) -> Any:
 
 
 def _links(execution: Execution, times: FloatArray) -> FloatArray:
-    """Points of the arm at some times [mm], (n, points, 3)."""
+    """Points of the arm's links at some times [mm], (n, points, 3)."""
     q = np.column_stack([np.interp(times, execution.t, x) for x in execution.q.T])
     return np.round(execution.arm.links(q) * 1e3, 2).astype(np.float32)
 
 
 def _at_once(duration: float = 0.0) -> dict[str, Any]:
-    """Options of an animation without transitions; a scene must be drawn anew."""
+    """Options of an animation without transitions; a scene needs a redraw."""
     return {
         "mode": "immediate",
         "fromcurrent": True,

@@ -1,4 +1,4 @@
-"""A trade-off: the picture that an operator decides by."""
+"""The section on a sweep: time of the motion against tolerance and speed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, PLANNED_COLOUR
 
 
 def sweep(found: Sweep) -> Section:
-    """Time against corner tolerance and against assigned velocity, with the certified points."""
+    """Time against corner tolerance and against assigned velocity, with certified points."""
     total = found.goal.tolerance is not None
     figures, tables = [], []
     if found.tolerances:
@@ -27,7 +27,7 @@ def sweep(found: Sweep) -> Section:
         title="Trade-off",
         text=(
             "Time of the motion for other tolerances and velocities. A filled point is certified; "
-            "a line is the fastest plan of the same limits, which nothing certifies; a cross was "
+            "the line is the fastest plan within the same limits, not certified; a cross was "
             "refused."
         ),
         figures=tuple(figures),
@@ -47,6 +47,7 @@ def _figure(
     *,
     log: bool = False,
 ) -> Any:
+    """Figure of optimal and certified times over one parameter."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -90,6 +91,7 @@ def _figure(
 
 
 def _table(points: tuple[SweepPoint, ...], caption: str) -> Table:
+    """Table of the points of a sweep."""
     rows = tuple(
         (
             _value(x),
@@ -107,6 +109,7 @@ def _table(points: tuple[SweepPoint, ...], caption: str) -> Table:
 
 
 def _value(x: SweepPoint) -> str:
+    """Tolerance and speed of a point as text."""
     parts = [] if x.tolerance is None else [f"{x.tolerance * 1e3:.4g} mm"]
     parts += [] if x.speed is None else [f"{x.speed:.4g} m/s"]
     return ", ".join(parts)

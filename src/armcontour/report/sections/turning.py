@@ -1,4 +1,4 @@
-"""How the tool of an arm in space turned over time, and how far it was from how it is held."""
+"""Figures of angular speed and orientation error of the tool of an arm in space."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from armcontour.report.style import (
     thin,
 )
 
-# The axis of angular speeds goes as far as this at least [deg/s].
+# Smallest range of the axis of angular speeds [deg/s].
 SLOWEST_TURN = 1.0
 
 
 def angular_speeds(study: Study) -> list[Any]:
-    """How fast the tool turns, as executed, in space."""
+    """Figure of the executed angular speed of the tool; empty for a planar arm."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
@@ -43,14 +43,14 @@ def angular_speeds(study: Study) -> list[Any]:
         label = f"limit {limit[0]:g} deg/s"
         figure.add_trace(line([0, time], limit, label, LIMIT_COLOUR, dash="dash", width=1))
     figure.update_xaxes(title="time [s]")
-    # A tool that keeps its orientation is not to be shown as noise.
+    # So that a tool of constant orientation does not show numerical noise.
     top = max(SLOWEST_TURN, *(1.05 * float(np.max(x.y)) for x in figure.data))
     figure.update_yaxes(title="angular speed [deg/s]", range=[0, top])
     return [finish(figure, title="Angular speed of the tool over time", height=400)]
 
 
 def orientation_errors(study: Study) -> list[Any]:
-    """How far the tool was turned from how it is to be held, where that is said."""
+    """Figure of the angle between the tool and its required orientation; empty without one."""
     import plotly.graph_objects as go
 
     figure = go.Figure()
