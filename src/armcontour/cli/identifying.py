@@ -45,7 +45,7 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
             longest_dead_time=x.longest_dead_time,
             progress=progress,
         )
-    refusal = _write(found, x.out, force=x.force) if x.out is not None else ""
+    refusal = _write_results(found, x.out, force=x.force) if x.out is not None else ""
     if x.as_json:
         print(identification_json(found), end="")
     else:
@@ -55,7 +55,7 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     return found.determined
 
 
-def _write(found: Identification, out: FilePath, *, force: bool) -> str:
+def _write_results(found: Identification, out: FilePath, *, force: bool) -> str:
     """Write the result folder; returns why there is no servo.yaml, or an empty text."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder

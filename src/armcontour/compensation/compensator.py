@@ -15,8 +15,8 @@ from armcontour.compensation.set_points import (
     SetPointTimes,
     advance_set_points,
     inverse_servo,
-    leads,
     set_point_times,
+    time_advances,
 )
 from armcontour.errors import InvalidInput
 from armcontour.motion import TaughtData, Trajectory, check_interval
@@ -155,4 +155,4 @@ def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[
         found = inverse_servo(servo, trajectory(t), trajectory(t, 1), trajectory(t, 2))
         return np.concatenate([found, final])[:, joints]
 
-    return advance_set_points(trajectory, leads(servo, period), period, command)
+    return advance_set_points(trajectory, time_advances(servo, period), period, command)

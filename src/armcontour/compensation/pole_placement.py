@@ -20,7 +20,7 @@ from armcontour.compensation.set_points import (
     SetPointTimes,
     advance_set_points,
     inverse_servo,
-    leads,
+    time_advances,
 )
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import Trajectory, quintic
@@ -83,7 +83,7 @@ def pole_placement(
     _refuse_too_fast(placed, period)
     return advance_set_points(
         trajectory,
-        leads(servo, period),
+        time_advances(servo, period),
         period,
         lambda times, joints: _set_points(trajectory, servo, period, placed, times)[:, joints],
     )

@@ -56,7 +56,7 @@ def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) 
     )
 
 
-def leads(servo: ServoModel, period: float) -> FloatArray:
+def time_advances(servo: ServoModel, period: float) -> FloatArray:
     """Time advance of each joint's set-points [s], (dof,).
 
     The time advance is the dead time, plus half a command interval for interpolation "step", which

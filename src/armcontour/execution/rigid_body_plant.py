@@ -115,7 +115,7 @@ class RigidBodyPlant(Locked, Plant):
                 "second, with the gain kv."
             )
         self.kv = self.servo.kv
-        self.step = check_step(step)
+        self.step = check_drive_cycle(step)
         self.gravity_feedforward = gravity_feedforward
         self.friction = friction
         self.noise = check_noise(noise)
@@ -499,7 +499,7 @@ def rest_window(servo: ServoModel) -> float:
     return min(max(REST_TIME, 1 / float(servo.kp.min())), PATIENCE)
 
 
-def check_step(step: float) -> float:
+def check_drive_cycle(step: float) -> float:
     """Return a cycle time of the drives [s] if it is valid.
 
     Raises:

@@ -88,7 +88,7 @@ class Log:
         for name, values in arrays.items():
             object.__setattr__(self, name, _checks.lock_floats(values))
         object.__setattr__(self, "joint_names", names)
-        self._check_times()
+        self._clip_times()
         for name in arrays:
             self._check_size(name)
         for j in range(dof):
@@ -117,7 +117,7 @@ class Log:
             interpolation=self.interpolation, source=self.source,
         )  # fmt: skip
 
-    def _check_times(self) -> None:
+    def _clip_times(self) -> None:
         i = find_far_time(self.t)
         if i is not None:
             raise InvalidInput(

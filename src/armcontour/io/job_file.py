@@ -176,8 +176,8 @@ def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     """A run of the job, with the job's values for keys that the run does not give."""
     corners = job.corners if model.corners is None else model.corners
-    limits = _limits("limits", job.limits, arm.limits, arm)
-    limits = _limits(f"runs.{name}.limits", model.limits, limits, arm)
+    limits = _override_limits("limits", job.limits, arm.limits, arm)
+    limits = _override_limits(f"runs.{name}.limits", model.limits, limits, arm)
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
@@ -205,7 +205,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     )
 
 
-def _limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:
+def _override_limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:
     """Limits with some values replaced, or lifted by None, one value per joint."""
     with locate_errors(key):
         return limits.replace(**given).for_joints(arm.dof)

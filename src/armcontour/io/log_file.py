@@ -89,7 +89,7 @@ def parse_log(
         table.names,
         where=where,
         example=EXAMPLE,
-        key_of=_key,
+        key_of=_column_role,
         si_of=lambda key: "s" if key == TIMES_OF else "rad",
         unknown=lambda title: None,
     )
@@ -120,7 +120,7 @@ def _find_interpolation(lines: Sequence[str]) -> str | None:
     return None
 
 
-def _key(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
+def _column_role(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
     """Role and joint of a column by its name, and the unit in the name; None if not needed."""
     words = _WORDS.findall(name)
     unit = None

@@ -18,7 +18,7 @@ from armcontour._quantities import (
 )
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
-from armcontour.execution.rigid_body_plant import check_noise, check_step
+from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise
 from armcontour.geometry import Path
 from armcontour.jobs.goal import Goal
 from armcontour.motion import check_interval
@@ -70,7 +70,7 @@ class Experiment:
     seed: Annotated[int, AtLeast(0)] = 0
 
     def __post_init__(self) -> None:
-        check_step(self.step)
+        check_drive_cycle(self.step)
         check_noise(self.noise)
         _checks.whole("seed", self.seed, 0, 2**63 - 1)
 

@@ -205,7 +205,7 @@ class Trajectory:
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1 or 2.
         """
-        at = self._check_times(t, order)
+        at = self._clip_times(t, order)
         result: FloatArray | None = None
         for k, of, i, local in self._by_law(at.ravel(), side):
             values = self.laws[k].on_interval(i, local, order)
@@ -231,7 +231,7 @@ class Trajectory:
             InvalidInput: A time is outside the trajectory, the order is not 0, 1 or 2, or the laws
                 are not along one path.
         """
-        at = self._check_times(t, order)
+        at = self._clip_times(t, order)
         self._refuse_no_arc_length()
         found = np.empty(at.size)
         for k, of, i, local in self._by_law(at.ravel(), side):
@@ -252,7 +252,7 @@ class Trajectory:
         Raises:
             InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
-        at = self._check_lengths(s)
+        at = self._clip_arc_lengths(s)
         found = np.empty(at.size)
         for k, of, _, local in self._by_length(at.ravel(), side):
             found[of] = np.minimum(self.starts[k] + local, self.starts[k + 1])
@@ -268,7 +268,7 @@ class Trajectory:
         Raises:
             InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
-        at = self._check_lengths(s)
+        at = self._clip_arc_lengths(s)
         found = np.zeros(at.size)
         for k, of, i, local in self._by_length(at.ravel(), side):
             law = self._parts[k].law
@@ -286,7 +286,7 @@ class Trajectory:
         t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
 
-    def _check_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
+    def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory, after refusing those outside and other orders.
 
         Raises:
@@ -309,7 +309,7 @@ class Trajectory:
             )
         return np.asarray(np.clip(at, 0, self.duration))
 
-    def _check_lengths(self, s: npt.ArrayLike) -> FloatArray:
+    def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths clipped to the motion, after refusing those outside.
 
         Raises:

@@ -30,7 +30,7 @@ def torques_of(result: RunResult) -> Torques | None:
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 
-def torque_notes(results: Iterable[RunResult]) -> list[str]:
+def describe_torque_sampling(results: Iterable[RunResult]) -> list[str]:
     """Sentences on plans whose torques are not drawn at every break."""
     return [
         f"Run {x.run.name}: torques are computed at every {ordinal(torque_stride(x))} of the "

@@ -340,7 +340,7 @@ def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
 
 
 @compiled(fastmath=FUSED)
-def _excess(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
+def _excess_in_saturation(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
     """Excess of the demand over a bound while the joint accelerates at that bound."""
     kp, kv = servo.kp, servo.kv
     bound = servo.upper if side > 0.0 else servo.lower
@@ -464,7 +464,7 @@ def _move_freely(
             guess = low + h * _guess_crossing(before, h * slope, value, h * after, bound)
             at = _find_root(servo, _excess_over(f, side, bound), low, stop, guess)
             p, r = advance_freely(transition(kp, kv, at, straight), u, q, w)
-            ahead = _excess(servo, shift(u, at), p, r, side)
+            ahead = _excess_in_saturation(servo, shift(u, at), p, r, side)
             if _time_until_negative(servo, ahead, span) > SHORTEST_STAY * span:
                 return Phase(at, 0.0, side, p, r, min(lowest, bound), max(highest, bound))
         lowest, highest = min(lowest, value), max(highest, value)
@@ -491,7 +491,7 @@ def next_phase(
     z = demand(servo, u, q, w)
     at = side if side != 0.0 else _saturated_side(servo, z, u)
     if at != 0.0:
-        over = _excess(servo, u, q, w, at)
+        over = _excess_in_saturation(servo, u, q, w, at)
         t = _time_until_negative(servo, over, left)
         if side != 0.0 or t > SHORTEST_STAY * span:
             return _saturate(servo, over, q, w, at, t)

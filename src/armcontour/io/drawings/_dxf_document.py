@@ -87,7 +87,7 @@ def said(error: Exception) -> str:
 
 
 @contextmanager
-def quietly() -> Iterator[None]:
+def silence_log() -> Iterator[None]:
     """Switch off ezdxf's log; what the user must know is in the notes of the program."""
     logger = logging.getLogger("ezdxf")
     before = logger.disabled

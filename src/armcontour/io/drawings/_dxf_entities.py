@@ -43,7 +43,7 @@ def circle(entity: Any) -> Shape | None:
 def arc(entity: Any) -> Shape | None:
     """Shape of an ARC, counter-clockwise in the plane normal to its extrusion."""
     start, end = _numbers("angles", [entity.dxf.start_angle, entity.dxf.end_angle])
-    return _arc(entity, np.radians(start), _sweep(np.radians((end - start) % 360.0)))
+    return _arc(entity, np.radians(start), _swept_angle(np.radians((end - start) % 360.0)))
 
 
 def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
@@ -65,7 +65,7 @@ def ellipse(entity: Any) -> Shape | None:
     ratio = float(_numbers("ratio", entity.dxf.ratio))
     minor = ratio * np.cross(normal, major)
     start, end = _numbers("parameters", [entity.dxf.start_param, entity.dxf.end_param])
-    sweep = _sweep((end - start) % (2 * np.pi))
+    sweep = _swept_angle((end - start) % (2 * np.pi))
     if sweep == 2 * np.pi and start % (2 * np.pi) < NO_SWEEP:
         start = 0.0
     c, s = np.cos(start), np.sin(start)
@@ -315,7 +315,7 @@ def plane_axes(extrusion: Any) -> FloatArray:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def _sweep(angle: float) -> float:
+def _swept_angle(angle: float) -> float:
     """The swept angle [rad], a full turn if it is about zero."""
     return 2 * np.pi if angle < NO_SWEEP else float(angle)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings._dxf_document import open_document, quietly
+from armcontour.io.drawings._dxf_document import open_document, silence_log
 from armcontour.io.drawings._dxf_walk import Found, Walk
 from armcontour.io.drawings.affine import WITHOUT_Z
 from armcontour.io.drawings.chaining import Piece, chain_pieces
@@ -57,7 +57,7 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
         InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
             and unknown entities are refused, or there is no contour.
     """
-    with quietly(), np.errstate(all="ignore"):
+    with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source)
         walk = Walk(
             document=document, source=source, skip=reading.unknown == "skip", wanted=reading.layers

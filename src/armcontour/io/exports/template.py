@@ -16,7 +16,7 @@ from armcontour._files import read_text
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import DECIMALS, event_words
+from armcontour.io.exports.text import DECIMALS, format_event
 
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
@@ -193,7 +193,7 @@ def _points(table: Table) -> tuple[Point, ...]:
                 due=x.due,
                 s=x.s,
                 point=x.point,
-                text=event_words(x),
+                text=format_event(x),
             )
         )
     count = len(table.t)

@@ -76,10 +76,10 @@ def filled(row: str, values: FloatArray) -> Iterator[str]:
 
 def event_text(event: TimedEvent) -> str:
     """An event with its time [s] as text, such as `tool=on@0.104000000000`."""
-    return f"{event_words(event)}@{FIXED % event.t}"
+    return f"{format_event(event)}@{FIXED % event.t}"
 
 
-def event_words(event: TimedEvent) -> str:
+def format_event(event: TimedEvent) -> str:
     """An event without its time, such as `tool=on`; a value that is text is in quotes."""
     plain = all(x.isalnum() or x in "_-. " for x in event.name)
     name = event.name if plain else json.dumps(event.name)

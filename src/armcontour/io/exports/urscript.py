@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import FIXED, event_words, filled
+from armcontour.io.exports.text import FIXED, filled, format_event
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -108,7 +108,7 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     Raises:
         InvalidInput: The message cannot be written in URScript.
     """
-    words, at = event_words(event), f"  # {event_words(event)} at {FIXED % event.t} s\n"
+    words, at = format_event(event), f"  # {format_event(event)} at {FIXED % event.t} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
         return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"

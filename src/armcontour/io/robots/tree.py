@@ -157,7 +157,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         )
     links: dict[str, ET.Element] = {}
     for element in robot.findall("link"):
-        name = _name(file, element)
+        name = _required_name(file, element)
         if name in links:
             raise InvalidInput(f"{file} has two links of the name {name}.")
         links[name] = element
@@ -233,7 +233,7 @@ def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
             )
 
 
-def _name(file: str, element: ET.Element) -> str:
+def _required_name(file: str, element: ET.Element) -> str:
     """The name of a link or joint."""
     name = element.get("name")
     if not name:
@@ -244,7 +244,7 @@ def _name(file: str, element: ET.Element) -> str:
 
 def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
     """The joint of an XML element, whose links must exist."""
-    name, kind = _name(file, element), element.get("type") or ""
+    name, kind = _required_name(file, element), element.get("type") or ""
     if kind not in KINDS:
         raise InvalidInput(
             f"In {file} joint {name} has the type {kind!r}: it must be one of {', '.join(KINDS)}."

@@ -16,7 +16,7 @@ from armcontour.jobs.quantities import (
     assumed_numbers,
 )
 from armcontour.motion import Execution
-from armcontour.report.planned import torque_notes, torques_of
+from armcontour.report.planned import describe_torque_sampling, torques_of
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -73,7 +73,7 @@ def torques(study: Study) -> Section | None:
         ),
         figures=tuple(_torques(name, x, plan) for name, x, plan in known),
         notes=(
-            *torque_notes([x for _, x, _ in known]),
+            *describe_torque_sampling([x for _, x, _ in known]),
             *((f"About the masses: {assumed}",) if assumed else ()),
         ),
     )

@@ -202,7 +202,7 @@ def _arm(study: Study) -> Any:
     last = max(float(x.execution.t[-1]) for x in study.runs.values())
     last = min(last, max(x.evaluation.until for x in study.runs.values()))
     times = np.linspace(0, last, FRAMES)
-    arms = {name: _links(x.execution, times) for name, x in study.runs.items()}
+    arms = {name: _arm_points(x.execution, times) for name, x in study.runs.items()}
     path = outline_points(objective_of(study)) * 1e3
     figure = go.Figure(data=[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
     for i, (name, links) in enumerate(arms.items()):
@@ -252,7 +252,7 @@ def _arm(study: Study) -> Any:
     return figure
 
 
-def _links(execution: Execution, times: FloatArray) -> FloatArray:
+def _arm_points(execution: Execution, times: FloatArray) -> FloatArray:
     """Points of the arm's links at some times [mm], (n, points, 3)."""
     q = np.column_stack([np.interp(times, execution.t, x) for x in execution.q.T])
     return np.round(execution.arm.links(q) * 1e3, 2).astype(np.float32)

@@ -11,7 +11,7 @@ from armcontour.arms import Arm
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.friction import TINY, Lines, chord, tangent
 from armcontour.timing.constraints.sampled import Sampled, bulge, rise
-from armcontour.timing.constraints.second_order import refuse_at_rest
+from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
 
 # The line above viscous friction may take this share of the torque that is left at rest. So every
@@ -165,11 +165,11 @@ class JointTorque(Constraint):
             NotRealizable: A joint exceeds its limit.
         """
         bounds = -self.limit, self.limit
-        refuse_at_rest(grid, self, c, bounds)
+        refuse_excess_at_rest(grid, self, c, bounds)
         if self.coulomb.any():
             creeping = c + np.where(c > 0, friction.above, friction.below)
             when = "in the slowest motion, with friction"
-            refuse_at_rest(grid, self, creeping, bounds, when=when, cannot="move")
+            refuse_excess_at_rest(grid, self, creeping, bounds, when=when, cannot="move")
 
 
 def _lines(

@@ -59,7 +59,7 @@ class SecondOrder(Constraint):
         starts = self.coefficients(grid.s[:-1], "right")
         ends = self.coefficients(grid.s[1:], "left")
         a, b, c = (np.stack([x, y]) for x, y in zip(starts, ends, strict=True))
-        refuse_at_rest(grid, self, c, (self.low, self.high))
+        refuse_excess_at_rest(grid, self, c, (self.low, self.high))
         margin = np.zeros(c.shape[1:])
         if bounds is not None:
             middle = self.coefficients((grid.s[:-1] + grid.s[1:]) / 2, "right")
@@ -75,7 +75,7 @@ class SecondOrder(Constraint):
             return np.asarray((room / np.abs(a)).min(axis=1))
 
 
-def refuse_at_rest(
+def refuse_excess_at_rest(
     grid: Grid,
     constraint: Constraint,
     value: FloatArray,
