@@ -195,7 +195,7 @@ class Trajectory:
         """
         at = self._check_times(t, order)
         result: FloatArray | None = None
-        for k, of, i, local in self._by_law(at.ravel(), side):
+        for k, of, i, local in self.locate(at.ravel(), side):
             values = self.laws[k].on_interval(i, local, order)
             if result is None:
                 result = np.empty((at.size, values.shape[-1]))
@@ -222,7 +222,7 @@ class Trajectory:
         at = self._check_times(t, order)
         self._refuse_no_arc_length()
         found = np.empty(at.size)
-        for k, of, i, local in self._by_law(at.ravel(), side):
+        for k, of, i, local in self.locate(at.ravel(), side):
             part = self._parts[k]
             found[of] = part.offset if order == 0 else 0.0
             if part.law is not None:
@@ -274,6 +274,24 @@ class Trajectory:
         t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
 
+    def locate(
+        self, t: FloatArray, side: str = "right"
+    ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
+        """Times law by law: its index, which times, their intervals, and the law's own times.
+
+        Args:
+            t: Times from 0 to `duration` [s], (n,).
+            side: "right" or "left": which interval a break counts to.
+        """
+        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
+        for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
+            start, own = self.starts[k], self.laws[k].breaks
+            # A time less the start is rounded, to either side of the law's break. So times are
+            # compared with the very sums that `breaks` has.
+            i = np.searchsorted(start + own, t[of], side=_checks.side(side)) - 1
+            i = np.clip(i, 0, len(own) - 2)
+            yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
+
     def _check_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         at = np.asarray(t)
         if at.dtype != np.float64:
@@ -308,21 +326,10 @@ class Trajectory:
             )
         return np.asarray(np.clip(at, low, high))
 
-    def _by_law(
-        self, t: FloatArray, side: str
-    ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Times law by law: its index, which times, their intervals, and the law's own times."""
-        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
-        for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
-            breaks = self.laws[k].breaks
-            local = np.clip(t[of] - self.starts[k], 0, breaks[-1])
-            i = np.searchsorted(breaks, local, side=_checks.side(side)) - 1
-            yield k, of, np.clip(i, 0, len(breaks) - 2), local
-
     def _by_length(
         self, s: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Arc lengths law by law, as `_by_law`: when the motion gets there, or goes on."""
+        """Arc lengths law by law, as `locate`: when the motion gets there, or goes on."""
         ends = self._ends
         if _checks.side(side) == "left":
             which = np.searchsorted(ends[:, 1], s, side="left")
