@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from armcontour.certification._approach import Approach
+from armcontour.certification._proving import KEPT
 from armcontour.certification._rapids import Derated, fastest_rapid
 from armcontour.certification._refusal import refuse
 from armcontour.certification._search import (
-    KEPT,
     POINTS,
     RESOLUTION,
     Kept,
