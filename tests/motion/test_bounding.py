@@ -81,3 +81,23 @@ def test_a_limit_that_nobody_has_is_not_used(case):
     pieces = len(law.joint_path.breaks) - 1
     none = np.full((3, law.joint_path.dof), np.inf), np.full((pieces, 2), np.inf)
     np.testing.assert_array_equal(largest_shares(law, *none, 1.0), 0.0)
+
+
+@pytest.mark.parametrize("windows", [(), (0.3,), (0.2, 0.1)])
+def test_long_intervals_lose_no_peak(windows):
+    # Few and long intervals, on which a bound has to make up for what its polynomial leaves out.
+    random = np.random.default_rng(1)
+    arm = ac.load_arm("ur5e")
+    limits = ac.Limits(joint_acceleration=2.0, joint_velocity=1.0)
+    for _ in range(12):
+        joint_path = ac.JointPath.spline(random.uniform(-1.5, 1.5, (4, 6)))
+        plan = ac.plan(joint_path, arm, limits, intervals=12)
+        law = (smooth(plan, *windows) if windows else plan).laws[0]
+        full, speeds = limits_of(law)
+        for k in range(3):
+            only = np.full((3, 6), 1e3)
+            only[k] = full[k]
+            found = largest_shares(law, only, 100 * speeds, 1 - 1e-7)
+            assert found[k] > 1 - 1e-7
+        found = largest_shares(law, 100 * full, speeds, 1 - 1e-7)
+        assert found[3] > 1 - 1e-7
