@@ -57,6 +57,21 @@ def test_both_sides_of_a_break_within_a_law():
     assert trajectory(1.0, 1, side="left") == 1.0 and trajectory(1.0, 1) == 0.0
 
 
+def test_both_sides_of_every_break_of_a_law_that_starts_late():
+    # The sum of start and break, less the start, is the break on few of them: it is rounded up on
+    # some, and down on others.
+    random = np.random.default_rng(0)
+    breaks = np.append(0.0, np.cumsum(random.uniform(0.5e-3, 2e-3, 400)))
+    starts, numbers = 1.0 / 3.0 + 33.0, np.arange(400.0)[:, None]
+    law = LapLaw(breaks=breaks, q=np.zeros((401, 1)), dq=np.zeros((400, 1)), ddq=numbers)
+    late = ac.Trajectory(laws=(lap(starts, (0,), (0,), (0,)), law), method="hand")
+    at = late.breaks[1:]
+    rounded = at - starts
+    assert (rounded < breaks).sum() > 50 and (rounded > breaks).sum() > 50
+    np.testing.assert_array_equal(late(at[:-1], 2), numbers)
+    np.testing.assert_array_equal(late(at[1:], 2, side="left"), numbers)
+
+
 def test_breaks_and_switching_points(bent):
     np.testing.assert_array_equal(bent.breaks, [0, 2, 3])
     np.testing.assert_array_equal(bent.switching_points, [0])

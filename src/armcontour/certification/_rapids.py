@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.certification._approach import Approach
+from armcontour.certification._proving import bound_uses
 from armcontour.certification._uses import (
     OUTSIDE,
     Robot,
@@ -98,9 +99,11 @@ def _settled(
 def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float]:
     """The largest shares of limits that a rapid takes, its set-points and its executions."""
     free = robot.limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    found = {x.name: x.ratio for x in check(plan, robot.arm, free, points=POINTS).uses}
-    known = type(free).__dataclass_fields__
-    uses = {name: ratio for name, ratio in found.items() if name in known}
+    uses = {x.name: x.ratio for x in check(plan, robot.arm, free, points=POINTS).uses}
+    for name, ratio in bound_uses(plan, robot.arm, free).items():
+        uses[name] = max(uses.get(name, 0.0), ratio)
+    # Steps at breaks, and the path's own speeds, are no limits of a rapid.
+    uses = {name: x for name, x in uses.items() if getattr(free, name, None) is not None}
     taught = approach.teach(plan, robot)
     robots = [(robot.servo, run(robot, taught))]
     if robot.box is not None:

@@ -16,6 +16,7 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.certification._approach import Approach
 from armcontour.certification._derating import Held, held_plan
+from armcontour.certification._proving import KEPT, bound_uses
 from armcontour.certification._uses import Setting, Uses, run, uses_of
 from armcontour.evaluation import Check, check
 from armcontour.evaluation.error_profile import ErrorProfile
@@ -56,7 +57,6 @@ SHARE_PRECISION = 1.005
 RESOLUTION = 1e-4
 # Places per interval at which the plan is checked against its limits between all samples.
 POINTS = 5
-KEPT = 1e-9
 # Limits that a search holds back place by place; of others it takes a share everywhere.
 BY_PLACE = (
     "joint_acceleration",
@@ -266,12 +266,16 @@ class Search:
     def _judged(self, trial: Trial) -> Kept | dict[str, float] | None:
         """The trial as one that is kept, or what is to be left of limits that it exceeds.
 
-        None is that it needs another share of all accelerations. A plan is checked between samples;
-        the corners of the box judge it independently of what the search took for the worst of them.
+        None is that it needs another share of all accelerations. A plan is checked between samples,
+        and bounded there; the corners of the box judge it independently of what the search took for
+        the worst of them.
         """
         setting = self.setting
         found = check(trial.trajectory, setting.arm, setting.limits, points=POINTS)
-        over = {x.name: x.ratio for x in found.uses if x.ratio > 1 + KEPT}
+        uses = bound_uses(trial.trajectory, setting.arm, setting.limits)
+        for x in found.uses:
+            uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
+        over = {name: ratio for name, ratio in uses.items() if ratio > 1 + KEPT}
         factors = dict(trial.factors)
         for name, ratio in over.items():
             if name in BY_PLACE:

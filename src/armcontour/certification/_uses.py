@@ -268,12 +268,9 @@ def motion(
     All at once: its way is what takes long to find.
     """
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
-    of = np.clip(np.searchsorted(plan.starts, t, side=side) - 1, 0, len(plan.laws) - 1)
-    for k, law in enumerate(plan.laws):
+    for k, here, i, local in plan.locate(t, side):
+        law = plan.laws[k]
         assert isinstance(law, PathLaw | SmoothedLaw)
-        here = of == k
-        local = np.clip(t[here] - plan.starts[k], 0.0, law.breaks[-1])
-        i = np.clip(np.searchsorted(law.breaks, local, side=side) - 1, 0, len(law.breaks) - 2)
         along = law.path_motion(i, local)
         s[here] = along[0]
         ends = law.s[i], law.s[i + 1]

@@ -16,10 +16,10 @@ import numpy as np
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm
 from armcontour.certification._approach import Approach
+from armcontour.certification._proving import KEPT
 from armcontour.certification._rapids import Derated, fastest_rapid
 from armcontour.certification._refusal import refuse
 from armcontour.certification._search import (
-    KEPT,
     POINTS,
     RESOLUTION,
     Kept,

@@ -1,5 +1,6 @@
 """Motions as values: joint paths, trajectories, taught data, executions."""
 
+from armcontour.motion.bounding import largest_shares
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath, quintic
 from armcontour.motion.laws import (
@@ -35,6 +36,7 @@ __all__ = [
     "Trajectory",
     "check_interval",
     "interval_times",
+    "largest_shares",
     "quintic",
     "smooth",
     "stand_still",

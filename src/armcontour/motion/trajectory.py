@@ -207,7 +207,7 @@ class Trajectory:
         """
         at = self._clip_times(t, order)
         result: FloatArray | None = None
-        for k, of, i, local in self._by_law(at.ravel(), side):
+        for k, of, i, local in self.locate(at.ravel(), side):
             values = self.laws[k].on_interval(i, local, order)
             if result is None:
                 result = np.empty((at.size, values.shape[-1]))
@@ -234,7 +234,7 @@ class Trajectory:
         at = self._clip_times(t, order)
         self._refuse_no_arc_length()
         found = np.empty(at.size)
-        for k, of, i, local in self._by_law(at.ravel(), side):
+        for k, of, i, local in self.locate(at.ravel(), side):
             part = self._parts[k]
             found[of] = part.offset if order == 0 else 0.0
             if part.law is not None:
@@ -286,6 +286,28 @@ class Trajectory:
         t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
         return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
 
+    def locate(
+        self, t: FloatArray, side: str = "right"
+    ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
+        """Group times by law.
+
+        Args:
+            t: Times from 0 to `duration` [s], (n,).
+            side: "right" or "left": the interval to which a break belongs.
+
+        Yields:
+            Index of the law, indices of its times in `t`, their intervals, and their times since
+            the start of the law [s].
+        """
+        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
+        for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
+            start, own = self.starts[k], self.laws[k].breaks
+            # A time less the start is rounded, to either side of the law's break. So times are
+            # compared with the very sums that `breaks` has.
+            i = np.searchsorted(start + own, t[of], side=_checks.side(side)) - 1
+            i = np.clip(i, 0, len(own) - 2)
+            yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
+
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory, after refusing those outside and other orders.
 
@@ -329,22 +351,6 @@ class Trajectory:
                 allowed=high,
             )
         return np.asarray(np.clip(at, low, high))
-
-    def _by_law(
-        self, t: FloatArray, side: str
-    ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Group times by law.
-
-        Yields:
-            Index of the law, indices of its times in `t`, their intervals, and their times since
-            the start of the law [s].
-        """
-        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
-        for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
-            breaks = self.laws[k].breaks
-            local = np.clip(t[of] - self.starts[k], 0, breaks[-1])
-            i = np.searchsorted(breaks, local, side=_checks.side(side)) - 1
-            yield k, of, np.clip(i, 0, len(breaks) - 2), local
 
     def _by_length(
         self, s: FloatArray, side: str

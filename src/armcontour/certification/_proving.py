@@ -1,0 +1,62 @@
+"""What a plan takes of its limits at any time: proven, where a check looks at some times only."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.motion import JointPath, PathLaw, SmoothedLaw, Trajectory, largest_shares
+
+# A limit is exceeded by a share above 1 and this: rounding.
+KEPT = 1e-9
+# The limits that are bounded, as `largest_shares` gives them.
+BOUNDED = (
+    "joint_acceleration",
+    "joint_deceleration",
+    "joint_velocity",
+    "speed",
+    "centripetal_acceleration",
+)
+
+
+def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Shares of limits that a plan takes; one of at most 1 + KEPT is not exceeded at any time.
+
+    The tool is taken to be where its path is: limits of the tool are those of the path speed.
+
+    Args:
+        plan: Of laws along joint paths.
+        arm: The arm.
+        limits: The limits.
+    """
+    low, high = limits.acceleration_bounds(arm.dof)
+    joints = np.stack([high, -low, or_unlimited(limits.joint_velocity, arm.dof)])
+    found = np.zeros(len(BOUNDED))
+    for law in plan.laws:
+        assert isinstance(law, PathLaw | SmoothedLaw)
+        speeds = _highest_speeds(law.joint_path, limits)
+        found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
+    uses = dict(zip(BOUNDED, found.tolist(), strict=True))
+    uses["centripetal_acceleration"] **= 2
+    if limits.joint_deceleration is None:
+        down = uses.pop("joint_deceleration")
+        uses["joint_acceleration"] = max(uses["joint_acceleration"], down)
+    return uses
+
+
+def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2)."""
+    breaks, path = joint_path.breaks, joint_path.tool_path
+    found = np.full((len(breaks) - 1, 2), np.inf)
+    if path is None:
+        return found
+    # Breaks of the tool path are breaks of the joint path.
+    segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
+    found[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
+    if limits.centripetal_acceleration is not None:
+        bent = np.abs(path.curvatures[segment])
+        with np.errstate(divide="ignore"):
+            found[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
+    return found
