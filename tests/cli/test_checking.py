@@ -151,7 +151,7 @@ def test_what_the_samples_cannot_tell_ends_with_7(
     for words in ("cannot tell", "print more digits"):
         assert words in done.stdout
     # A second row, where the ratio is largest on another joint than the certain one.
-    assert ("with the printed numbers" in done.stdout) is (text == JUMPS)
+    assert ("numbers as printed" in done.stdout) is (text == JUMPS)
     assert "kept" not in done.stdout
     done = check(tmp_path, "log.csv", "--arm", "pmk3s", "--json")
     assert done.returncode == 7
@@ -182,7 +182,7 @@ def test_numbers_that_overflow_are_refused(tmp_path: FilePath, text: str, words:
 
 def test_help_tells_the_exit_codes(tmp_path: FilePath) -> None:
     told = " ".join(check(tmp_path, "--help").stdout.split())
-    assert "0 every limit is kept, 1 one is violated, 7 the samples cannot tell, 2" in told
+    assert "0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2" in told
 
 
 def test_what_run_writes_can_be_checked(tmp_path: FilePath) -> None:

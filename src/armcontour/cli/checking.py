@@ -186,7 +186,7 @@ def _print(found: Check) -> None:
         rows.append((x.name.replace("_", " "), *_cells(x.name, x), x.verdict))
         certain, highest = _cells(x.name, x), _cells(x.name, x.highest)
         if certain[0] != highest[0]:
-            rows.append(("  with the printed numbers", *highest, ""))
+            rows.append(("  numbers as printed", *highest, ""))
     console = Console()
     console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1))
     lines = [found.reconstruction]

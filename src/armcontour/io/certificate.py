@@ -98,6 +98,7 @@ def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
 
 
 def _certificate(c: Certificate) -> dict[str, Any]:
+    """Data of a certificate for JSON."""
     limits, rounding = c.run.limits, c.run.rounding
     uncertified = c.uncertified
     return {
@@ -139,6 +140,7 @@ def _certificate(c: Certificate) -> dict[str, Any]:
 
 
 def _contour(x: ContourCertificate) -> dict[str, Any]:
+    """Data of the certificate of one contour for JSON."""
     return {
         "name": x.name,
         "t": x.t,
@@ -161,6 +163,7 @@ def _budget(x: Budget) -> dict[str, Any]:
 
 
 def _goal(goal: Goal) -> dict[str, Any]:
+    """Data of the requirements for JSON."""
     box = goal.box
     return {
         **{x: getattr(goal, x) for x in Goal.__dataclass_fields__ if x != "box"},
@@ -173,6 +176,7 @@ def _servo(servo: Any) -> dict[str, Any]:
 
 
 def _spread(x: Spread) -> dict[str, Any]:
+    """Data of executions of robots in a box for JSON."""
     return {
         "executions": len(x),
         "seed": x.seed,

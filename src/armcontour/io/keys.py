@@ -54,6 +54,7 @@ class Keys:
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
+        """Make the dataclass from the validated keys."""
         # For a field with a default factory, null means the default.
         made = {x.name for x in dataclasses.fields(self.of) if _is_made(x)}
         values = _values(self.of, model)
@@ -176,6 +177,7 @@ def _type_of(hint: Any) -> Any:
 
 
 def _annotated(of: Any, *marks: Any) -> Any:
+    """The pydantic type of an annotated field."""
     mark = marks[0]
     if isinstance(mark, Quantity):
         number = _number(mark)

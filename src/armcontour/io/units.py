@@ -26,6 +26,7 @@ PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
 
 @cache
 def _registry() -> Any:
+    """The units of pint, with names from data sheets."""
     from pint import UnitRegistry
 
     registry: Any = UnitRegistry(cache_folder=None)

@@ -136,7 +136,7 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
             program is traced or planned, called again with the share that is done.
 
     Raises:
-        ArmContourError: The first run that fails says why.
+        ArmContourError: The error of the first run that fails.
     """
     return Study(job=job, runs=_do_runs(job, _run, progress))
 
@@ -152,7 +152,7 @@ def teach(job: Job, *, progress: Progress | None = None) -> Mapping[str, RunPlan
         The plans, by the names of the runs.
 
     Raises:
-        ArmContourError: The first run that fails says why.
+        ArmContourError: The error of the first run that fails.
     """
     return _do_runs(job, _teach, progress)
 
