@@ -1,4 +1,4 @@
-"""The program of a run: prepared as its process asks, automatic leads as long as they need."""
+"""The program of a run, with the requirements of its process and with automatic leads."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program,
             )
         leads = automatic_leads(job, this, rounding)
         objective = prepare(job.program, job.process, leads)
-    return objective, rounded(objective, rounding)
+    return objective, round_program(objective, rounding)
 
 
-def rounded(program: Program, rounding: Rounding | None) -> Program:
-    """The program with rounded corners, if they are."""
+def round_program(program: Program, rounding: Rounding | None) -> Program:
+    """Round the corners of a program, unless `rounding` is None."""
     return program if rounding is None else round_corners(program, **rounding)
 
 
@@ -77,7 +77,7 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
         contour = dataclasses.replace(x, events=(), work=None)
 
         def reached(before: float, after: float, contour: Contour = contour) -> tuple[float, float]:
-            return _reached(job, this, rounding, contour, Leads(before=before, after=after))
+            return _find_speeds(job, this, rounding, contour, Leads(before=before, after=after))
 
         lengths = []
         with locate_errors("leads"):
@@ -86,7 +86,9 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
                 (process.lead_out, x.path.length, "left", lambda length: reached(0.0, length)[1]),
             ):
                 automatic = lead is not None and lead.length is None
-                lengths.append(_length(speed, _assigned(x, s, side, this)) if automatic else 0.0)
+                lengths.append(
+                    _find_length(speed, _assigned(x, s, side, this)) if automatic else 0.0
+                )
         found.append(Leads(before=lengths[0], after=lengths[1]))
     return found
 
@@ -97,7 +99,7 @@ def _assigned(contour: Contour, s: float, side: str, this: Run) -> float:
     return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
 
 
-def _reached(
+def _find_speeds(
     job: Job, this: Run, rounding: Rounding | None, contour: Contour, leads: Leads
 ) -> tuple[float, float]:
     """Speeds where the tool goes on and off [m/s], of a contour planned by itself."""
@@ -107,14 +109,14 @@ def _reached(
         lead_out=job.process.lead_out if leads.after else None,
         up=job.process.up,
     )
-    alone = rounded(prepare(Program(moves=(contour,)), ends, [leads]), rounding)
+    alone = round_program(prepare(Program(moves=(contour,)), ends, [leads]), rounding)
     (only,) = alone.contours
     assert only.work is not None
-    on, off = planned(job, this, alone).speed_at(only.work)
+    on, off = plan_run(job, this, alone).speed_at(only.work)
     return float(on), float(off)
 
 
-def _length(speed: Callable[[float], float], assigned: float) -> float:
+def _find_length(speed: Callable[[float], float], assigned: float) -> float:
     """The shortest lead that gives the assigned velocity, or else what longer ones give too.
 
     Args:
@@ -160,20 +162,20 @@ def _length(speed: Callable[[float], float], assigned: float) -> float:
     return short if found is None else found
 
 
-def planned(job: Job, this: Run, program: Program) -> Trajectory:
-    """The trajectory of a program under the limits and the options of a run."""
-    return timed(job, this, trace_run(job, this, program))
+def plan_run(job: Job, this: Run, program: Program) -> Trajectory:
+    """Trace and time a program under the limits and the options of a run."""
+    return time_run(job, this, trace_run(job, this, program))
 
 
 def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
-    """What the joints follow along a program, under the limits of a run."""
+    """Trace a program under the limits of a run."""
     return trace_program(
         program, job.arm, this.limits, branch=job.branch, start=job.start, progress=progress
     )
 
 
-def timed(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
-    """The trajectory of a traced program under the limits and the options of a run."""
+def time_run(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
+    """Time a traced program under the limits and the options of a run."""
     return plan(
         traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options
     )
