@@ -51,16 +51,17 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
     return _text(data)
 
 
-def held_csv(certificate: Certificate) -> str:
-    """What is left of limits, a row for every part of a contour in which it is the same."""
+def derating_csv(certificate: Certificate) -> str:
+    """Derating of limits, one row for every part of a contour with the same derating."""
     names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
     lines = [",".join(["contour", "from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
     for number, contour in enumerate(certificate.contours, start=1):
-        held = contour.held
-        rows = np.column_stack([held.share, held.cap])
+        derating = contour.derating
+        rows = np.column_stack([derating.share, derating.cap])
         first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
-        begin, end = held.cells[:-1][first], np.append(held.cells[:-1][first][1:], held.cells[-1])
-        for a, b, row in zip(begin, end, rows[first], strict=True):
+        starts = derating.cells[:-1][first]
+        ends = np.append(starts[1:], derating.cells[-1])
+        for a, b, row in zip(starts, ends, rows[first], strict=True):
             cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
             lines.append(",".join([str(number), repr(float(a)), repr(float(b)), *cells]))
     return "\n".join(lines) + "\n"
@@ -106,7 +107,7 @@ def _certificate(c: Certificate) -> dict[str, Any]:
         "trials": c.trials,
         "repeat": {
             "timing": "optimal",
-            "held": "held.csv",
+            "derating": "derating.csv",
             "rapids": [{"windows": x.windows, "left": x.factors} for x in c.rapids],
             "compensation": c.run.compensation,
             "compensation_options": dict(c.run.compensation_options),

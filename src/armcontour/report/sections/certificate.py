@@ -260,14 +260,14 @@ def _derating(found: Certificate) -> Any:
 
     figure = go.Figure()
     starts = np.cumsum([0.0, *(x.path.length for x in found.contours)])
-    helds = [x.held for x in found.contours]
+    deratings = [x.derating for x in found.contours]
     # A gap after every contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
-        for start, x in zip(starts[:-1], helds, strict=True)
+        for start, x in zip(starts[:-1], deratings, strict=True)
     ]
     for j, name in enumerate(found.job.arm.joint_names):
-        shares = [np.append(x.share[:, j], np.nan) for x in helds]
+        shares = [np.append(x.share[:, j], np.nan) for x in deratings]
         s, left = thin(np.concatenate(places), np.concatenate(shares))
         figure.add_trace(line(s, left * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
     figure.update_xaxes(
