@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.certification._derating import Held, held_plan
+from armcontour.certification._derating import Derating, plan_derated
 from armcontour.compensation.command_limits import refuse_commands
-from armcontour.io import certificate_json, held_csv, parse_job
+from armcontour.io import certificate_json, derating_csv, parse_job
 from armcontour.jobs import Goal
 from armcontour.report import render_report
 from armcontour.robustness.monte_carlo import Box, spread
@@ -198,7 +198,7 @@ def test_what_binds_is_said(refuses):
     refuses(
         lambda: ac.certify(held, servo=1e-3, slowest=1.05),
         ac.NotRealizable,
-        "the acceleration that it has",
+        "a joint's acceleration limit",
         "are held",
         "linear interpolation",
         "saturation: report",
@@ -235,21 +235,23 @@ def test_what_cannot_be_asked_is_refused(refuses):
 
 
 def test_the_summary_repeats_it(certified):
-    """From summary.json and held.csv alone the same plan is made, without a search."""
-    data = json.loads(certificate_json(certified, ["held.csv"]))["certificate"]
-    rows = held_csv(certified).splitlines()[1:]
+    """From summary.json and derating.csv alone the same plan is made, without a search."""
+    data = json.loads(certificate_json(certified, ["derating.csv"]))["certificate"]
+    rows = derating_csv(certified).splitlines()[1:]
     values = [[float(x) if x else np.inf for x in row.split(",")] for row in rows]
     table = np.array(values)
     assert (table[:, 0] == 1).all()
     table = table[:, 1:]
-    held = Held(cells=np.append(table[:, 0], table[-1, 1]), share=table[:, 2:-1], cap=table[:, -1])
+    derating = Derating(
+        cells=np.append(table[:, 0], table[-1, 1]), share=table[:, 2:-1], cap=table[:, -1]
+    )
     repeat = data["repeat"]
     given = {name: x for name, x in repeat["limits"].items() if x is not None}
     path = ac.round_corners(certified.job.path, tolerance=repeat["rounding"]["tolerance"])
     joint_path = ac.trace(path, certified.job.arm)
     arm = ac.load_arm("pmk3s")
-    _, again = held_plan(
-        joint_path, arm, ac.Limits(**given), held, tuple(data["contours"][0]["windows"])
+    _, again = plan_derated(
+        joint_path, arm, ac.Limits(**given), derating, tuple(data["contours"][0]["windows"])
     )
     assert again.duration == certified.duration
     servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})

@@ -52,7 +52,7 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path):
     data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     written = {str(x.relative_to(out)) for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == written - {".armcontour.json"}
-    assert data["certificate"]["repeat"]["held"] == "held.csv"
+    assert data["certificate"]["repeat"]["derating"] == "derating.csv"
     assert data["certificate"]["budget"]["total"] <= 2.1e-3
     assert data["runs"]["only"]["contour_error"]["max"] <= 1e-4
     assert 'id="certificate"' in (out / "report.html").read_text(encoding="utf-8")

@@ -110,7 +110,7 @@ def test_it_needs_a_path_that_says_how(robot, arm, mac, rounded, planned, refuse
         ),
         lambda: ac.check(mac, arm, arm.limits, rounded, orientation_deviation=0.1),
     ):
-        refuses(call, ac.InvalidInput, "needs a path that says how the tool is held")
+        refuses(call, ac.InvalidInput, "needs a path with a tool orientation")
     refuses(
         lambda: ac.check(planned, robot, robot.limits, planned.path, orientation_deviation=0.0),
         ac.InvalidInput,

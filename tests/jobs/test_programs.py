@@ -13,7 +13,7 @@ from armcontour._progress import Step
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Job, Rounding, Run, run
-from armcontour.jobs.programs import planned, program_of, slow_ends
+from armcontour.jobs.programs import plan_run, program_of, slow_ends
 from armcontour.motion import Trajectory
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
@@ -67,7 +67,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) 
     done = job(Process(lead_in=lead, lead_out=lead))
     (this,) = done.runs
     _, program = program_of(done, this, ROUNDING)
-    trajectory = planned(done, this, program)
+    trajectory = plan_run(done, this, program)
     for on, off in speeds_at_ends(program, trajectory):
         assert on == pytest.approx(0.05, rel=1e-3)
         assert off == pytest.approx(0.05, rel=1e-3)
@@ -84,7 +84,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) 
             ),
         )
         _, other = program_of(shorter, this, ROUNDING)
-        on, off = speeds_at_ends(other, planned(shorter, this, other))[i]
+        on, off = speeds_at_ends(other, plan_run(shorter, this, other))[i]
         assert on < 0.05 * (1 - 1e-4) and off < 0.05 * (1 - 1e-4)
 
 
@@ -94,7 +94,7 @@ def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
     done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
     (this,) = done.runs
     _, program = program_of(done, this, ROUNDING)
-    trajectory = planned(done, this, program)
+    trajectory = plan_run(done, this, program)
     ((on, off),) = speeds_at_ends(program, trajectory)
     most = np.sqrt(0.09 * 0.01)
     assert on == pytest.approx(most, rel=2e-3) and off == pytest.approx(most, rel=2e-3)
@@ -115,7 +115,7 @@ def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
     assert contour.work is not None
     after = contour.path.length - contour.work[1]
     assert 0 < after < 0.01
-    trajectory = planned(done, this, program)
+    trajectory = plan_run(done, this, program)
     ((on, off),) = speeds_at_ends(program, trajectory)
     assert on == pytest.approx(0.05, rel=1e-3)
     assert 0 < off <= 0.05 * (1 + 1e-9)
@@ -128,7 +128,7 @@ def test_one_lead_may_be_automatic_and_the_other_given() -> None:
     (contour,) = program.contours
     assert contour.work is not None
     assert contour.path.length - contour.work[1] == pytest.approx(0.003, abs=1e-12)
-    ((on, off),) = speeds_at_ends(program, planned(done, this, program))
+    ((on, off),) = speeds_at_ends(program, plan_run(done, this, program))
     assert on == pytest.approx(0.05, rel=1e-3) and off < 0.049
 
 

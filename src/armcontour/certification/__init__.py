@@ -1,4 +1,4 @@
-"""Certificates: the fastest motion that keeps its goal on every robot of a box; sweeps of them."""
+"""Certificates: the fastest motion that keeps a goal on every robot of a box; sweeps of them."""
 
 from armcontour.certification.certificate import (
     Budget,

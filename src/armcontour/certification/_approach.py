@@ -1,8 +1,8 @@
-"""What the joints do before a motion, as far back as the servo still feels it.
+"""The motion before a contour, as far back as it still affects the servo.
 
-The response of a servo to what was before dies out, so a motion is executed with as much of it as
-makes a difference, and not with the whole program. Set-points come at the same phase of the command
-interval as in the whole program.
+The response of a servo to earlier motion decays. So a contour is executed after the part of the
+program that still has an effect, not after the whole program. Set-points have the same phase of the
+command interval as in the whole program.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from armcontour import _checks
 from armcontour.certification._uses import Robot
 from armcontour.motion import Law, Span, TaughtData, Trajectory, stand_still
 
-# What is left of a motion after so many of the servo's slowest time constants is 2e-9 of it: of
-# errors of millimetres, picometres.
+# After this many of the servo's slowest time constants, 2e-9 of its response is left: of errors of
+# millimetres, picometres.
 FORGOTTEN = 20.0
-# A phase of the command interval that is below this share of it is none.
+# A phase below this share of the command interval counts as zero.
 SAME_PHASE = 1e-9
 
 
@@ -35,10 +35,10 @@ class Approach:
 
     @classmethod
     def of(cls, before: Sequence[Law], robot: Robot) -> Approach:
-        """The last laws that the servo still feels when they have ended.
+        """Find the last laws that still affect the servo after their end.
 
-        Joints rest between any two laws of a program. The first position before the laws is held
-        for what brings the set-points to their phase in the whole program.
+        Joints rest between any two laws of a program. A standstill before the first law gives the
+        set-points their phase in the whole program.
 
         Args:
             before: All laws from the start of the program on.
@@ -59,11 +59,11 @@ class Approach:
 
     @property
     def duration(self) -> float:
-        """Of all laws [s]."""
+        """Duration of all laws [s]."""
         return float(sum(x.breaks[-1] for x in self.laws))
 
     def teach(self, plan: Trajectory, robot: Robot, period: float | None = None) -> TaughtData:
-        """Taught data of a plan that starts with what leads to it, before the time 0.
+        """Teach a plan together with the laws before it, which come before the time 0.
 
         Args:
             plan: The plan, which starts where the laws end.
@@ -83,7 +83,7 @@ class Approach:
 
 
 def approaches(plan: Trajectory, robot: Robot) -> Iterator[tuple[Span, Approach]]:
-    """The contours of a plan, each with what comes before.
+    """Iterate over the contours of a plan, each with the motion before it.
 
     Args:
         plan: The plan of a program.
@@ -97,7 +97,7 @@ def approaches(plan: Trajectory, robot: Robot) -> Iterator[tuple[Span, Approach]
 
 
 def memory(robot: Robot) -> float:
-    """Time after which the servo, or the compensator, has forgotten a motion [s]."""
+    """Time after which a motion has no effect on the servo or the compensator any more [s]."""
     box, servo = robot.box, robot.servo
     dof = robot.arm.dof
     gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))

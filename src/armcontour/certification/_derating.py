@@ -1,4 +1,4 @@
-"""What a search holds back, place by place along a path: accelerations, and the speed."""
+"""Derating of acceleration and speed limits along a path, as the search for a plan needs it."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from armcontour.tracing import refuse_out_of_range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Held:
-    """What is left of limits in every cell of a path.
+class Derating:
+    """Derating of limits in every cell of a path.
 
     Args:
-        cells: Ends of the cells [m], (n + 1,).
-        share: Of every joint's acceleration limit, (n, dof).
-        cap: Largest ds² [m²/s²], infinite where nothing is held back, (n,).
+        cells: Arc lengths of the ends of the cells [m], (n + 1,).
+        share: Share that is left of each joint's acceleration limit, (n, dof).
+        cap: Largest ds² [m²/s²], infinite where the speed is not derated, (n,).
     """
 
     cells: FloatArray
@@ -44,8 +44,8 @@ class Held:
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @classmethod
-    def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Held:
-        """Cells on the grid that a plan of the path begins with, and nothing held back."""
+    def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
+        """Make the cells from the first grid of a plan of the path, with nothing derated."""
         cells = place_grid(joint_path, intervals).s
         n = len(cells) - 1
         return cls(cells=cells, share=np.ones((n, joint_path.dof)), cap=np.full(n, np.inf))
@@ -56,77 +56,80 @@ class Held:
         return np.diff(self.cells)
 
     def cell_of(self, grid: Grid) -> IntArray:
-        """The cell that holds the middle of every interval of a grid, (len(grid),)."""
+        """Index of the cell that contains the middle of each interval of a grid, (len(grid),)."""
         middle = (grid.s[:-1] + grid.s[1:]) / 2
         found = np.searchsorted(self.cells, middle) - 1
         return np.asarray(np.clip(found, 0, len(self.cap) - 1))
 
 
-class HeldAcceleration(JointAcceleration):
-    """Joint acceleration limits, of which every cell of the path leaves a share.
+class DeratedAcceleration(JointAcceleration):
+    """Joint acceleration limits, derated in every cell of the path.
 
     Args:
         low: Lower bounds, negative [rad/s²], (dof,).
         high: Upper bounds, positive [rad/s²], (dof,).
-        held: The shares.
+        derating: The shares that are left.
     """
 
-    def __init__(self, low: FloatArray, high: FloatArray, held: Held) -> None:
+    def __init__(self, low: FloatArray, high: FloatArray, derating: Derating) -> None:
         super().__init__(low, high)
-        self.held = held
+        self.derating = derating
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """The bounds that are left: the same all along an interval, for one cell holds it."""
+        """The derated bounds, which are constant on an interval because it lies in one cell."""
         full = super().rows(grid, path, bounds)
-        share = self.held.share[self.held.cell_of(grid)]
+        share = self.derating.share[self.derating.cell_of(grid)]
         return Rows(full.a, full.b, full.low * share, full.high * share, full.margin)
 
 
 class Cap(Constraint):
-    """A largest ds² per cell of the path.
+    """A largest ds² in every cell of the path.
 
     Args:
-        held: The caps.
+        derating: The largest ds².
     """
 
-    name = "held back"
+    name = "derated speed"
 
-    def __init__(self, held: Held) -> None:
-        self.held = held
+    def __init__(self, derating: Derating) -> None:
+        self.derating = derating
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The cap at both ends of every interval."""
-        return Ceiling(np.tile(self.held.cap[self.held.cell_of(grid)], (2, 1)))
+        return Ceiling(np.tile(self.derating.cap[self.derating.cell_of(grid)], (2, 1)))
 
 
-def held_plan(
+def plan_derated(
     joint_path: JointPath,
     arm: Arm,
     limits: Limits,
-    held: Held,
+    derating: Derating,
     windows: tuple[float, ...] = (),
     factors: Mapping[str, float] = MappingProxyType({}),
     intervals: int | None = None,
 ) -> tuple[Trajectory, Trajectory]:
-    """The fastest motion within what is left of the limits, and the same smoothed.
+    """Plan the fastest motion within derated limits, and smooth it.
 
     Args:
         joint_path: The path.
         arm: The arm.
-        limits: With values per joint.
-        held: What is held back, place by place.
-        windows: Of the moving averages [s]; without, both are the same.
-        factors: What is left of other limits everywhere, by their names.
-        intervals: Of the grid; by default those of `plan`.
+        limits: The limits, with values per joint.
+        derating: Derating of acceleration and speed along the path.
+        windows: Windows of the moving averages [s]; none for no smoothing.
+        factors: Shares that are left of other limits along the whole path, by the limits' names.
+        intervals: Number of grid intervals; by default that of `plan`.
+
+    Returns:
+        The plan before and after smoothing.
 
     Raises:
-        NotRealizable: There is no such motion.
+        NotRealizable: The limits allow no motion.
     """
     refuse_out_of_range(joint_path, limits)
     others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
     rest = limits.replace(joint_acceleration=None, joint_deceleration=None, **others)
-    constraints: list[Constraint] = [Cap(held)]
+    constraints: list[Constraint] = [Cap(derating)]
     if limits.joint_acceleration is not None:
-        constraints.append(HeldAcceleration(*limits.acceleration_bounds(arm.dof), held))
+        constraints.append(DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating))
     found = plan_optimal(joint_path, arm, rest, intervals=intervals, constraints=constraints)
     return found, smooth(found, *windows) if windows else found

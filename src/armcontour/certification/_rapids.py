@@ -1,4 +1,4 @@
-"""Rapids of a certified program: as fast as no joint is asked for more than it has."""
+"""Rapids of a certified program: the fastest that keep all joint limits when executed."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from armcontour.timing.methods import plan_rapid
 
 # Lengths of the moving averages in command intervals, of which the fastest is taken.
 WINDOWS = ((0.5, 0.5), (1.0,), (1.0, 1.0))
-# Plans with the same windows; each takes what the last one exceeded off its limits.
+# Plans with the same windows; each one derates the limits that the last one exceeded.
 MOST_TRIALS = 12
-# Limits are aimed at with this share of them, so that the contour after a rapid finds none used up.
+# Trials aim at this share of each limit, so that the contour after a rapid does not exceed it.
 GOAL = 1 - 1e-5
 POINTS = 5
 
@@ -37,8 +37,8 @@ class Derated:
     """A rapid that keeps its limits when it is executed.
 
     Args:
-        windows: Of the moving averages [s].
-        factors: What is left of limits along it, by their names.
+        windows: Windows of the moving averages [s].
+        factors: Shares that are left of limits along the rapid, by the limits' names.
         trajectory: The plan.
     """
 
@@ -47,27 +47,27 @@ class Derated:
     trajectory: Trajectory
 
 
-def fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) -> Derated:
-    """The fastest rapid found that asks no joint of any robot of the box for more than it has.
+def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) -> Derated:
+    """Plan the fastest rapid that keeps all joint limits on every robot of the box.
 
-    A joint that saturates in a rapid would be late where the contour starts. So no rapid saturates
-    a joint by itself, even where contours may; there the rapid is executed from rest.
+    A joint that saturates in a rapid would be late at the start of the contour. So no rapid
+    saturates a joint by itself, even if contours may; in that case the rapid starts from rest.
 
     Args:
-        joint_path: The way of the joints.
-        before: What they do before.
+        joint_path: The joint path of the rapid.
+        before: The laws before it.
         robot: The robot.
 
     Raises:
-        NotRealizable: There is none.
+        NotRealizable: No rapid was found that keeps its limits.
     """
     approach = Approach.of(() if robot.saturated else before, robot)
-    # On a plant that saturates demands grow out of all proportion.
+    # Demands are measured without saturation: on a saturated plant they say nothing of the excess.
     robot = replace(robot, saturated=False)
     found = [
         x
         for multiples in WINDOWS
-        if (x := _settled(joint_path, approach, robot, multiples)) is not None
+        if (x := _derate(joint_path, approach, robot, multiples)) is not None
     ]
     if not found:
         raise NotRealizable(
@@ -79,9 +79,17 @@ def fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) ->
     return min(found, key=lambda x: x.trajectory.duration)
 
 
-def _settled(
+def _derate(
     joint_path: JointPath, approach: Approach, robot: Robot, multiples: tuple[float, ...]
 ) -> Derated | None:
+    """Derate a rapid until it keeps its limits; None if MOST_TRIALS plans do not.
+
+    Args:
+        joint_path: The joint path of the rapid.
+        approach: The motion before it.
+        robot: The robot.
+        multiples: Windows of the moving averages in command intervals.
+    """
     windows = tuple(x * robot.run.period for x in multiples)
     factors: dict[str, float] = {}
     for _ in range(MOST_TRIALS):
@@ -97,7 +105,7 @@ def _settled(
 
 
 def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float]:
-    """The largest shares of limits that a rapid takes, its set-points and its executions."""
+    """Largest use of each limit by a rapid: by its plan, its set-points and its executions."""
     free = robot.limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
     uses = {x.name: x.ratio for x in check(plan, robot.arm, free, points=POINTS).uses}
     for name, ratio in bound_uses(plan, robot.arm, free).items():
@@ -120,7 +128,7 @@ def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float
 
 
 def _demand(robot: Robot, executed: Execution, servo: ServoModel, since: float | None) -> float:
-    """The largest demand of a joint over its limit."""
+    """Largest demand of any joint over its limit; it counts from the time `since` [s]."""
     if servo.order == "first":
         return 0.0
     low, high = robot.limits.acceleration_bounds(robot.arm.dof)
@@ -129,7 +137,7 @@ def _demand(robot: Robot, executed: Execution, servo: ServoModel, since: float |
 
 
 def _command(robot: Robot, taught: TaughtData) -> float:
-    """The largest share of joint velocities that set-points take; above 1 out of joints' ranges."""
+    """Largest use of joint velocity limits by set-points; above 1 for a set-point out of range."""
     dof = robot.arm.dof
     now = taught.q[np.searchsorted(taught.t, 0.0) :]
     rate = np.abs(np.diff(now, axis=0)) / taught.period

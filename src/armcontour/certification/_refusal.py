@@ -1,4 +1,4 @@
-"""The refusal of a certificate: what binds, and what would mend it."""
+"""The refusal of a certificate: the limit that binds, and what would help."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from armcontour.errors import NotRealizable
 
 
 def refuse(search: Search) -> NoReturn:
-    """Say what binds, by how much, and what would mend it."""
+    """Refuse a certificate after a search, with the limit that binds and what would help.
+
+    Raises:
+        NotRealizable: Always.
+    """
     setting, goal = search.setting, search.goal
     kind, ratio = search.binds
     slow = f"within {goal.slowest:g} times the {search.optimum:.4g} s of the uncertified optimum"
@@ -25,8 +29,8 @@ def refuse(search: Search) -> NoReturn:
         )
     if kind == "acceleration":
         raise NotRealizable(
-            f"No plan {slow} is certified: its set-points ask a joint for {ratio:.4g} times the "
-            f"acceleration that it has, as they come every {search.setting.run.period * 1e3:g} ms"
+            f"No plan {slow} is certified: its set-points would need {ratio:.4g} times a joint's "
+            f"acceleration limit, as they come every {search.setting.run.period * 1e3:g} ms"
             f"{' and are held' if hold else ''}: take {shorter}, saturation: report, or {longer}.",
             limit="joint_acceleration",
             needed=ratio,
@@ -41,7 +45,7 @@ def refuse(search: Search) -> NoReturn:
             needed=ratio,
             allowed=1.0,
         )
-    # Of trials that came nearer, something else was beyond its limit.
+    # Trials with a smaller error exceeded another limit.
     reached = search.reached if search.reached > setting.budget else ratio * setting.budget
     over = " of the worst robot of the box" if kind == "box" else ""
     mend = (

@@ -1,8 +1,8 @@
 """The search for the fastest plan that holds what a certificate asks for.
 
 A trial is planned within what is left of the limits, smoothed, compensated, executed and looked at;
-where something is used beyond its limit, more is held back there, and the next trial is made. What
-is held back is never given back, so a search ends. See docs/concepts/certificate.md.
+where something is used beyond its limit, more is derated there, and the next trial is made. What
+is derated stays derated, so a search ends. See docs/concepts/certificate.md.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.certification._approach import Approach
-from armcontour.certification._derating import Held, held_plan
+from armcontour.certification._derating import Derating, plan_derated
 from armcontour.certification._proving import KEPT, bound_uses
 from armcontour.certification._uses import Setting, Uses, run, uses_of
 from armcontour.evaluation import Check, check
@@ -32,7 +32,7 @@ WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {
 }
 # A search with one choice of windows takes at most this many trials.
 MOST_TRIALS = 25
-# Smoothing carries what is held back in one cell to its neighbours, so that an excess may shrink by
+# Smoothing carries what is derated in one cell to its neighbours, so that an excess may shrink by
 # less than half in a trial: after so many trials it is met with its square, then its cube.
 PATIENCE = 5
 # Trials aim a little below each limit, so that they arrive: at this share of accelerations, and of
@@ -48,8 +48,8 @@ MOST_DRAWS = 10
 # to this share at most.
 ERROR_POWER = 1 / 3
 LARGEST_STEP = 0.7
-# Where saturation is allowed an error has its cause anywhere before it, so accelerations are held
-# back everywhere alike, to this share of what was left of them at a time; the share that does is
+# Where saturation is allowed an error has its cause anywhere before it, so accelerations are
+# derated everywhere alike, to this share of what was left of them at a time; the share that does is
 # then found to this ratio.
 COARSE_SHARE = 0.85
 SHARE_PRECISION = 1.005
@@ -57,7 +57,7 @@ SHARE_PRECISION = 1.005
 RESOLUTION = 1e-4
 # Places per interval at which the plan is checked against its limits between all samples.
 POINTS = 5
-# Limits that a search holds back place by place; of others it takes a share everywhere.
+# Limits that a search derates place by place; of others it takes a share everywhere.
 BY_PLACE = (
     "joint_acceleration",
     "joint_deceleration",
@@ -73,7 +73,7 @@ class Trial:
 
     Args:
         windows: Of the moving averages [s].
-        held: What was held back.
+        derating: What was derated.
         factors: What was left of other limits.
         plan: Before smoothing.
         trajectory: The plan after smoothing.
@@ -82,7 +82,7 @@ class Trial:
     """
 
     windows: tuple[float, ...]
-    held: Held
+    derating: Derating
     factors: Mapping[str, float]
     plan: Trajectory
     trajectory: Trajectory
@@ -125,13 +125,13 @@ class Search:
         setting: What is fixed.
         joint_path: The path.
         approach: What the joints do before.
-        goal: What is to be held.
+        goal: What is to be kept.
         progress: Called with a step before each trial.
         intervals: Of the path's grid; by default those of `plan`.
         margin: At which share of what trials else aim at they aim.
 
     Attributes:
-        optimum: Duration of the plan that holds nothing back [s]; set by the first trial.
+        optimum: Duration of the plan with nothing derated [s]; set by the first trial.
         trials: How many were made.
         reached: Smallest contour error of any trial that was fast enough, over the box if there is
             one [m].
@@ -182,10 +182,10 @@ class Search:
         """The fastest plan that holds the goal on the corners of the box, of all windows."""
         for multiples in WINDOWS[self.goal.saturation]:
             windows = tuple(x * self.setting.run.period for x in multiples)
-            # The plan without anything held back is a bound of the time with these windows.
+            # The plan with nothing derated is a bound of the time with these windows.
             if self.best is not None and self.optimum + sum(windows) >= self.best_time:
                 continue
-            settle = self._evenly if self.setting.saturated else self._settled
+            settle = self._evenly if self.setting.saturated else self._settle
             found = settle(windows)
             if found is not None and found.trial.trajectory.duration < self.best_time:
                 self.best = found
@@ -199,32 +199,32 @@ class Search:
     def _evenly(self, windows: tuple[float, ...]) -> Kept | None:
         """The fastest plan with these windows, and one share left of all accelerations."""
         low = high = 1.0
-        found = self._settled(windows, low)
+        found = self._settle(windows, low)
         while found is None and self.binds[0] == "error" and self.in_time:
             low, high = low * COARSE_SHARE, low
-            found = self._settled(windows, low)
+            found = self._settle(windows, low)
         while found is not None and high > low * SHARE_PRECISION:
             middle = float(np.sqrt(low * high))
-            better = self._settled(windows, middle)
+            better = self._settle(windows, middle)
             low, high = (low, middle) if better is None else (middle, high)
             found = better or found
         return found
 
-    def _settled(self, windows: tuple[float, ...], share: float = 1.0) -> Kept | None:
+    def _settle(self, windows: tuple[float, ...], share: float = 1.0) -> Kept | None:
         """The first trial with these windows that holds everything.
 
         Args:
             windows: Of the moving averages [s].
             share: What is left of accelerations from the beginning.
         """
-        nothing = Held.nothing(self.joint_path, self.intervals)
-        held = replace(nothing, share=share * nothing.share)
+        nothing = Derating.nothing(self.joint_path, self.intervals)
+        derating = replace(nothing, share=share * nothing.share)
         factors: Mapping[str, float] = {}
         self.tightness = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL}
         self.tightness |= {"error": ERROR_GOAL, "box": self.box_goal}
         self.tightness = {name: x * self.margin for name, x in self.tightness.items()}
         for number in range(MOST_TRIALS):
-            trial = self._trial(windows, held, factors)
+            trial = self._trial(windows, derating, factors)
             if np.isnan(self.optimum):
                 self.optimum = trial.plan.duration
             duration = trial.trajectory.duration
@@ -236,26 +236,28 @@ class Search:
             if self.setting.saturated and worst["error"] > 1.0:
                 return None
             if max(worst.values()) <= 1.0:
-                found = self._judged(trial)
+                found = self._judge(trial)
                 if found is None or isinstance(found, Kept):
                     return found
                 factors = found
             first = number == 0 and not self.setting.saturated
-            held = self._tightened(trial, first=first, power=1 + number // PATIENCE)
+            derating = self._tighten(trial, first=first, power=1 + number // PATIENCE)
         return None
 
-    def _trial(self, windows: tuple[float, ...], held: Held, factors: Mapping[str, float]) -> Trial:
+    def _trial(
+        self, windows: tuple[float, ...], derating: Derating, factors: Mapping[str, float]
+    ) -> Trial:
         self.trials += 1
         shown = " + ".join(f"{x * 1e3:.3g} ms" for x in windows) or "no smoothing"
         self.progress(Step((f"{shown}, trial {self.trials}",)))
         setting = self.setting
-        plan, trajectory = held_plan(
-            self.joint_path, setting.arm, setting.limits, held, windows, factors, self.intervals
+        plan, trajectory = plan_derated(
+            self.joint_path, setting.arm, setting.limits, derating, windows, factors, self.intervals
         )
         taught = self.approach.teach(trajectory, setting)
         return Trial(
             windows=windows,
-            held=held,
+            derating=derating,
             factors=factors,
             plan=plan,
             trajectory=trajectory,
@@ -263,7 +265,7 @@ class Search:
             uses=uses_of(setting, taught, run(setting, taught)),
         )
 
-    def _judged(self, trial: Trial) -> Kept | dict[str, float] | None:
+    def _judge(self, trial: Trial) -> Kept | dict[str, float] | None:
         """The trial as one that is kept, or what is to be left of limits that it exceeds.
 
         None is that it needs another share of all accelerations. A plan is checked between samples,
@@ -316,23 +318,23 @@ class Search:
             error = max(error, float(trial.uses.box.max()) * self.setting.budget)
         self.reached = min(self.reached, error)
 
-    def _tightened(self, trial: Trial, *, first: bool, power: int) -> Held:
-        """What to hold back next: more, wherever a limit is exceeded or nearly so.
+    def _tighten(self, trial: Trial, *, first: bool, power: int) -> Derating:
+        """What to derate next: more, wherever a limit is exceeded or nearly so.
 
         Args:
             trial: The last trial.
             first: Whether it was the first.
-            power: With which power of their excess accelerations are held back.
+            power: With which power of their excess accelerations are derated.
         """
-        held, uses, tight = trial.held, trial.uses, self.tightness
-        share, cap = held.share.copy(), held.cap.copy()
+        derating, uses, tight = trial.derating, trial.uses, self.tightness
+        share, cap = derating.share.copy(), derating.cap.copy()
         moment = _Moments(trial, sum(trial.windows) + trial.taught.period + self._memory())
-        speed = _squares(trial.plan, held.cells)
+        speed = _squares(trial.plan, derating.cells)
         over = uses.joints * np.maximum(1.0, uses.peak / uses.joints.max(axis=0))
         for j in range(share.shape[1]):
             use = moment.largest(over[:, j]) / tight["acceleration"]
             if first and (use > 1).any():
-                # Most of it is what the command interval adds to any acceleration: it is held back
+                # Most of it is what the command interval adds to any acceleration: it is derated
                 # everywhere at once, so that it need not be found again as the plan moves.
                 common = float(np.median(use[use > 1]))
                 share[:, j] /= common
@@ -352,7 +354,7 @@ class Search:
                 np.minimum(cap, speed * np.maximum(1 / np.maximum(use, 1.0), LARGEST_STEP) ** 2),
                 cap,
             )
-        return replace(held, share=share, cap=cap)
+        return replace(derating, share=share, cap=cap)
 
     def _memory(self) -> float:
         """Time for which a command is felt in a joint's demand [s]."""
@@ -373,7 +375,7 @@ class _Moments:
         t = uses.t
         self.count = max(1, int(np.ceil(around / (t[1] - t[0]))))
         inside = (t >= 0) & (t <= trial.trajectory.duration)
-        edges = np.interp(trial.held.cells, uses.s[inside], t[inside])
+        edges = np.interp(trial.derating.cells, uses.s[inside], t[inside])
         first = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)
         self.begin, self.last = first[:-1], len(t)
 

@@ -1,9 +1,8 @@
-"""A program put together of certified contours, executed and judged as one.
+"""A program of certified contours, planned contour by contour, and executed and judged as a whole.
 
-Moves are planned in their order. What a servo does on a contour depends on what it did before, and
-on nothing that comes later; so every contour is searched for as it will be executed: after the
-moves before it, with its set-points at their phase of the command interval. The whole is then
-executed once, and judged once more.
+Moves are planned in their order. The motion of a servo on a contour depends on earlier motion only.
+So the trials of a contour are executed after the moves before it, with set-points at their phase of
+the command interval in the program. The whole program is then executed and judged once more.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm
 from armcontour.certification._approach import Approach
 from armcontour.certification._proving import KEPT
-from armcontour.certification._rapids import Derated, fastest_rapid
+from armcontour.certification._rapids import Derated, plan_fastest_rapid
 from armcontour.certification._refusal import refuse
 from armcontour.certification._search import (
     POINTS,
@@ -39,24 +38,26 @@ from armcontour.timing import intervals_of
 from armcontour.timing.program_tracing import Tracing, trace_program
 from armcontour.timing.programs import time_program
 
-# What is left of a rapid where the contour after it starts may take this share of the budget.
+# The error that is left of a rapid at the start of the next contour may take this share of the
+# budget.
 ENTRY = 0.25
-# The whole is judged at more times than the trials were. If a contour of it is outside, that
-# contour and those after it are searched for again, with goals this much closer, so often at most.
+# The whole program is judged at more times than the trials. If a contour is outside its goal there,
+# that contour and those after it are searched again, with goals closer by CLOSER, MOST_ROUNDS times
+# at most.
 MOST_ROUNDS = 4
 CLOSER = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedContour:
-    """The plan of a contour, and what it was found by.
+    """The certified plan of a contour.
 
     Args:
-        setting: What was fixed.
-        joint_path: The path.
-        approach: What the joints do before.
+        setting: The setting of the search.
+        joint_path: The joint path.
+        approach: The motion before the contour.
         kept: The plan.
-        trials: How many were made.
+        trials: Number of plans that were made.
     """
 
     setting: Setting
@@ -67,27 +68,27 @@ class PlannedContour:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The plan, from 0."""
+        """The plan; times from 0 [s]."""
         return self.kept.trial.trajectory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whole:
-    """A program whose contours all hold their goal.
+    """A program all contours of which keep their goal.
 
     Args:
         robot: The robot.
         objective: The program before its corners were rounded.
         program: The program that was planned.
-        trajectory: Its plan.
-        spans: When its contours are, in order.
-        taught: Its taught data.
-        execution: On the robot.
-        errors: Contour errors of that, contour by contour.
-        check: Of the plan against all of its limits.
-        contours: How the contours were found.
-        rapids: How the rapids were.
-        traced: What the joints follow along its moves.
+        trajectory: The plan of the program.
+        spans: Times of the contours in the plan, in order.
+        taught: Taught data of the plan.
+        execution: Execution of the taught data on the robot.
+        errors: Contour errors of the execution, contour by contour.
+        check: Check of the plan against all limits.
+        contours: Certified plans of the contours.
+        rapids: Derated plans of the rapids.
+        traced: The traced program.
     """
 
     robot: Robot
@@ -119,14 +120,14 @@ class Assembly:
     Args:
         job: The job.
         robot: The robot.
-        goal: What every contour is to hold.
+        goal: The goal of every contour.
         budget: Largest contour error, over the box if there is one [m].
         objective: The program before its corners were rounded.
         program: The program to plan.
         progress: Called with a step before each trial.
 
     Attributes:
-        trials: How many plans of contours were made.
+        trials: Number of plans of contours that were made.
     """
 
     job: Job
@@ -139,23 +140,23 @@ class Assembly:
     trials: int = 0
     # Tracing does not depend on timing: all rounds share it.
     _traced: Tracing | None = None
-    # What is planned, in the order in which it is needed, and how much of it this round has used.
+    # Plans in the order in which they are needed, and the number of them that this round has used.
     _done: list[Planned] = field(default_factory=list)
     _used: int = 0
-    # At which share of their goals the trials of a contour aim.
+    # Share of their goals at which the trials of a contour aim, by the number of the contour.
     _margins: dict[int, float] = field(default_factory=dict)
 
     def whole(self) -> Whole:
-        """The program, every contour of which holds the goal when all of it is executed.
+        """Plan the program so that every contour keeps the goal when all of it is executed.
 
         Raises:
-            NotRealizable: There is none; the sentence names the contour.
-            ArmContourError: As tracing and planning raise it.
+            NotRealizable: No such plan was found; the message names the contour.
+            ArmContourError: Tracing or planning fails.
         """
         outside: Outside | None = None
         for _ in range(MOST_ROUNDS):
-            found = self._put_together()
-            outside = _first_outside(found, self.goal, self.budget)
+            found = self._assemble()
+            outside = _find_first_outside(found, self.goal, self.budget)
             if outside is None:
                 return found
             number = outside.number
@@ -173,7 +174,8 @@ class Assembly:
             allowed=outside.allowed,
         )
 
-    def _put_together(self) -> Whole:
+    def _assemble(self) -> Whole:
+        """Plan all moves that have no plan yet, and execute the whole program."""
         self._used = 0
         if self._traced is None:
             self._traced = trace_program(
@@ -186,7 +188,7 @@ class Assembly:
         trajectory = time_program(self._traced, self)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
-        taught, execution, errors, checked = self._executed(trajectory, contours)
+        taught, execution, errors, checked = self._execute(trajectory, contours)
         return Whole(
             robot=self.robot,
             objective=self.objective,
@@ -202,13 +204,13 @@ class Assembly:
             traced=self._traced,
         )
 
-    def _executed(
+    def _execute(
         self, trajectory: Trajectory, contours: Sequence[PlannedContour]
     ) -> tuple[TaughtData, Execution, tuple[ErrorProfile, ...], Check]:
-        """The taught data of the whole, its execution, contour errors and check."""
+        """Teach, execute and check the whole program; also gives the contour errors."""
         robot = self.robot
         if len(trajectory.spans) < 2:
-            # The only contour was executed as the whole is.
+            # A single contour was executed in its last trial already.
             kept = contours[0].kept
             assert kept.execution is not None
             taught = replace(kept.trial.taught, trajectory=trajectory)
@@ -226,35 +228,35 @@ class Assembly:
         return self.robot.arm
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """The fastest motion along the next contour that holds the goal."""
-        found = self._recalled(lambda: self._searched(joint_path, before))
+        """Plan the fastest motion along the next contour that keeps the goal."""
+        found = self._recall(lambda: self._search(joint_path, before))
         assert isinstance(found, PlannedContour)
         return found.trajectory
 
     def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """The fastest rapid that asks no joint for more than it has."""
-        found = self._recalled(lambda: fastest_rapid(joint_path, before, self.robot))
+        """Plan the fastest rapid that keeps all joint limits when executed."""
+        found = self._recall(lambda: plan_fastest_rapid(joint_path, before, self.robot))
         assert isinstance(found, Derated)
         return found.trajectory
 
     def pause(self, before: Sequence[Law]) -> float:
-        """How long the joints stand still until little enough is left of a rapid [s]."""
-        found = self._recalled(lambda: _settling(before, self.robot, ENTRY * self.budget))
+        """Time that the joints stand still so that the tool settles after a rapid [s]."""
+        found = self._recall(lambda: _settling_time(before, self.robot, ENTRY * self.budget))
         assert isinstance(found, float)
         return found
 
-    def _recalled(self, plan: Callable[[], Planned]) -> Planned:
-        """What an earlier round has planned, or else a new plan."""
+    def _recall(self, plan: Callable[[], Planned]) -> Planned:
+        """Return the plan of an earlier round, or else make a new one."""
         if self._used == len(self._done):
             self._done.append(plan())
         self._used += 1
         return self._done[self._used - 1]
 
-    def _searched(self, joint_path: JointPath, before: Sequence[Law]) -> PlannedContour:
-        """The fastest plan of the next contour that holds the goal.
+    def _search(self, joint_path: JointPath, before: Sequence[Law]) -> PlannedContour:
+        """Search the fastest plan of the next contour that keeps the goal.
 
         Raises:
-            NotRealizable: There is none.
+            NotRealizable: No plan was found.
         """
         program = self.program
         number = sum(1 for x in self._done if isinstance(x, PlannedContour))
@@ -283,7 +285,7 @@ class Assembly:
         if kept is None:
             refuse(search)
         if not alone:
-            # Its results are those of the whole: what a program of many would keep is too much.
+            # The whole program is executed again: executions of all contours would need memory.
             kept = replace(kept, execution=None)
         return PlannedContour(
             setting=setting,
@@ -296,14 +298,14 @@ class Assembly:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outside:
-    """What a contour does not hold in the whole program.
+    """A contour that does not keep its goal in the whole program.
 
     Args:
-        number: Of the contour, from 0.
-        said: In words.
-        limit: What is exceeded.
-        needed: Its value.
-        allowed: The largest that is allowed.
+        number: Number of the contour, from 0.
+        said: The excess in words.
+        limit: Name of the limit that is exceeded.
+        needed: Value that would have to be allowed.
+        allowed: Largest allowed value.
     """
 
     number: int
@@ -313,8 +315,8 @@ class Outside:
     allowed: float
 
 
-def _first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | None:
-    """The first contour that does not hold its goal in the whole; None if all do."""
+def _find_first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | None:
+    """Find the first contour that does not keep its goal in the whole program; None if all do."""
     for k, error in enumerate(whole.errors):
         for words, value, allowed in (
             ("largest contour error", error.max, budget),
@@ -336,7 +338,7 @@ def _first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | None:
 
 
 def _demands(whole: Whole) -> list[tuple[float, str, float]]:
-    """Where joints are asked for more acceleration than they have, if that is refused."""
+    """Time, name and use of the acceleration limit at its largest excess; empty if allowed."""
     robot, executed = whole.robot, whole.execution
     if robot.saturated or robot.servo.order == "first":
         return []
@@ -349,13 +351,13 @@ def _demands(whole: Whole) -> list[tuple[float, str, float]]:
     return [(float(executed.t[np.argmax(share)]), "joint_acceleration", ratio)]
 
 
-def _settling(before: Sequence[Law], robot: Robot, near: float) -> float:
-    """How long the tool needs after some laws until it stays near to where they end [s].
+def _settling_time(before: Sequence[Law], robot: Robot, near: float) -> float:
+    """Time after the end of some laws until the tool stays near their end point [s].
 
     Args:
         before: All laws from the start of the program on.
         robot: The robot; with a box, the slowest of its corners counts.
-        near: Largest distance [m].
+        near: Largest distance from the end point [m].
     """
     approach = Approach.of(before, robot)
     plan = Trajectory(laws=approach.laws, method="approach")

@@ -1,4 +1,4 @@
-"""A certificate: what its plan holds, contour by contour and as a whole, and what that cost."""
+"""The certificate of a plan: its errors contour by contour, its derating, and its cost in time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.certification._derating import Held
+from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
@@ -24,14 +24,14 @@ from armcontour.robustness.monte_carlo import Spread
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """What the parts of the contour error come to [m].
+    """The parts of the contour error [m].
 
     Args:
         rounding: Largest corner error of the path.
         servo: Largest contour error of the same plan with a nearly continuous command.
-        sampling: What the command interval adds to that; below 0 where it takes something away.
-        box: What the worst robot of the box adds to both; 0 without a box.
-        allowed: Tolerance for all of it; None without one.
+        sampling: Part that the command interval adds to `servo`; may be negative.
+        box: Part that the worst robot of the box adds to both; 0 without a box.
+        allowed: Tolerance for the sum of all parts; None without one.
         servo_allowed: Largest sum of servo, sampling and box.
     """
 
@@ -54,7 +54,7 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """What is left of the tolerance, or of the servo's part where there is none [m]."""
+        """Unused part of the tolerance, or of `servo_allowed` without a tolerance [m]."""
         if self.allowed is None:
             return self.servo_allowed - self.executed
         return self.allowed - self.total
@@ -62,12 +62,12 @@ class Budget:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uncertified:
-    """The fastest plan of the same limits, with nothing derated, compensated alike.
+    """The fastest plan of the same limits, with nothing derated and the same compensation.
 
     Args:
-        duration: [s].
-        contours: Of every contour [s].
-        contour_error: Largest, and its root mean square over time [m].
+        duration: Duration [s].
+        contours: Duration of every contour [s].
+        contour_error: Largest contour error, and its root mean square over time [m].
         saturated: Share of the time for which each joint is saturated, (dof,).
         box: Largest contour error in the corners of the box [m]; None without one.
     """
@@ -84,26 +84,26 @@ class Uncertified:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContourCertificate:
-    """What holds for one contour, while the process is at work on it.
+    """The certificate of one contour, for the time during which the process is at work on it.
 
     Args:
-        name: What sentences call it.
-        t: When it starts and ends in the whole motion [s].
-        work: From when to when the process is at work, and errors count [s].
+        name: Name in messages.
+        t: Start and end time in the whole motion [s].
+        work: Start and end time of the work of the process, in which errors count [s].
         path: The tool path.
-        joint_path: The same in joint space.
-        windows: Of the moving averages of s(t) [s].
-        held: What is left of limits, place by place.
-        factors: What is left of limits that are derated everywhere alike, by their names.
-        trajectory: Its part of the plan, from 0 [s].
-        taught: Its part of the taught data, which starts with as much of the moves before it as
-            the servo still feels.
-        error: Its contour error in the execution of the whole.
-        budget: The parts of that error.
-        optimum: Duration of the uncertified plan of it [s].
-        corners: The corners of the box; None without one.
-        spread: Robots drawn from the box; None without one.
-        trials: Plans that were made.
+        joint_path: The joint path.
+        windows: Windows of the moving averages of s(t) [s].
+        derating: Derating of acceleration and speed along the path.
+        factors: Shares that are left of limits derated along the whole contour, by their names.
+        trajectory: Plan of the contour; times from 0 [s].
+        taught: Taught data of the contour, after those of the moves before it that still affect the
+            servo.
+        error: Contour error in the execution of the whole program.
+        budget: The parts of the contour error.
+        optimum: Duration of the uncertified plan of the contour [s].
+        corners: Executions in the corners of the box; None without a box.
+        spread: Executions on robots drawn from the box; None without a box.
+        trials: Number of plans that were made.
     """
 
     name: str
@@ -112,7 +112,7 @@ class ContourCertificate:
     path: Path
     joint_path: JointPath
     windows: tuple[float, ...]
-    held: Held
+    derating: Derating
     factors: dict[str, float]
     trajectory: Trajectory
     taught: TaughtData
@@ -130,43 +130,43 @@ class ContourCertificate:
 
     @property
     def headroom(self) -> FloatArray:
-        """Share of every joint's acceleration limit that is derated, mean along the path."""
-        left = np.average(self.held.share, axis=0, weights=self.held.width)
+        """Share by which each acceleration limit is derated, mean along the path, (dof,)."""
+        left = np.average(self.derating.share, axis=0, weights=self.derating.width)
         # Rounding of a mean of ones is no derating.
         return np.maximum(1.0 - left, 0.0)
 
     @property
     def largest_headroom(self) -> FloatArray:
-        """The same where most is derated, (dof,)."""
-        return np.asarray(1.0 - self.held.share.min(axis=0))
+        """Largest share by which each joint's acceleration limit is derated, (dof,)."""
+        return np.asarray(1.0 - self.derating.share.min(axis=0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certificate:
-    """The fastest plan found that holds a goal, and what it was found by.
+    """The fastest plan found that keeps a goal, with the evidence.
 
-    A job of a single path has one contour, whose joint path, windows and derating are attributes of
+    A job of a single path has one contour. Its joint path, windows and derating are attributes of
     the certificate too.
 
     Args:
         job: The job.
-        run: Its run, with the corners as they were rounded in the end.
-        goal: What was required.
-        model: The model that it holds for, in words.
+        run: The run, with the corner tolerance of the certified plan.
+        goal: The goal that is kept.
+        model: The model of the robot for which the certificate is valid, in words.
         objective: The program before its corners were rounded.
         path: The program that was planned; `path.path` is the tool path of a single contour.
         trajectory: The certified plan.
-        taught: Its taught data.
-        execution: On the model.
-        evaluation: Of that, at 0.1 ms.
-        check: Of the plan against every limit, between samples too.
-        contours: What holds for every contour, in order.
-        rapids: How the rapids between them were derated, in order.
-        uncertified: What it is compared with.
-        trials: Plans of contours that were made.
-        experiment: The same taught data on the arm's rigid bodies, which no trial saw; None if the
-            run has no experiment, or it failed.
-        failure: Why it failed, if it did.
+        taught: Taught data of the plan.
+        execution: Execution of the taught data on the model.
+        evaluation: Evaluation of the execution, at 0.1 ms.
+        check: Check of the plan against every limit, between samples too.
+        contours: Certificates of the contours, in order.
+        rapids: The derated rapids between them, in order.
+        uncertified: The fastest plan without derating, for comparison.
+        trials: Number of plans of contours that were made.
+        experiment: Execution of the same taught data on the arm's rigid bodies, which no trial
+            used; None if the run has no experiment, or if the experiment failed.
+        failure: The error of a failed experiment; None otherwise.
     """
 
     job: Job
@@ -199,7 +199,7 @@ class Certificate:
 
     @property
     def pauses(self) -> float:
-        """Time for which joints stand still until little enough is left of a rapid [s]."""
+        """Time for which the joints stand still so that the tool settles after rapids [s]."""
         spans = (x for x in self.trajectory.spans if x.kind == "dwell" and x.move is None)
         return sum(x.t[1] - x.t[0] for x in spans)
 
@@ -225,33 +225,38 @@ class Certificate:
 
     @property
     def headroom(self) -> FloatArray:
-        """Share of every joint's acceleration limit that is derated, mean along all contours."""
+        """Share by which each joint's acceleration limit is derated, mean along all contours."""
         lengths = [x.path.length for x in self.contours]
         means = [x.headroom for x in self.contours]
         return np.asarray(np.average(means, axis=0, weights=lengths))
 
     @property
     def largest_headroom(self) -> FloatArray:
-        """The same where most is derated, (dof,)."""
+        """Largest share by which each joint's acceleration limit is derated, (dof,)."""
         return np.asarray(np.max([x.largest_headroom for x in self.contours], axis=0))
 
     @property
     def joint_path(self) -> JointPath:
-        """The path of the only contour in joint space."""
+        """The joint path of the only contour."""
         return self._only.joint_path
 
     @property
     def windows(self) -> tuple[float, ...]:
-        """The moving averages of s(t) of the only contour [s]."""
+        """Windows of the moving averages of s(t) of the only contour [s]."""
         return self._only.windows
 
     @property
-    def held(self) -> Held:
-        """What is left of limits along the only contour."""
-        return self._only.held
+    def derating(self) -> Derating:
+        """Derating of acceleration and speed along the only contour."""
+        return self._only.derating
 
     @property
     def _only(self) -> ContourCertificate:
+        """The only contour.
+
+        Raises:
+            InvalidInput: There is more than one contour.
+        """
         if len(self.contours) != 1:
             raise InvalidInput(
                 f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "

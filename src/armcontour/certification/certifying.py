@@ -1,4 +1,4 @@
-"""A certificate: the fastest plan whose execution holds a tolerance, on the model it names."""
+"""Entry point `certify`: finds the fastest plan whose execution keeps a tolerance on a model."""
 
 from __future__ import annotations
 
@@ -34,15 +34,16 @@ from armcontour.timing.methods import Timing
 from armcontour.timing.program_tracing import Tracing, trace_program
 from armcontour.timing.programs import time_program
 
-# A command interval this many times shorter is taken for none, but not below this time [s].
+# A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
-# Of a total tolerance without a budget for the servo, the servo gets these shares, one after the
-# other until one will do, and on while that makes a plan faster whose error comes near to its
-# budget; what it does not need is given back.
+# Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
+# tried in order until a plan is certified, and further while the error uses NEAR of its budget and
+# the plan gets faster. The unused part goes to the corners.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 NEAR = 0.9
-# When it is given back, the servo keeps this much more than it needed: the plan changes a little.
+# When the unused part goes to the corners, the servo keeps this many times the part that it needed,
+# because the plan changes a little.
 KEPT_FOR_SERVO = 1.5
 # Corners are not rounded again for less than this share of the tolerance.
 LEAST_GAIN = 1e-3
@@ -51,22 +52,22 @@ LEAST_GAIN = 1e-3
 def certify(
     job: Job, run: str | None = None, *, progress: Progress | None = None, **overrides: Any
 ) -> Certificate:
-    """The fastest plan of a job whose execution holds its tolerance.
+    """Find the fastest plan of a job whose execution keeps its tolerance.
 
-    Whatever method of timing the run names, the plan is an optimal one, smoothed and held back
-    where that is needed; compensation, command interval and limits are the run's. It holds for the
-    real servo that the job names, and for no other model.
+    Whatever timing the run has, the plan is an optimal one, smoothed, and derated where needed.
+    Compensation, command interval and limits are those of the run. The certificate is valid for the
+    servo of the job's plant, and for no other model.
 
     Args:
-        job: The job; what is to be held is its certificate.
-        run: Name of the run; by default the certificate's.
-        progress: Called with a step, which has a few words for its name, before every trial.
-        overrides: Of the certificate's `Goal`, or all of it where the job has none.
+        job: The job; its certificate is the goal.
+        run: Name of the run; by default that of the goal.
+        progress: Called with a step, which has a few words as its name, before every trial.
+        overrides: Fields of `Goal` that replace those of the job.
 
     Raises:
-        InvalidInput: Nothing to hold, or a run that is not to be found.
-        NotRealizable: No plan holds it; the sentence says what binds and what would mend it.
-        ArmContourError: As the steps raise it.
+        InvalidInput: There is no goal, or no such run.
+        NotRealizable: No plan keeps the goal; the message says what binds and what would help.
+        ArmContourError: Tracing, planning or execution fails.
     """
     goal = goal_of(job, overrides)
     this = run_of(job, goal.run if run is None else run)
@@ -76,10 +77,10 @@ def certify(
 
 
 def goal_of(job: Job, overrides: dict[str, Any]) -> Goal:
-    """What is to be held: the job's certificate, with some of it replaced.
+    """Make the goal of a certificate: that of the job, with some fields replaced.
 
     Raises:
-        InvalidInput: Nothing to hold, or an unknown name.
+        InvalidInput: There is no goal, or a field has an unknown name.
     """
     known = Goal.__dataclass_fields__
     for name in overrides:
@@ -91,7 +92,7 @@ def goal_of(job: Job, overrides: dict[str, Any]) -> Goal:
 
 
 def run_of(job: Job, name: str | None) -> Run:
-    """The run of that name, or else the only optimal one.
+    """Find the run of a name, or else the only run with the timing optimal.
 
     Raises:
         InvalidInput: There is no such run, or more than one.
@@ -115,52 +116,60 @@ class _Certifying:
     def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
         self.job, self.this, self.goal, self.progress = job, this, goal, progress
         self.trials = 0
-        # Where nothing is rounded the whole tolerance is the servo's.
+        # If no corner is rounded, the servo gets the whole tolerance.
         self.rounds = False
         if goal.tolerance is not None:
-            rounded_by_all = programs_of(job, _rounded(this, goal.tolerance))[1]
+            rounded_by_all = programs_of(job, _with_tolerance(this, goal.tolerance))[1]
             self.rounds = max(rounding_part(x.path) for x in rounded_by_all.contours) > 0
 
     def certificate(self) -> Certificate:
-        """The certificate, or a refusal."""
+        """Find the certificate.
+
+        Raises:
+            NotRealizable: No plan keeps the goal.
+        """
         goal = self.goal
         if goal.tolerance is None or not self.rounds:
             budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
             assert budget is not None
-            return self._finished(self._searched(self.this, budget))
+            return self._finish(self._search(self.this, budget))
         shares = SERVO_SHARES if goal.servo is None else (goal.servo / goal.tolerance,)
         best: _Found | None = None
         for share in shares:
             budget = share * goal.tolerance
-            this = _rounded(self.this, goal.tolerance - budget)
+            this = _with_tolerance(self.this, goal.tolerance - budget)
             last = share == shares[-1] and best is None
-            found = self._searched(this, budget) if last else self._tried(this, budget)
+            found = self._search(this, budget) if last else self._try(this, budget)
             if best is not None and (found is None or found.duration >= best.duration):
                 break
             best = found
             if best is not None and best.whole.worst < NEAR * budget:
                 break
-        assert best is not None  # the last share refuses by itself
-        return self._finished(self._given_back(best))
+        assert best is not None  # the search with the last share raises if it fails
+        return self._finish(self._give_rest_to_corners(best))
 
-    def _given_back(self, found: _Found) -> _Found:
-        """The same with corners that take what the servo did not need, if that is faster."""
+    def _give_rest_to_corners(self, found: _Found) -> _Found:
+        """Give the unused tolerance of the servo to the corners, if the plan gets faster."""
         assert self.goal.tolerance is not None
         needed = KEPT_FOR_SERVO * found.whole.worst
         if needed > found.budget - LEAST_GAIN * self.goal.tolerance:
             return found
-        better = self._tried(_rounded(self.this, self.goal.tolerance - needed), needed)
+        better = self._try(_with_tolerance(self.this, self.goal.tolerance - needed), needed)
         return found if better is None or better.duration >= found.duration else better
 
-    def _tried(self, this: Run, budget: float) -> _Found | None:
-        """The fastest plan with one rounding, or None."""
+    def _try(self, this: Run, budget: float) -> _Found | None:
+        """Find the fastest plan with the rounding of a run; None if no plan keeps the goal."""
         try:
-            return self._searched(this, budget)
+            return self._search(this, budget)
         except NotRealizable:
             return None
 
-    def _searched(self, this: Run, budget: float) -> _Found:
-        """The fastest plan with one rounding."""
+    def _search(self, this: Run, budget: float) -> _Found:
+        """Find the fastest plan with the rounding of a run and a budget for the servo [m].
+
+        Raises:
+            NotRealizable: No plan keeps the goal.
+        """
         job, goal = self.job, self.goal
         self.progress(Step(("tracing",)))
         objective, program = programs_of(job, this)
@@ -189,8 +198,8 @@ class _Certifying:
         finally:
             self.trials += assembly.trials
 
-    def _finished(self, found: _Found) -> Certificate:
-        """The certificate of the plan that was found, judged once more as a whole."""
+    def _finish(self, found: _Found) -> Certificate:
+        """Evaluate the plan as a whole, run the experiment, and make the certificate."""
         job, this, whole = self.job, found.this, found.whole
         self.progress(Step(("evaluation",)))
         objective, path = whole.objective, whole.program
@@ -233,7 +242,7 @@ class _Certifying:
         )
 
     def _contour(self, found: _Found, k: int, optimum: float) -> ContourCertificate:
-        """What holds for one contour of the whole."""
+        """Make the certificate of the contour k; `optimum` is its uncertified duration [s]."""
         whole = found.whole
         planned, span, error = whole.contours[k], whole.spans[k], whole.errors[k]
         kept = planned.kept
@@ -245,7 +254,7 @@ class _Certifying:
             path=planned.setting.path,
             joint_path=planned.joint_path,
             windows=kept.trial.windows,
-            held=kept.trial.held,
+            derating=kept.trial.derating,
             factors=dict(kept.trial.factors),
             trajectory=planned.trajectory,
             taught=kept.trial.taught,
@@ -258,7 +267,7 @@ class _Certifying:
         )
 
     def _budget(self, found: _Found, planned: PlannedContour, nominal: float) -> Budget:
-        """The parts of the contour error of one contour, which is `nominal` without a box [m]."""
+        """Split the contour error of one contour, which is `nominal` [m] without the box."""
         setting, kept = planned.setting, planned.kept
         own = setting.run.period
         period = max(own / CONTINUOUS, min(SHORTEST, own))
@@ -275,12 +284,12 @@ class _Certifying:
         )
 
     def _uncertified(self, found: _Found) -> tuple[Trajectory, Uncertified]:
-        """The plan with nothing derated, of the program that the whole tolerance rounds."""
+        """Plan and execute with nothing derated, with the whole tolerance for the corners."""
         job, this, whole = self.job, found.this, found.whole
         traced: Tracing | None = whole.traced
         program, robot = whole.program, whole.robot
         if self.rounds:
-            program = programs_of(job, _rounded(this, self.goal.tolerance))[1]
+            program = programs_of(job, _with_tolerance(this, self.goal.tolerance))[1]
             traced = None
         fastest = plan_fastest(job, robot, program, traced)
         taught = robot.teach(fastest)
@@ -304,7 +313,7 @@ class _Certifying:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """A program that holds everything, and the run and the budget that it is of."""
+    """A program that keeps the goal, with its run and its budget for the servo [m]."""
 
     this: Run
     budget: float
@@ -312,20 +321,20 @@ class _Found:
 
     @property
     def duration(self) -> float:
-        """Of the plan [s]."""
+        """Duration of the plan [s]."""
         return self.whole.trajectory.duration
 
 
 def plan_fastest(
     job: Job, robot: Robot, program: Program, traced: Tracing | None = None
 ) -> Trajectory:
-    """The plan of a program with nothing derated.
+    """Plan a program with nothing derated.
 
     Args:
         job: The job, for its branch or start.
         robot: The robot.
         program: The program.
-        traced: What the joints follow along it, if it is traced already.
+        traced: The traced program; None to trace it.
     """
     if traced is None:
         traced = trace_program(program, robot.arm, robot.limits, branch=job.branch, start=job.start)
@@ -362,7 +371,7 @@ def rounding_part(path: Path) -> float:
 
 
 def model_of(robot: Robot) -> str:
-    """The model that a certificate holds for, in words."""
+    """The model of the robot for which a certificate is valid, in words."""
     servo = robot.servo
     parts = [
         f"independent joint servos of order {servo.order} with kp {servo.kp.tolist()} 1/s"
@@ -381,8 +390,8 @@ def model_of(robot: Robot) -> str:
     return "; ".join(parts)
 
 
-def _rounded(this: Run, tolerance: float | None) -> Run:
-    """The run with another corner error, where it rounds corners."""
+def _with_tolerance(this: Run, tolerance: float | None) -> Run:
+    """The run with another corner tolerance [m], if it rounds corners."""
     if this.rounding is None or tolerance is None:
         return this
     rounding: Rounding = replace(this.rounding, tolerance=tolerance)

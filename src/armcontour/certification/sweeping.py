@@ -1,4 +1,4 @@
-"""A trade-off: time against corner tolerance and against assigned velocity, certified."""
+"""Entry point `sweep`: certified time against corner tolerance and against assigned velocity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armcontour.jobs.job import Job, Rounding, Run
 from armcontour.jobs.study import programs_of
 from armcontour.timing import plan
 
-# What a sweep looks at by default, as multiples of what the job has.
+# Default values of a sweep, as multiples of the values of the job.
 TOLERANCES = (0.1, 0.2, 0.5, 1.0, 2.0)
 SPEEDS = (0.4, 0.6, 0.8, 1.0, 1.25)
 
@@ -25,13 +25,13 @@ class SweepPoint:
     """One choice of corner tolerance and assigned velocity.
 
     Args:
-        tolerance: Of the corners, or of the whole contour where the goal has a tolerance [m]; None
-            where no corner is rounded.
+        tolerance: Tolerance of the corners, or of the whole contour if the goal has a tolerance
+            [m]; None if no corner is rounded.
         speed: Assigned velocity [m/s]; None without one.
-        optimum: Duration of the fastest plan, not certified [s]; None where there is none.
-        duration: Of the certified plan [s]; None where it was refused.
-        contour_error: Of its execution, the largest, over the box if there is one [m].
-        refusal: Why it was refused.
+        optimum: Duration of the fastest plan, not certified [s]; None if there is no plan.
+        duration: Duration of the certified plan [s]; None if the certificate was refused.
+        contour_error: Largest contour error of its execution, over the box if there is one [m].
+        refusal: Reason of the refusal; None for a certified point.
     """
 
     tolerance: float | None
@@ -49,9 +49,9 @@ class Sweep:
     Args:
         job: The job.
         run: Its run.
-        goal: What every certified point holds.
-        tolerances: With the run's assigned velocity, by tolerance.
-        speeds: With the run's tolerance, by assigned velocity.
+        goal: The goal of every certified point.
+        tolerances: Points with the run's assigned velocity, by tolerance.
+        speeds: Points with the run's tolerance, by assigned velocity.
     """
 
     job: Job
@@ -70,33 +70,33 @@ def sweep(
     progress: Progress | None = None,
     **overrides: Any,
 ) -> Sweep:
-    """How long a job takes for various corner tolerances, and for various assigned velocities.
+    """Certify a job for several corner tolerances and for several assigned velocities.
 
     Args:
-        job: The job; its certificate says what every point holds.
+        job: The job; its certificate is the goal of every point.
         run: Name of the run; by default the certificate's.
-        tolerances: Of the corners, or of the whole contour where the certificate has a tolerance
-            [m]; by default 0.1 to 2 times the run's; none where no corner is rounded to one.
+        tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
+            [m]; by default 0.1 to 2 times the run's; none if no corner is rounded to a tolerance.
         speeds: Assigned velocities [m/s]; by default 0.4 to 1.25 times the run's.
         progress: Called with a step, a point and a few words, before every trial.
-        overrides: As of `certify`.
+        overrides: Fields of `Goal` that replace those of the job.
 
     Raises:
-        InvalidInput: Nothing to sweep, or as `certify` raises it. A plan that cannot be certified
-            is a point that says why.
+        InvalidInput: There is nothing to sweep, no goal, or no such run. A plan that cannot be
+            certified is a point with a refusal.
     """
     goal = goal_of(job, overrides)
     this = run_of(job, goal.run if run is None else run)
     own = goal.tolerance
     if own is None and this.rounding is not None:
         own = this.rounding.tolerance
-    asked = _values("tolerance", tolerances, own, TOLERANCES)
-    fast = _values("speed", speeds, this.limits.speed, SPEEDS)
-    if asked and this.rounding is None:
+    tolerance_values = _values("tolerance", tolerances, own, TOLERANCES)
+    speed_values = _values("speed", speeds, this.limits.speed, SPEEDS)
+    if tolerance_values and this.rounding is None:
         raise InvalidInput(
             f"The run {this.name} rounds no corners, so it has no tolerance to vary."
         )
-    if not asked and not fast:
+    if not tolerance_values and not speed_values:
         raise InvalidInput(
             f"The run {this.name} has neither a corner tolerance nor an assigned velocity: give "
             "tolerances or speeds to compare."
@@ -106,14 +106,15 @@ def sweep(
         job=job,
         run=this,
         goal=goal,
-        tolerances=tuple(call.at(x, this.limits.speed) for x in asked),
-        speeds=tuple(call.at(own, x) for x in fast),
+        tolerances=tuple(call.at(x, this.limits.speed) for x in tolerance_values),
+        speeds=tuple(call.at(own, x) for x in speed_values),
     )
 
 
 def _values(
     name: str, given: Sequence[float] | None, own: float | None, multiples: Sequence[float]
 ) -> list[float]:
+    """The given values in order, or by default multiples of the job's own value."""
     if given is not None:
         return sorted(_checks.positive(name, x) for x in given)
     return [] if own is None else [own * x for x in multiples]
@@ -130,10 +131,11 @@ class _Point:
         """The point of a corner tolerance [m] and an assigned velocity [m/s]."""
         key = (tolerance, speed)
         if key not in self.known:
-            self.known[key] = self._certified(tolerance, speed)
+            self.known[key] = self._certify(tolerance, speed)
         return self.known[key]
 
-    def _certified(self, tolerance: float | None, speed: float | None) -> SweepPoint:
+    def _certify(self, tolerance: float | None, speed: float | None) -> SweepPoint:
+        """Certify one point; a refusal is a point too."""
         goal, this = self.goal, self.this
         if speed is not None:
             this = replace(this, limits=this.limits.replace(speed=speed))
@@ -167,7 +169,7 @@ class _Point:
         )
 
     def _optimum(self, job: Job, this: Run) -> float | None:
-        """Duration of the plan that is not certified, if there is one."""
+        """Duration of the uncertified plan [s]; None if there is no plan."""
         try:
             program = programs_of(job, this)[1]
             found = plan(

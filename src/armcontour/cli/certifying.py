@@ -71,11 +71,11 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
 def _write(found: Certificate, folder: Any) -> None:
     """Write the plan, its taught data, the derating, the report and the summary."""
     from armcontour.cli.running import write_motions
-    from armcontour.io import certificate_json, held_csv
+    from armcontour.io import certificate_json, derating_csv
     from armcontour.report import render_report
 
     write_motions(folder, found.job, found.study.runs)
-    folder.write("held.csv", held_csv(found))
+    folder.write("derating.csv", derating_csv(found))
     folder.write("report.html", render_report(found.study, certificate=found))
     folder.write("summary.json", certificate_json(found, [*folder.files, "summary.json"]))
 

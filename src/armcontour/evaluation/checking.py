@@ -1,6 +1,6 @@
 """An independent check of any time-stamped joint trajectory against limits and a path.
 
-Shares only geometry and arms with what planned it.
+The check shares only geometry and arms with the planners.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from armcontour.evaluation.tally import (
 from armcontour.geometry import Path
 from armcontour.program import Program
 
-# A computed number is trusted to this many units in its last binary place, and no further.
+# A computed number may be wrong by this many units in its last binary place.
 ULPS = 4
-# Printed times that are this near to a regular grid, in printed digits, are taken to be on it.
+# Printed times this near to a regular grid, in units of the last printed digit, are on the grid.
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 
@@ -62,7 +62,7 @@ class TimeSamples(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathDeviation:
-    """The tool's largest distance from the path [m], when [s], and where along the path [m]."""
+    """The tool's largest distance from the path [m], its time [s] and its arc length [m]."""
 
     distance: float
     t: float
@@ -71,18 +71,19 @@ class PathDeviation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Check:
-    """What a check found.
+    """The result of a check.
 
     Args:
         uses: One entry for every limit that could be judged.
-        not_judged: Limits that these samples cannot tell anything about, and what the path says
-            but no limit was given for.
-        reconstruction: One sentence: what was taken to happen between samples.
-        tolerance: Part by which a limit may be exceeded.
-        states: Number of times that were looked at.
-        start, end: First and last time [s].
+        not_judged: Limits that the samples do not allow to judge, and requirements of the path
+            without a given limit.
+        reconstruction: Assumption about the motion between samples, in one sentence.
+        tolerance: Share by which a limit may be exceeded.
+        states: Number of times that were judged.
+        start: First time [s].
+        end: Last time [s].
         end_speeds: Largest joint velocity at the first and the last time [rad/s]; NaN if unknown.
-        path_deviation: If a path was given.
+        path_deviation: Largest distance from the path; None without a path.
         rounding: Bound on the error of "t", "q", "dq", "ddq" that was allowed for [SI].
     """
 
@@ -99,7 +100,7 @@ class Check:
 
     @property
     def worst(self) -> LimitUse | None:
-        """The limit that is certainly used most; None if there was none to judge."""
+        """The limit with the largest certain use; None if no limit was judged."""
         return max(self.uses, key=lambda x: x.certain, default=None)
 
     @property
@@ -114,10 +115,10 @@ class Check:
 
     @property
     def verdict(self) -> str:
-        """On all limits that are judged: "violated", "cannot tell" or "kept".
+        """The verdict on all judged limits: "violated", "cannot tell" or "kept".
 
-        "violated" if any of them is; else "cannot tell" if that is said of any, or if limits were
-        given and none could be judged; else "kept". See `LimitUse` for one limit.
+        "violated" if any limit is violated; else "cannot tell" if any limit has this verdict, or if
+        limits were given and none could be judged; else "kept". See `LimitUse` for one limit.
         """
         if not self.uses:
             return CANNOT_TELL if self.not_judged else KEPT
@@ -145,59 +146,53 @@ def check(
     points: int = 50,
     seed: int = 0,
 ) -> Check:
-    """Judge a joint trajectory, whoever made it.
+    """Check a joint trajectory of any source against limits and a path.
 
-    Of the trajectory of a program, or samples that are compared with a program, limits of the tool
-    are judged along its contours with their leads and not along its rapids, those of the joints on
-    every move. Samples do not say when which contour is: of all ways to find the contours in them
-    in order, the one counts in which the tool stays nearest.
+    A law, such as a `Trajectory`, is judged on both sides of every break and at random times
+    between breaks. Samples are judged as they stand, and between samples by means that every motion
+    through them must reach. A reported violation is real, except for the rounding allowed for; a
+    peak between samples may be higher than reported.
 
-    A law, such as a `Trajectory`, is looked at on both sides of every break and at random places
-    between all breaks. Of samples, what they say themselves is judged, and between them what every
-    motion through them must have: a violation that is reported is real, up to the rounding that is
-    allowed for, and a peak between samples may be higher than what is reported.
+    In a program, tool limits are judged along contours with their leads, and joint limits on every
+    move. Samples are assigned to contours so that the tool stays nearest to them.
 
-    "violated" means that every motion through the samples exceeds the limit, wherever in their
-    printed digits the true numbers lie. "kept" means that the motion as it is written keeps it: the
-    samples as they stand, and between neighbouring samples the means. An excess that rounding
-    explains and that is below 0.1 % of the limit does not count. Else the verdict is "cannot tell".
+    "violated" means that every motion through the samples exceeds the limit, for all true numbers
+    within their printed digits. "kept" means that the samples, and the means between neighbours,
+    keep the limit; an excess by rounding below 0.1 % does not count. Else: "cannot tell".
 
     Args:
-        samples: Anything with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
+        samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
             `law(t, order, side=...)`, with `duration` and `breaks`.
-        arm: The arm that moves.
-        limits: By default the arm's own.
-        path: The path that the tool was to follow, or the program as it was planned.
-        deviation: Largest distance of the tool from it [m].
-        orientation_deviation: Largest angle between the tool and how the path has it held at its
-            nearest place [rad]; between axes, where only these count.
-        resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI], for
-            samples; by default their own `resolution`, or none.
-        tolerance: Part by which a limit may be exceeded.
+        arm: The arm.
+        limits: The limits; by default the arm's own.
+        path: The path that the tool was to follow, or the program that was planned.
+        deviation: Largest distance of the tool from the path [m].
+        orientation_deviation: Largest angle between the tool and the required tool orientation
+            nearby [rad]; between the axes if only the axis is required.
+        resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI]; by
+            default that of the samples, or none.
+        tolerance: Share by which a limit may be exceeded.
         velocity_step: Largest jump of a joint's velocity at a break of a law [rad/s].
-        points: Random places per interval of a law.
-        seed: Of these places.
+        points: Random times per interval of a law.
+        seed: Seed of the random times.
 
     Raises:
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
-    options: dict[str, Any] = {
-        "tolerance": tolerance,
-        "velocity_step": velocity_step,
-        "points": points,
-        "seed": seed,
-        "resolution": resolution,
-    }
+    options: dict[str, Any] = {"tolerance": tolerance, "velocity_step": velocity_step}
+    options |= {"points": points, "seed": seed, "resolution": resolution}
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
     between = any(x.kind != "contour" for x in getattr(samples, "spans", ()))
     if (between and program is None) or (program is not None and len(program.moves) > 1):
         allowed = {"deviation": deviation, "orientation_deviation": orientation_deviation}
-        return _of_parts(samples, arm, limits, program, allowed=allowed, **options)
+        return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
     single_path = None if program is None else program.path
-    return _of_one(samples, arm, limits, single_path, deviation, orientation_deviation, **options)
+    return _check_one(
+        samples, arm, limits, single_path, deviation, orientation_deviation, **options
+    )
 
 
-def _of_one(
+def _check_one(
     samples: TimeSamples | Law,
     arm: Arm,
     limits: Limits | None,
@@ -211,7 +206,7 @@ def _of_one(
     seed: int,
     resolution: Mapping[str, npt.ArrayLike] | None,
 ) -> Check:
-    """All limits along one path, or everywhere where no path is given; arguments as of `check`."""
+    """Check all limits along one path, or without a path; arguments as in `check`."""
     dof = arm.dof
     _refuse_path(arm, path, deviation, orientation_deviation)
     bounds = (arm.limits if limits is None else limits).for_joints(dof)
@@ -220,16 +215,16 @@ def _of_one(
     points = _checks.whole("points", points, 0, 10_000)
     if callable(samples):
         step = _checks.positive("velocity_step", velocity_step, "rad/s")
-        looked_at = _of_law(samples, tally, points, seed, step)
+        judged = _judge_law(samples, tally, points, seed, step)
     else:
-        looked_at = _of_log(_log(samples, dof, resolution), tally)
+        judged = _judge_log(_check_samples(samples, dof, resolution), tally)
     uses = tally.uses(tolerance)
     return Check(
         uses=uses,
         not_judged=_not_judged(bounds, path, {use.name for use in uses}),
         tolerance=tolerance,
         path_deviation=None if path is None else PathDeviation(**tally.farthest),
-        **looked_at,
+        **judged,
     )
 
 
@@ -239,9 +234,9 @@ class _Part:
 
     Args:
         motion: A law or samples.
-        path: What the tool was to follow, if it is known.
-        t: What is added to its times [s].
-        s: What is added to its places [m].
+        path: The path that the tool was to follow, or None.
+        t: Start time of the motion in the whole, added to its times [s].
+        s: Length of the contours before it, added to its arc lengths [m].
     """
 
     motion: Any
@@ -252,7 +247,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Samples:
-    """A part of samples."""
+    """Some of the samples of a motion, with the fields that `check` reads."""
 
     t: FloatArray
     q: FloatArray
@@ -261,11 +256,11 @@ class _Samples:
     resolution: Mapping[str, npt.ArrayLike] | None
 
 
-def _parts(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
-    """What a motion does on every contour.
+def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
+    """Split a motion into its contours.
 
     Raises:
-        InvalidInput: A law that is not of the program, or samples that do not follow its contours.
+        InvalidInput: The law has another number of contours, or samples do not follow a contour.
     """
     paths: list[Path | None] = [] if program is None else [x.path for x in program.contours]
     starts = [0.0] if program is None else program.breaks.tolist()
@@ -282,7 +277,7 @@ def _parts(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
             for x, path in zip(spans, paths, strict=True)
         ]
     assert program is not None
-    log = _log(samples, arm.dof, None)
+    log = _check_samples(samples, arm.dof, None)
     resolution = getattr(samples, "resolution", None)
     found = []
     windows = find_windows(arm.forward(log.q), program)
@@ -299,7 +294,7 @@ def _parts(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
     return found
 
 
-def _of_parts(
+def _check_parts(
     motion: Any,
     arm: Arm,
     limits: Limits | None,
@@ -308,21 +303,21 @@ def _of_parts(
     allowed: Mapping[str, Any],
     **options: Any,
 ) -> Check:
-    """Limits of the joints all along, and those of the tool contour by contour.
+    """Check joint limits on the whole motion, and tool limits contour by contour.
 
     Args:
         motion: A law with spans, or samples.
-        arm: The arm that moves.
+        arm: The arm.
         limits: As in `check`.
-        program: What the tool was to follow; None leaves its distance out.
+        program: The program that the tool was to follow; None for no distance.
         allowed: Largest deviations, as in `check`.
-        options: More arguments of `check`.
+        options: Further arguments of `check`.
     """
     for contour in () if program is None else program.contours:
         _refuse_path(arm, contour.path, **allowed)
-    parts = _parts(motion, arm, program)
+    parts = _split_contours(motion, arm, program)
     if callable(motion):
-        # Its parts are judged by themselves.
+        # Without spans, `check` judges the law as a whole.
         motion = replace(cast("Any", motion), spans=())
     bounds = arm.limits if limits is None else limits
     joints = bounds.replace(**dict.fromkeys(TOOL_LIMITS, None))
@@ -336,8 +331,8 @@ def _of_parts(
         found = check(part.motion, arm, tool, part.path, **allowed, **options)
         left |= dict.fromkeys(found.not_judged)
         for use in found.uses:
-            highest = replace(use.highest, **_placed(use.highest, part))
-            placed = replace(use, highest=highest, **_placed(use, part))
+            highest = replace(use.highest, **_shift(use.highest, part))
+            placed = replace(use, highest=highest, **_shift(use, part))
             known = uses.get(use.name)
             uses[use.name] = placed if known is None else merge_uses(known, placed)
         far = found.path_deviation
@@ -348,13 +343,15 @@ def _of_parts(
     )
 
 
-def _placed(x: Occurrence, part: _Part) -> dict[str, Any]:
-    """When and where something of a part is in the whole."""
+def _shift(x: Occurrence, part: _Part) -> dict[str, Any]:
+    """Time and arc length of an occurrence in the whole motion."""
     return {"t": part.t + x.t, "s": None if x.s is None else part.s + x.s}
 
 
-def _of_law(law: Law, tally: Tally, points: int, seed: int, velocity_step: float) -> dict[str, Any]:
-    """What a check says of a law beyond the uses of limits."""
+def _judge_law(
+    law: Law, tally: Tally, points: int, seed: int, velocity_step: float
+) -> dict[str, Any]:
+    """Judge a law; returns the fields of `Check` that do not come from the tally."""
     count = judge_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
     start, end = float(law.breaks[0]), float(law.breaks[-1])
     first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
@@ -371,8 +368,8 @@ def _of_law(law: Law, tally: Tally, points: int, seed: int, velocity_step: float
     }
 
 
-def _of_log(log: Log, tally: Tally) -> dict[str, Any]:
-    """What a check says of samples beyond the uses of limits."""
+def _judge_log(log: Log, tally: Tally) -> dict[str, Any]:
+    """Judge samples; returns the fields of `Check` that do not come from the tally."""
     judge_samples(log, tally)
     known = None if log.dq is None else np.abs(log.dq).max(axis=1)
     rounding = {"t": float(log.t_error.max())} | {
@@ -393,6 +390,11 @@ def _of_log(log: Log, tally: Tally) -> dict[str, Any]:
 def _refuse_path(
     arm: Arm, path: Path | None, deviation: float | None, orientation_deviation: float | None
 ) -> None:
+    """Refuse a path that does not fit the arm, and deviations without a path for them.
+
+    Raises:
+        InvalidInput: Such a path or deviation.
+    """
     if path is not None and path.dimension != arm.dimension:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
@@ -406,12 +408,13 @@ def _refuse_path(
         _checks.positive("orientation_deviation", orientation_deviation, "rad")
         if path is None or path.orientation is None or not isinstance(arm, SerialArm):
             raise InvalidInput(
-                "A largest orientation_deviation needs a path that says how the tool is held, and "
-                "an arm in space."
+                "A largest orientation_deviation needs a path with a tool orientation, and an arm "
+                "in space."
             )
 
 
 def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
+    """Names of the limits, and of requirements of the path, that were not judged."""
     wanted = [x for x in Limits.__dataclass_fields__ if getattr(limits, x) is not None]
     if path is not None and path.orientation is not None:
         wanted.append("orientation_deviation")
@@ -420,6 +423,7 @@ def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[st
 
 
 def _reconstruction(log: Log) -> str:
+    """Assumption about the motion between samples, in one sentence."""
     columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
     given = " and ".join(", ".join(columns).rsplit(", ", 1))
     cubic = "; its distance from a path is that of the cubics through q and dq"
@@ -435,8 +439,12 @@ def _reconstruction(log: Log) -> str:
     )
 
 
-def _log(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None) -> Log:
-    """The samples, checked, with the errors that printing and computing may have made."""
+def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None) -> Log:
+    """Check samples, and bound the errors of their numbers from printing and computing.
+
+    Raises:
+        InvalidInput: The samples are not a trajectory of an arm with `dof` joints.
+    """
     t, q = getattr(samples, "t", None), getattr(samples, "q", None)
     if t is None or q is None:
         raise InvalidInput(
@@ -484,7 +492,11 @@ def _log(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None)
 
 
 def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
-    """Refuse times and joint values that no sampled motion has; names the row, from 1."""
+    """Refuse times and joint values that no sampled motion can have.
+
+    Raises:
+        InvalidInput: Such a value; the message names its row, from 1.
+    """
     row = find_far_time(t)
     if row is not None:
         raise InvalidInput(
@@ -511,10 +523,10 @@ def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
-    """Bounds on the errors of times, and on the part by which all of them may be stretched.
+    """Bounds on the errors of times [s], (n,), and on the share by which all may be stretched.
 
-    If all times but the last are regular as printed, so were they before, with a period that
-    printing changed by no more than would have shown at the other end.
+    If all printed times except the last are regular, the true times are regular too. The true
+    period then differs by so little that the last digit of the other end does not change.
     """
     step = (t[-2] - t[0]) / (len(t) - 2) if len(t) > 2 else t[-1] - t[0]
     number = np.round((t - t[0]) / step)
@@ -527,6 +539,11 @@ def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
 
 
 def _column(name: str, values: Any, dof: int | None) -> FloatArray:
+    """Check a column of samples: times if `dof` is None, else values per joint.
+
+    Raises:
+        InvalidInput: The values are not numbers, not finite, or of the wrong shape.
+    """
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""What a check found: for every limit, where it is used most, and the verdict on it."""
+"""Accumulation of a check: for every limit, its largest use and the verdict on it."""
 
 from __future__ import annotations
 
@@ -14,36 +14,38 @@ from armcontour.errors import InvalidInput
 from armcontour.evaluation.angular_deviation import least_off
 from armcontour.geometry import Path
 
-# Below this tool speed [m/s] the direction of motion, and so the centripetal part, is not defined.
+# Below this tool speed [m/s] the direction of motion is not defined, so the centripetal
+# acceleration is not defined either.
 SLOWEST = 1e-6
-# Below this joint velocity [rad/s] dry friction may have any value up to Coulomb's, either way.
+# Below this joint velocity [rad/s] dry friction may have any value up to Coulomb friction, in both
+# directions.
 STILL = 1e-6
-# A range with one end only is taken to have its middle this far from it [rad].
+# The middle of a range with one end only is this far from its end [rad].
 ONE_SIDED = np.pi
 
 VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
-# A limit counts as kept if rounding alone may have made the excess, and the excess is below this
-# part of the limit: a plan that uses a limit in full exceeds it, once printed, by a last digit.
+# A limit counts as kept if rounding can explain the excess and the excess is below this share of
+# the limit: a plan that uses a limit in full exceeds the limit by a last digit once it is printed.
 UNSEEN = 1e-3
 
-# A quantity of the motion, from q, dq and ddq as far as it takes them.
+# A quantity of the motion: a function of q, of q and dq, or of q, dq and ddq.
 Quantity = Callable[..., FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Occurrence:
-    """How far a limit is used at one time.
+    """The use of a limit at one time.
 
     Args:
-        ratio: value / limit; for joint_lower and joint_upper both counted from the middle of the
-            joint's range.
-        value: Amount [unit of the limit].
-        limit: What is allowed there.
-        t: When [s].
+        ratio: Value over limit; for joint_lower and joint_upper both counted from the middle of the
+            joint range.
+        value: Value without sign [unit of the limit].
+        limit: The limit there.
+        t: Time [s].
         joint: Joint number from 1; None for a limit of the tool.
-        s: Nearest place on the path [m], if a path was given.
-        slack: The part of `ratio` that rounding may have made.
-        certain: The ratio that is left when rounding is given the benefit of the doubt.
+        s: Arc length of the nearest point on the path [m]; None without a path.
+        slack: Part of `ratio` that rounding may have caused.
+        certain: Smallest ratio that the rounded numbers allow.
     """
 
     ratio: float
@@ -58,16 +60,15 @@ class Occurrence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitUse(Occurrence):
-    """How far one limit is used, at the time where it is certainly used most.
+    """The largest certain use of one limit.
 
     Args:
         name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation",
             "position_step" or "velocity_step".
-        highest: Where the ratio of the numbers as they stand is largest, in the narrowest windows;
-            rounding may have made it.
-        verdict: "violated": every motion through the samples, as far as their digits tell, exceeds
-            the limit. "kept": the motion as it is written keeps it everywhere. "cannot tell":
-            neither.
+        highest: Largest ratio of the numbers as they stand, in the narrowest windows; rounding may
+            have caused it.
+        verdict: "violated": every motion through the samples, within their digits, exceeds the
+            limit. "kept": the motion as it stands keeps the limit everywhere. Else "cannot tell".
     """
 
     name: str
@@ -76,14 +77,14 @@ class LimitUse(Occurrence):
 
 
 def judge_use(certain: float, highest: float, tolerance: float) -> str:
-    """The verdict on a limit, from its largest certain ratio and its largest ratio."""
+    """Give the verdict on a limit, from its largest certain ratio and its largest ratio."""
     if certain > 1 + tolerance:
         return VIOLATED
     return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
 
 
 def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
-    """The use of a limit by two motions, from its uses by each."""
+    """Merge the uses of one limit by two motions."""
     use = max(first, second, key=lambda x: x.certain)
     return replace(
         use,
@@ -94,11 +95,13 @@ def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class States:
-    """Joint states at some times, and how far each number may be off.
+    """Joint states at some times, with bounds on the errors of their numbers.
 
     Args:
         t: Times [s], (n,).
-        q, dq, ddq: Joints, (n, dof).
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities [rad/s], (n, dof).
+        ddq: Joint accelerations [rad/s²], (n, dof), or None.
         errors: Bounds on the error of q, dq and ddq, (dof,) each.
     """
 
@@ -110,14 +113,14 @@ class States:
 
 
 class Tally:
-    """The largest use of every limit so far.
+    """Accumulator of the largest use of every limit.
 
     Args:
         arm: The arm.
-        limits: One value per joint.
-        path: The path the tool was to follow.
-        deviation: Largest distance from it [m].
-        orientation_deviation: Largest angle from how the path has the tool held [rad].
+        limits: The limits, with one value per joint.
+        path: The path that the tool was to follow, or None.
+        deviation: Largest distance from the path [m].
+        orientation_deviation: Largest angle from the required tool orientation [rad].
     """
 
     def __init__(
@@ -131,8 +134,8 @@ class Tally:
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
-        # Whether what is offered counts as it stands. Means over wider windows say more of what is
-        # certain, but as they stand they are never above those over the windows in them.
+        # Whether offered values count for the highest ratio. Means over wider windows are more
+        # certain, but never above the means over the narrower windows inside them.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
@@ -147,24 +150,27 @@ class Tally:
         error: npt.ArrayLike = 0.0,
         zero: FloatArray | float = 0.0,
     ) -> float:
-        """Remember where a limit is used most, certainly and as it stands; returns largest slack.
+        """Accumulate values of a limited quantity: keep the largest certain and highest ratios.
 
-        NaN counts as a ratio without bound, of which nothing is certain.
+        NaN counts as an infinite ratio, of which nothing is certain.
 
         Args:
             name: The limit.
-            t: Times (n,).
-            value: Amounts, (n, dof) for joints or (n,) for the tool.
-            limit: Per joint (dof,), or one.
-            q: Joint positions there, (n, dof).
-            error: Bound on the error of `value`, of a shape that fits.
-            zero: Where both are counted from, one or (dof,); below it for a lower limit.
+            t: Times [s], (n,).
+            value: Values, (n, dof) for joints or (n,) for the tool.
+            limit: One limit, or one per joint, (dof,).
+            q: Joint positions [rad], (n, dof).
+            error: Bound on the error of `value`, broadcast to its shape.
+            zero: Origin of values and limits, one or (dof,); above the limit for a lower limit.
+
+        Returns:
+            Largest share of the limit that rounding may have caused.
         """
         if not value.size:
             return 0.0
         allowed = np.broadcast_to(np.asarray(limit, dtype=np.float64), value.shape)
         off = np.broadcast_to(np.asarray(error, dtype=np.float64), value.shape)
-        # A limit may be so small that a ratio to it is beyond all floats.
+        # With a very small limit the ratio may overflow.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             room = np.abs(allowed - zero)
             used = np.where(allowed < zero, zero - value, value - zero)
@@ -198,7 +204,7 @@ class Tally:
     def joint_acceleration(
         self, t: FloatArray, ddq: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
-        """Offer joint accelerations: in each direction to the limit of that direction."""
+        """Offer joint accelerations, each with the limit of its direction."""
         up, down = self.limits.joint_acceleration, self.limits.joint_deceleration
         if up is None:
             return 0.0
@@ -221,13 +227,13 @@ class Tally:
             known = np.isfinite(end)
             if getattr(self.limits, name) is None or not known.any():
                 continue
-            # A joint that turns endlessly stands in the middle of a range of its own.
+            # A joint without this end has an infinite range, of which no part is used.
             value = np.where(known, q, 0.0)
             far, zero = np.where(known, end, np.inf), np.where(known, middle, 0.0)
             self.offer(name, t, value, far, q, error, zero)
 
     def torque(self, x: States) -> None:
-        """Offer joint torques, where the arm's masses are known."""
+        """Offer joint torques, if the arm has masses."""
         limit = self.limits.joint_torque
         if limit is None or x.ddq is None or not judges_torque(self.arm):
             return
@@ -242,7 +248,7 @@ class Tally:
         error = np.zeros_like(torque)
         for change in _changes(x, without_dry, torque, 2):
             error += np.abs(change)
-        # Where a joint may stand, dry friction is whatever helps most.
+        # If a joint may be at rest, dry friction takes the most favourable value.
         helping = -np.clip(torque, -coulomb, coulomb)
         still = np.abs(x.dq) <= STILL + x.errors[1]
         least = np.abs(torque + np.where(still, helping, coulomb * np.sign(x.dq)))
@@ -271,7 +277,7 @@ class Tally:
         return rate, self._spread(x, _angular(arm.tool_twist), rate, 1)
 
     def states(self, x: States) -> None:
-        """Offer everything that is known at one time each: joints and tool."""
+        """Offer all quantities of joints and tool at given states."""
         limits = self.limits
         self.joint_range(x.t, x.q, x.errors[0])
         self.torque(x)
@@ -293,7 +299,7 @@ class Tally:
         if limits.tool_acceleration is not None:
             self.offer("tool_acceleration", x.t, size, limits.tool_acceleration, x.q, error)
         velocity, velocity_error = self.tool_velocity(x)
-        # The direction may be off by the velocity's error, which turns the rest into normal part.
+        # An error of the direction of motion makes a normal part of tangential acceleration.
         speed = np.linalg.norm(velocity, axis=1)
         turned = size * np.minimum(1.0, velocity_error / np.maximum(speed, SLOWEST))
         self.centripetal(x.t, velocity, acceleration, x.q, error + turned, speed > SLOWEST)
@@ -307,7 +313,7 @@ class Tally:
         error: FloatArray,
         where: BoolArray,
     ) -> float:
-        """Offer the part of tool accelerations normal to `velocity`, at places `where` it moves."""
+        """Offer the part of tool accelerations normal to `velocity`, where the tool moves."""
         limit = self.limits.centripetal_acceleration
         if limit is None:
             return 0.0
@@ -320,19 +326,19 @@ class Tally:
         )
 
     def tool_velocity(self, x: States) -> tuple[FloatArray, FloatArray]:
-        """Tool velocities (n, dimension), and a bound on the length of their error (n,)."""
+        """Tool velocities [m/s], (n, dimension), and a bound on the length of their error, (n,)."""
         velocity = self.arm.tool_velocity(x.q, x.dq)
         return velocity, self._spread(x, self.arm.tool_velocity, velocity, 1)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Tool points (n, dimension), and a bound on the length of their error (n,)."""
+        """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
         none = np.zeros_like(error)
         x = States(t=q[:, 0], q=q, dq=np.zeros_like(q), ddq=None, errors=(error, none, none))
         points = self.arm.forward(q)
         return points, self._spread(x, self.arm.forward, points, 0)
 
     def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
-        """Offer the tool's distance from the path, and its angle from how it is held there."""
+        """Offer the distance of the tool from the path and from the required tool orientation."""
         if self.path is None:
             return
         points, off = self.tool(q, error)
@@ -351,14 +357,14 @@ class Tally:
             return
         reach = self.farthest["distance"] if self.deviation is None else self.deviation
         angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], allowed, reach)
-        # A joint that is off by an angle turns the tool by that angle; a tool that is off may be
-        # nearest to a place where it is held otherwise.
+        # An error of a joint position turns the tool by at most the same angle. An error of the
+        # tool point moves the nearest point to another required orientation.
         rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)
         slack = float(error.sum()) + rate * off
         self.offer("orientation_deviation", t, angle, allowed, q, slack)
 
     def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
-        """The uses, each with its place on the path and the verdict on it."""
+        """The largest uses of all limits, with arc lengths on the path and verdicts."""
         found = [*self._certain.values(), *self._highest.values()]
         uses = [x for x, _ in found]
         if self.path is not None and found:
@@ -376,17 +382,16 @@ class Tally:
         )
 
     def _spread(self, x: States, function: Quantity, value: FloatArray, order: int) -> FloatArray:
-        """Length by which a tool quantity moves when each number is off by its error, (n,)."""
+        """Bound on the length of the error of a tool quantity from the errors of states, (n,)."""
         total = np.zeros(len(value))
         for change in _changes(x, function, value, order):
             total += np.linalg.norm(change, axis=1)
-        # What the errors of two joints do together is less than the one's part times the other's
-        # angle.
+        # The joint effect of two errors is less than the effect of one times the other's angle.
         return np.asarray(total * (1 + x.errors[0].sum()))
 
 
 def judges_torque(arm: Arm) -> bool:
-    """Whether an arm's torques can be told: its masses, and the package that takes them."""
+    """Whether the torques of an arm can be computed: it has masses, and pinocchio is installed."""
     try:
         return arm.has_bodies and arm.dynamics is not None
     except InvalidInput:
@@ -394,7 +399,7 @@ def judges_torque(arm: Arm) -> bool:
 
 
 def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
-    """How a quantity of q and its first `order` rates changes with the error of each number."""
+    """Changes of a quantity with the error of each number of q and its first `order` rates."""
     columns = [x.q, x.dq, x.q if x.ddq is None else x.ddq][: order + 1]
     for k in range(len(columns)):
         for joint in np.flatnonzero(x.errors[k]):
@@ -405,6 +410,7 @@ def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> It
 
 
 def _without_nan(values: FloatArray, instead: float) -> FloatArray:
+    """The values, with NaN replaced."""
     return np.where(np.isnan(values), instead, values)
 
 

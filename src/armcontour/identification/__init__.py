@@ -1,4 +1,4 @@
-"""Identification of the servo from a log. Shares only the servo model with others."""
+"""Identification of the servo from a log; uses only the servo model of the other packages."""
 
 from armcontour.identification.identification import MODELS, identify
 from armcontour.identification.log import INTERPOLATIONS, Log, cut

@@ -1,4 +1,4 @@
-"""The compiled part: one joint over a log, with its derivatives by every parameter.
+"""Compiled simulation of one joint over a log, with its derivatives by every parameter.
 
 Spans end at samples and at set-points as the joint sees them (`t + delay`).
 """

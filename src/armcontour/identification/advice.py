@@ -1,4 +1,4 @@
-"""What a log cannot tell, and which motion would: from the bound that the motion would have."""
+"""Motions that would determine a parameter, chosen by their Cramér-Rao bound."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from armcontour._checks import FloatArray
 from armcontour.identification.choosing import largest_demand
 from armcontour.identification.fitting import NAMES, Data, State, simulated
 
-# The motions that are offered: multisines of so many seconds, from 0.5 Hz to one of these [Hz].
+# Proposed motions: multisines of this duration [s], from LOWEST to one of these frequencies [Hz].
 SECONDS = 20.0
 LOWEST = 0.5
 HIGHEST = (5.0, 10.0, 25.0, 50.0)
-# They may ask for this part of the largest acceleration that is known to be reached.
+# Share of the largest acceleration known to be reached that a proposed motion may need.
 SHARE = 0.85
-# A motion is worth telling if it determines the parameter this much better than needed.
+# The first motion that determines the parameter this many times better than needed is proposed.
 RESERVE = 2.0
-# A motion with less acceleration than this [rad/s²] is not worth telling: no encoder shows it.
+# Motions with less acceleration than this [rad/s²] are not proposed: no encoder shows them.
 LEAST_DEMAND = 1e-6
-# Samples of a motion are at most so many.
+# Largest number of samples of a motion.
 MOST_SAMPLES = 20_000
 
 
 def better_motion(data: Data, state: State, name: str, noise: float, allowed: float) -> str:
-    """A sentence with the first motion that determines a parameter, or with the best one.
+    """A sentence with the first motion that determines a parameter, or with the best motion.
 
     Args:
         data: The log of the joint.
-        state: What is known of it; what is not is guessed.
+        state: Known parameters of the joint; unknown gains get usual values.
         name: "kp", "kv" or "delay".
         noise: Standard deviation of the measurement [rad].
-        allowed: Standard deviation at which the parameter counts as determined, of the gains in
-            parts of the value, of the dead time in s.
+        allowed: Standard deviation at which the parameter counts as determined: as a share of a
+            gain, in s for the dead time.
     """
     state = _guessed(state)
     interval = max(float(np.median(np.diff(data.t))), SECONDS / MOST_SAMPLES)
@@ -63,7 +63,7 @@ def better_motion(data: Data, state: State, name: str, noise: float, allowed: fl
 
 
 def larger_step(data: Data, state: State, demand: float) -> float:
-    """The step [rad], in one command interval, that asks for more than a demand [rad/s²]."""
+    """The step in one command interval [rad] that needs a given acceleration [rad/s²]."""
     interval = float(np.median(np.diff(data.t)))
     t: FloatArray = np.float64(interval) * np.arange(2 + int(math.ceil(5 / (state.kp * interval))))
     u = np.ones_like(t)
@@ -77,7 +77,11 @@ def larger_step(data: Data, state: State, demand: float) -> float:
 def multisine(
     data: Data, state: State, interval: float, highest: float, top: float
 ) -> tuple[Data, float]:
-    """Commands with equal lines up to `highest` [Hz] that ask for `top` [rad/s²]; their rms."""
+    """Make a multisine with equal lines up to `highest` [Hz] that needs the acceleration `top`.
+
+    Returns:
+        The commands as a log, and their root mean square [rad].
+    """
     t: FloatArray = np.float64(interval) * np.arange(int(SECONDS / interval))
     lines = np.arange(LOWEST, highest + LOWEST / 2, LOWEST)
     # Schroeder's phases keep the peaks low.
@@ -92,17 +96,18 @@ def multisine(
 
 
 def _bound(data: Data, state: State, name: str, noise: float) -> float:
+    """Cramér-Rao bound of the standard deviation of a parameter: share of a gain, or s."""
     names = ("kp", "kv", "delay") if state.order == "second" else ("kp", "delay")
     out, _ = simulated(data, state, 1 + len(NAMES))
     jacobian = out[[1 + NAMES.index(x) for x in names]]
-    # An undamped inverse: these motions determine everything, if ever so badly.
+    # No damping is needed: these motions determine all parameters, if poorly.
     covariance = np.linalg.pinv(jacobian @ jacobian.T, rcond=1e-18, hermitian=True)
     sd = noise * math.sqrt(abs(covariance[names.index(name), names.index(name)]))
     return sd if name == "delay" else sd / float(getattr(state, name))
 
 
 def _guessed(state: State) -> State:
-    """A state whose unknown gains are ordinary ones."""
+    """The state with usual values for unknown gains."""
     kp = min(max(state.kp, 1.0), 200.0)
     if state.order == "first":
         return replace(state, kp=kp)

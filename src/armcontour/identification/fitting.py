@@ -1,4 +1,4 @@
-"""Maximum likelihood by simulation: Levenberg and Marquardt's iteration on one joint's errors."""
+"""Maximum likelihood fit of one joint by simulation, with Levenberg-Marquardt iterations."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from armcontour.errors import ExecutionError
 from armcontour.identification import _joint
 from armcontour.servo._sensitivity import COLUMNS
 
-# Gains and limits are looked for in here [1/s], [rad/s²].
+# Ranges of the search for gains [1/s] and acceleration limits [rad/s²].
 GAINS = (0.05, 5e3)
 LIMITS = (1e-4, 1e7)
-# An iteration that would move the parameters by less than this part of a standard deviation ends.
+# The iteration ends when a step moves the parameters by less than this share of a standard
+# deviation.
 NEAR = 1e-3
 MOST_ITERATIONS = 60
-# Steps damped by more than this lead nowhere.
+# Steps with more damping than this are too short to be useful.
 MOST_DAMPING = 1e8
 # A gain changes by no more than this factor in one iteration.
 LARGEST_FACTOR = 3.0
@@ -41,10 +42,10 @@ class Data:
         t: Times [s], (n,).
         u: Set-points [rad], (n,).
         y: Measured positions [rad], (n,).
-        linear: Set-points are interpolated; else held.
-        delays: Least and largest dead time that is looked for [s].
-        offset: About how far the measured position stands off the command at rest [rad], if that is
-            to be estimated.
+        linear: Whether set-points are interpolated linearly; otherwise each is kept until the next.
+        delays: Smallest and largest dead time of the search [s].
+        offset: First value of the offset between measured position and command at rest [rad]; None
+            if no offset is estimated.
     """
 
     t: FloatArray
@@ -55,7 +56,7 @@ class Data:
     offset: float | None = None
 
     def part(self, begin: int, end: int, every: int = 1) -> Data:
-        """Some of the samples."""
+        """The samples from `begin` to before `end`, every `every`-th one."""
         some = slice(begin, end, every)
         t, u, y = (np.ascontiguousarray(x[some]) for x in (self.t, self.u, self.y))
         return replace(self, t=t, u=u, y=y)
@@ -68,12 +69,13 @@ class Data:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
-    """Parameters of one joint, and how the log began for it.
+    """Parameters of one joint, and its state at the start of the log.
 
     Args:
         order: "second" or "first".
-        start: "rest": it stood still until the first set-point reached it; "held": the first
-            set-point held before the log; "moving": what came before is not known.
+        start: "rest": the joint was at rest until the first set-point reached it; "held": the
+            command before the log was the first set-point; "moving": the command before the log is
+            not known.
         first: First sample that is used.
         kp, kv: Gains [1/s]; kv is infinite in the first order.
         delay: Dead time [s].
@@ -112,7 +114,7 @@ class State:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A state at which the likelihood is largest.
+    """Parameters with the largest likelihood.
 
     Args:
         state: The parameters.
@@ -123,7 +125,7 @@ class Fit:
         residuals: Measured less simulated [rad], (count,).
         spread: Sum of the squares of the measured positions about their mean [rad²].
         saturated_time: Time at the acceleration limit [s].
-        at_edge: Free parameters that ended at the edge of what is looked for.
+        at_edge: Free parameters that ended at the edge of the search range.
     """
 
     state: State
@@ -137,12 +139,12 @@ class Fit:
 
     @property
     def variance(self) -> float:
-        """Of the noise, without bias [rad²]."""
+        """Unbiased variance of the noise [rad²]."""
         return self.sse / max(self.count - len(self.state.free), 1)
 
     @property
     def r_squared(self) -> float:
-        """Part of the variance of the measured positions that the model explains."""
+        """Share of the variance of the measured positions that the model explains."""
         return 1.0 - self.sse / max(self.spread, 1e-300)
 
     @property
@@ -153,10 +155,14 @@ class Fit:
 
 
 def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Positions (and derivatives) from the first used sample on; largest demand, time at limit.
+    """Simulate a joint over its log, from the first used sample on.
+
+    Returns:
+        Positions [rad], followed by their derivatives if `columns` is above 1, (columns, samples);
+        largest demand [rad/s²] and time at the acceleration limit [s].
 
     Raises:
-        ExecutionError: An interval of the log that is too long to simulate.
+        ExecutionError: An interval of the log is too long to simulate.
     """
     first, last, rest = state.first, data.last, state.start == "rest"
     given = (data.t, data.u, data.linear, first, last, rest)
@@ -183,12 +189,12 @@ def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, F
 
 
 def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST_ITERATIONS) -> Fit:
-    """The nearest state, from `start`, at which the likelihood is largest.
+    """Find the maximum of the likelihood nearest to `start`.
 
     Args:
         data: The log of the joint.
-        start: Where to start.
-        enough: A sum of squares that is small enough to stop at [rad²].
+        start: First parameters.
+        enough: Sum of squares at which the iteration may stop [rad²].
         most: Largest number of iterations.
 
     Raises:
@@ -210,7 +216,7 @@ def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST
         sse, residuals, _, saturated = errors
         if sse <= enough or gain <= NEAR**2 * sse / len(residuals):
             break
-        # A limit that is not reached any more has left the problem.
+        # An acceleration limit that is not reached has no effect on the errors.
         if "limit" in state.free and saturated == 0.0:
             break
     return _fit_at(data, state, errors)
@@ -219,16 +225,16 @@ def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST
 def _step(
     data: Data, state: State, errors: Errors, damping: float
 ) -> tuple[State, Errors, float] | None:
-    """A state with no larger errors, these, and the damping to go on with; None without one."""
+    """Take one step; returns the state, its errors and the next damping, or None if none helps."""
     sse, residuals, jacobian, _ = errors
     names = state.free
     normal, slope, _ = _joint.normal_equations(jacobian, residuals)
-    # A parameter that would leave what is looked for stays, and the others move without it.
+    # A parameter that would leave its search range stays fixed while the others move.
     free = np.array([_moves(data, state, x, slope[k]) for k, x in enumerate(names)])
     normal[~free], normal[:, ~free], slope[~free] = 0.0, 0.0, 0.0
     scale = np.maximum(np.diag(normal), 1e-300)
     while damping < MOST_DAMPING:
-        trial = _moved(data, state, names, _solved(normal, slope, damping * scale))
+        trial = _move(data, state, names, _solve(normal, slope, damping * scale))
         found = _errors(data, trial)
         if found[0] <= sse:
             return trial, found, max(damping / 10.0, 1e-9)
@@ -252,11 +258,12 @@ def _fit_at(data: Data, state: State, errors: Errors) -> Fit:
 
 
 def best(data: Data, starts: Sequence[State]) -> Fit:
-    """The fit with the smallest errors from several starts."""
+    """Fit from several starts, and return the fit with the smallest errors."""
     return min((fit(data, x) for x in starts), key=lambda x: x.sse)
 
 
 def _errors(data: Data, state: State) -> Errors:
+    """Errors of the simulated positions, with derivatives; an infinite sum if not finite."""
     out, seen = simulated(data, state, COLUMNS)
     residuals = data.y[state.first : data.last] - out[0] - (state.offset or 0.0)
     names = state.free
@@ -269,15 +276,15 @@ def _errors(data: Data, state: State) -> Errors:
     return (sse if math.isfinite(sse) else math.inf), residuals, jacobian, float(seen[1])
 
 
-def _solved(normal: FloatArray, slope: FloatArray, damping: FloatArray) -> FloatArray:
-    # Scaled to a unit diagonal, so that units do not spoil the condition.
+def _solve(normal: FloatArray, slope: FloatArray, damping: FloatArray) -> FloatArray:
+    """Solve the damped normal equations, scaled to a unit diagonal for a good condition number."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     matrix = normal / np.outer(scale, scale) + np.diag(damping / scale**2)
     return np.asarray(np.linalg.lstsq(matrix, slope / scale, rcond=None)[0] / scale)
 
 
-def _moved(data: Data, state: State, names: tuple[str, ...], step: FloatArray) -> State:
-    """The state after a step, kept in the bounds of the search; `_edges` tells where they bind."""
+def _move(data: Data, state: State, names: tuple[str, ...], step: FloatArray) -> State:
+    """Apply a step within the search ranges; `_edges` names the parameters at their edges."""
     new: dict[str, Any] = {}
     for name, change in zip(names, step.tolist(), strict=True):
         value = getattr(state, name)
@@ -294,7 +301,7 @@ def _moved(data: Data, state: State, names: tuple[str, ...], step: FloatArray) -
 
 
 def _moves(data: Data, state: State, name: str, slope: float) -> bool:
-    """Whether a parameter can go where the errors become less."""
+    """Whether a parameter can move in the direction of smaller errors within its search range."""
     if name not in ("delay", *_LOGARITHMIC):
         return True
     low, high = _bounds(data, name)
@@ -317,8 +324,8 @@ def _edges(data: Data, state: State) -> tuple[str, ...]:
 def covariance(found: Fit, *, white: bool) -> FloatArray:
     """Covariance of the free parameters (logarithms of gains and limit), (free, free).
 
-    It is the inverse of the Fisher information, the Cramér-Rao bound. Of residuals that are not
-    white, Newey and West's estimate takes their correlation into account.
+    The covariance is the inverse of the Fisher information, the Cramér-Rao bound. If residuals are
+    not white, the estimate of Newey and West takes their correlation into account.
     """
     jacobian = found.jacobian
     scale = np.sqrt(np.sum(jacobian**2, axis=1))
@@ -330,13 +337,13 @@ def covariance(found: Fit, *, white: bool) -> FloatArray:
     else:
         middle = inverse @ _long_run(unit * found.residuals, found.residuals) @ inverse
     middle[lost, lost] = math.inf
-    # A variance beyond all floats is infinite: the log tells nothing of that parameter.
+    # A variance that overflows is infinite: the log does not determine that parameter.
     with np.errstate(over="ignore"):
         return np.asarray(middle / np.outer(scale, scale))
 
 
 def _inverse(normal: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Inverse, and for which parameters there is none."""
+    """Pseudo-inverse, and whether each parameter has no inverse."""
     values, vectors = np.linalg.eigh(normal)
     good = values > 1e-13 * values.max(initial=0.0)
     inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T

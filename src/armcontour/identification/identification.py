@@ -14,12 +14,12 @@ from armcontour.identification.log import INTERPOLATIONS, Log
 from armcontour.identification.results import Identification, JointIdentification
 
 MODELS = ("auto", "second", "first")
-# Dead times up to this [s] are looked for, and down to this far below zero [s]: so that noise about
-# a dead time of zero is not cut off on one side.
+# Range of the search for dead times [s]: up to LONGEST_DELAY, and down to BELOW_ZERO below zero, so
+# that noise around a dead time of zero is not cut off on one side.
 LONGEST_DELAY = 0.25
 BELOW_ZERO = 10e-3
-# Times between samples [s] from which a servo can be told. Faster than 1 MHz no controller samples.
-# Slower than 10 Hz, all that the gains decide happens between two samples.
+# Sample intervals [s] from which a servo can be identified. No controller samples faster than
+# 1 MHz. Below 10 Hz the response to the gains happens between two samples.
 INTERVALS = (1e-6, 0.1)
 
 
@@ -31,19 +31,19 @@ def identify(
     longest_dead_time: float = LONGEST_DELAY,
     progress: Progress | None = None,
 ) -> Identification:
-    """Gains, dead time and acceleration limit of every joint, from what it was told and did.
+    """Identify gains, dead time and acceleration limit of every joint from a log.
 
     The model of a joint is `ddq = sat(K_v (K_p (u(t - dead time) - q) - dq))`, or the lag
-    `dq = K_p (u(t - dead time) - q)`. It is simulated exactly from the set-points; the estimates
-    make the squares of the residuals least.
+    `dq = K_p (u(t - dead time) - q)`. The model is simulated exactly from the set-points. The
+    estimates minimize the sum of squared residuals.
 
     Args:
-        log: The log.
-        model: "second", "first", or "auto", which takes the lag where the log does not speak for
-            more.
-        interpolation: What the controller does between set-points, "linear" or "step"; by default
-            as the log says, else linear.
-        longest_dead_time: Dead times are looked for up to this [s].
+        log: The log, with set-points and measured positions.
+        model: "second", "first", or "auto", which takes the lag unless the log supports the second
+            order.
+        interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
+            that of the log, else linear.
+        longest_dead_time: Largest dead time of the search [s].
         progress: Called with a step, the name of a joint, before each joint.
 
     Raises:
@@ -51,7 +51,7 @@ def identify(
             measurement cannot belong together.
     """
     _checks.choice("model", model, MODELS)
-    between = _between(log, interpolation)
+    between = _choose_interpolation(log, interpolation)
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
     _refuse_interval(log)
     duration = float(log.t[-1] - log.t[0])
@@ -59,27 +59,32 @@ def identify(
     tell, joints = under(progress), []
     for j in range(log.dof):
         tell(Step((log.joint_names[j],)))
-        joints.append(_joint(log, j, model, between == "linear", delays))
+        joints.append(_identify_joint(log, j, model, between == "linear", delays))
     return Identification(log=log, interpolation=between, joints=tuple(joints))
 
 
-def _between(log: Log, interpolation: str | None) -> str:
-    """What the controller does between set-points.
+def _choose_interpolation(log: Log, interpolation: str | None) -> str:
+    """Choose the interpolation of set-points: as given, else that of the log, else linear.
 
     Raises:
-        InvalidInput: An unknown word, or not what the log says.
+        InvalidInput: An unknown interpolation, or another one than in the log.
     """
     if interpolation is not None:
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         if log.interpolation not in (None, interpolation):
             raise InvalidInput(
                 f"{log.source} says that its interpolation is {log.interpolation}, but "
-                f"{interpolation} was asked for: leave one of them out."
+                f"{interpolation} is required: leave one of them out."
             )
     return interpolation or log.interpolation or "linear"
 
 
 def _refuse_interval(log: Log) -> None:
+    """Refuse a log with a sample interval outside INTERVALS.
+
+    Raises:
+        InvalidInput: The interval is too short or too long.
+    """
     low, high = INTERVALS
     # Times are rounded.
     if not low * (1 - 1e-6) <= log.interval <= high * (1 + 1e-6):
@@ -92,9 +97,14 @@ def _refuse_interval(log: Log) -> None:
         )
 
 
-def _joint(
+def _identify_joint(
     log: Log, j: int, model: str, linear: bool, delays: tuple[float, float]
 ) -> JointIdentification:
+    """Identify the joint j (from 0), with dead times in the range `delays` [s].
+
+    Raises:
+        InvalidInput: Command and measurement cannot belong together.
+    """
     name = log.joint_names[j]
     data = Data(
         t=np.ascontiguousarray(log.t - log.t[0]),

@@ -13,11 +13,11 @@ GAUSSIAN = 0.1
 
 
 class Ends:
-    """The precision of each parameter: the Cramér-Rao bound, or the profile where that is singular.
+    """The precision of each parameter: its Cramér-Rao bound, or its profile if that is singular.
 
     Args:
         data: The log of the joint.
-        found: Its fit.
+        found: The fit of the joint.
     """
 
     def __init__(self, data: Data, found: Fit) -> None:
@@ -44,7 +44,7 @@ class Ends:
             )
 
     def relative(self, name: str) -> float:
-        """Standard deviation of a gain or limit, in parts of the value."""
+        """Standard deviation of a gain or limit, as a share of its value."""
         if name in self._profiled:
             low, high = self._profiled[name]
             return (high - low) / (2 * self._quantile * float(getattr(self._found.state, name)))
@@ -58,7 +58,7 @@ class Ends:
         return self._errors[name]
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Ends of the 95 % interval."""
+        """Ends of the 95 % interval of a parameter, in its unit."""
         if name in self._profiled:
             return self._profiled[name]
         value = float(getattr(self._found.state, name))
@@ -66,10 +66,11 @@ class Ends:
         if name == "delay":
             return value - share, value + share
         if name == "kv":
-            # What a log sees of the velocity loop is its time constant.
+            # A log shows the time constant of the velocity loop, 1 / K_v.
             return value / (1 + share), value / (1 - share)
         factor = math.exp(min(share, 700.0))
         return value / factor, value * factor
 
     def _share(self, name: str) -> float:
+        """Half of the width of the 95 % interval, in the unit of the standard error."""
         return self._quantile * self._errors[name]

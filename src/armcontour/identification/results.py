@@ -1,4 +1,4 @@
-"""What an identification gives: estimates of joints, and the servo made of them."""
+"""Results of an identification: estimates of each joint, and the servo model made of them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from armcontour.servo import ServoModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """One parameter.
+    """The estimate of one parameter.
 
     Args:
         name: "kp", "kv", "dead_time" or "acceleration".
-        unit: Of the value.
+        unit: Unit of the value.
         value: The most likely value; nan if there is none.
         sd: Standard deviation; nan if there is none.
         low, high: Ends of the 95 % interval; of an acceleration limit that the log does not
             show, `low` is the lowest one that it leaves possible.
         determined: Whether the log determines it: `sd` is at most 10 % of the value, of a dead
             time at most 10 % or 0.5 ms.
-        advice: Why it does not, and which motion would.
+        advice: Why the log does not determine the parameter, and which motion would.
     """
 
     name: str
@@ -41,10 +41,10 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointIdentification:
-    """What a log says of one joint.
+    """The identified servo of one joint.
 
     Args:
-        name: Of the joint.
+        name: Name of the joint.
         order: "second": a velocity loop in a position loop; "first": a lag.
         kp, kv: Gains [1/s].
         dead_time: Time from a set-point to its effect [s].
@@ -59,9 +59,9 @@ class JointIdentification:
         whiteness: Probability that white noise is as correlated as the residuals.
         bic: Bayes's information criterion of each model that was fitted; smaller is better.
         rms_of: Residuals of each of them [rad].
-        largest_demand: Largest acceleration that the model asks for [rad/s²].
+        largest_demand: Largest acceleration that the model would need [rad/s²].
         saturated_time: Time at the acceleration limit [s].
-        notes: What else one should know.
+        notes: Further remarks on the fit, as sentences.
     """
 
     name: str
@@ -90,7 +90,7 @@ class JointIdentification:
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """All of them."""
+        """The estimates of all parameters."""
         return self.kp, self.kv, self.dead_time, self.acceleration
 
     @property
@@ -101,12 +101,12 @@ class JointIdentification:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
-    """What a log says of every joint.
+    """The identified servos of all joints of a log.
 
     Args:
         log: The log.
-        interpolation: What was taken to happen between set-points.
-        joints: One per joint.
+        interpolation: Interpolation of set-points that was assumed.
+        joints: The result of each joint.
     """
 
     log: Log
@@ -160,17 +160,17 @@ class Identification:
 
 
 def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
-    """What a servo model needs."""
+    """The estimates that a servo model needs."""
     if joint.order == "first":
         return joint.kp, joint.dead_time
     return joint.kp, joint.kv, joint.dead_time
 
 
 def _dead_time(joint: JointIdentification, source: str) -> float:
-    """The dead time of a servo model, zero if the estimate cannot be told from zero.
+    """The dead time of a servo model [s]; zero if the 95 % interval reaches below zero.
 
     Raises:
-        InvalidInput: It is below zero for certain.
+        InvalidInput: The whole 95 % interval is below zero.
     """
     if joint.dead_time.high < 0:
         raise InvalidInput(

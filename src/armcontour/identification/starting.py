@@ -1,4 +1,4 @@
-"""Where the search starts: a coarse scan of gains and dead time on the liveliest part of a log."""
+"""Start values of the fit: a coarse scan of gains and dead times on a part of the log."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.identification import _joint
 from armcontour.identification.fitting import Data, State, fit
 
-# The scan's grid, coarser than the valleys of the likelihood are wide.
+# Grid of the scan, coarser than the width of the valleys of the likelihood; fits refine it.
 KP = (2.0, 4.0, 8.0, 14.0, 25.0, 45.0, 80.0, 150.0)
 KV = (12.0, 35.0, 90.0, 250.0, 700.0, 2000.0)
 DELAY_STEP = 10e-3
@@ -28,7 +28,7 @@ SMOOTHED = 41
 
 
 def first_states(data: Data, order: str, start: str, *, limited: bool = False) -> list[State]:
-    """Good places to start from for a part of the log, best first, for the whole of it.
+    """Find start values for the fit of the whole log from a scan of a part of it, best first.
 
     Args:
         data: One joint.
@@ -38,7 +38,7 @@ def first_states(data: Data, order: str, start: str, *, limited: bool = False) -
     """
     begin, end = liveliest(data)
     piece = data.part(begin, end)
-    # Only at the log's own begin is known how it started.
+    # The kind of start is known only at the start of the log.
     how = start if begin == 0 else "moving"
     thin = piece.part(0, len(piece.t), max(1, math.ceil(len(piece.t) / SCANNED)))
     seed = initial(thin, order, how)
@@ -58,12 +58,12 @@ def first_states(data: Data, order: str, start: str, *, limited: bool = False) -
 
 
 def initial(data: Data, order: str, start: str, first: int | None = None) -> State:
-    """A state with what the measured positions say of its begin, and no parameters yet."""
+    """A state with the measured position and velocity at its start, and no parameters yet."""
     if first is None:
         first = 0 if start != "moving" else known_from(data, data.delays[1])
     n = min(SMOOTHED // 2, max(len(data.t) - first, 2))
     t, y = data.t[first : first + n] - data.t[first], data.y[first : first + n]
-    # A joint at rest may be told to go at once: only its first positions say where it was.
+    # A joint at rest may start to move at once: only its first position shows where it was.
     q0, dq0 = (float(y[0]), 0.0) if start == "rest" else np.polyfit(t, y, 1)[::-1].tolist()
     return State(
         offset=data.offset,
@@ -85,15 +85,15 @@ def known_from(data: Data, delay: float) -> int:
 
 
 def liveliest(data: Data) -> tuple[int, int]:
-    """Begin and end of the part of the log, of `FITTED` samples, in which commands move most."""
+    """Start and end of the part of the log, of `FITTED` samples, in which commands move most."""
     n = len(data.t)
     if n <= FITTED:
         return 0, n
     moved = np.concatenate([[0.0], np.cumsum(np.diff(data.u) ** 2)])
-    begins = np.arange(0, n - FITTED, FITTED // 8)
-    best_begin = int(begins[np.argmax(moved[begins + FITTED - 1] - moved[begins])])
-    # The joint still answers to what came before the part.
-    return max(best_begin - FITTED // 8, 0), min(best_begin + FITTED, n)
+    starts = np.arange(0, n - FITTED, FITTED // 8)
+    best_start = int(starts[np.argmax(moved[starts + FITTED - 1] - moved[starts])])
+    # The joint still responds to commands before the part.
+    return max(best_start - FITTED // 8, 0), min(best_start + FITTED, n)
 
 
 def _trials(delays: tuple[float, float], order: str, top: float | None) -> FloatArray:

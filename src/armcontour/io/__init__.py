@@ -9,7 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armcontour.io.certificate import certificate_json, held_csv, sweep_json
+    from armcontour.io.certificate import certificate_json, derating_csv, sweep_json
     from armcontour.io.job_file import json_schema, parse_job, read_job
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
 _HOME = {
-    "certificate": ("certificate_json", "held_csv", "sweep_json"),
+    "certificate": ("certificate_json", "derating_csv", "sweep_json"),
     "job_file": ("json_schema", "parse_job", "read_job"),
     "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
@@ -32,7 +32,7 @@ __all__ = [
     "JobOverrides",
     "ResultFolder",
     "certificate_json",
-    "held_csv",
+    "derating_csv",
     "json_schema",
     "parse_job",
     "parse_trajectory",

@@ -56,7 +56,7 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
     return _text(data)
 
 
-def held_csv(certificate: Certificate) -> str:
+def derating_csv(certificate: Certificate) -> str:
     """The derating of a certificate as CSV: a row per interval of arc length with equal derating.
 
     A row has the share of every joint's acceleration limit that the plan uses, and the largest
@@ -65,7 +65,7 @@ def held_csv(certificate: Certificate) -> str:
     names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
     lines = [",".join(["contour", "from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
     for number, contour in enumerate(certificate.contours, start=1):
-        derating = contour.held
+        derating = contour.derating
         rows = np.column_stack([derating.share, derating.cap])
         first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
         start = derating.cells[:-1][first]
@@ -125,7 +125,7 @@ def _certificate(c: Certificate) -> dict[str, Any]:
         "trials": c.trials,
         "repeat": {
             "timing": "optimal",
-            "held": "held.csv",
+            "derating": "derating.csv",
             "rapids": [{"windows": x.windows, "left": x.factors} for x in c.rapids],
             "compensation": c.run.compensation,
             "compensation_options": dict(c.run.compensation_options),

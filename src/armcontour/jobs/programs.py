@@ -55,11 +55,11 @@ def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program,
             )
         leads = automatic_leads(job, this, rounding)
         objective = prepare(job.program, job.process, leads)
-    return objective, rounded(objective, rounding)
+    return objective, round_program(objective, rounding)
 
 
-def rounded(program: Program, rounding: Rounding | None) -> Program:
-    """The program with rounded corners; with None the program itself."""
+def round_program(program: Program, rounding: Rounding | None) -> Program:
+    """Round the corners of a program, unless `rounding` is None."""
     return program if rounding is None else round_corners(program, **rounding)
 
 
@@ -110,10 +110,10 @@ def _end_speeds(
         lead_out=job.process.lead_out if leads.after else None,
         up=job.process.up,
     )
-    alone = rounded(prepare(Program(moves=(contour,)), ends, [leads]), rounding)
+    alone = round_program(prepare(Program(moves=(contour,)), ends, [leads]), rounding)
     (only,) = alone.contours
     assert only.work is not None
-    on, off = planned(job, this, alone).speed_at(only.work)
+    on, off = plan_run(job, this, alone).speed_at(only.work)
     return float(on), float(off)
 
 
@@ -169,9 +169,9 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float) -> float:
     return short if found is None else found
 
 
-def planned(job: Job, this: Run, program: Program) -> Trajectory:
+def plan_run(job: Job, this: Run, program: Program) -> Trajectory:
     """Trace and time a program under the limits and the options of a run."""
-    return timed(job, this, trace_run(job, this, program))
+    return time_run(job, this, trace_run(job, this, program))
 
 
 def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
@@ -181,7 +181,7 @@ def trace_run(job: Job, this: Run, program: Program, progress: Progress | None =
     )
 
 
-def timed(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
+def time_run(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
     """Time a traced program under the limits and the options of a run."""
     return plan(
         traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options

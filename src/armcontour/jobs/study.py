@@ -18,7 +18,7 @@ from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import program_of, slow_ends, timed, trace_run
+from armcontour.jobs.programs import program_of, slow_ends, time_run, trace_run
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -261,7 +261,7 @@ def _teach(
     refuse_too_large(job, this, least, done_before, simulated)
     objective, path, traced = _trace(job, this, progress, earlier)
     progress(Step(("timing",)))
-    trajectory = timed(job, this, traced, progress)
+    trajectory = time_run(job, this, traced, progress)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     progress(Step(("compensation",)))
     taught = compensate(

@@ -270,7 +270,7 @@ def _derating(found: Certificate) -> Any:
 
     figure = go.Figure()
     starts = np.cumsum([0.0, *(x.path.length for x in found.contours)])
-    deratings = [x.held for x in found.contours]
+    deratings = [x.derating for x in found.contours]
     # A gap after every contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
