@@ -56,6 +56,7 @@ def calls(
         "certify": [(lambda **x: ac.certify(job, **x), "tolerance")],
         "sweep": [(lambda **x: ac.sweep(job, **x), "tolerance")],
         "Limits.replace": [(limits.replace, "joint_velocity")],
+        "ServoModel.replace": [(servo.replace, "kp")],
     }
 
 
