@@ -11,7 +11,7 @@ import numpy as np
 
 import armcontour as ac
 from armcontour.io.cell import read_cell
-from armcontour.jobs.programs import planned, program_of
+from armcontour.jobs.programs import plan_run, program_of
 from armcontour.jobs.study import rounding_of
 from benchmarks.measured import Measured
 
@@ -38,7 +38,7 @@ def taught(file: Path, out: Path) -> tuple[ac.Job, ac.TaughtData]:
     job = read_cell("pmk3s", file)
     this = job.runs[0]
     _, program = program_of(job, this, rounding_of(this))
-    plan = planned(job, this, program)
+    plan = plan_run(job, this, program)
     found = ac.compensate(plan, job.servo, method=this.compensation, period=this.period)
     ac.export(found, out, arm=job.arm)
     return job, found

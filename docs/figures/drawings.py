@@ -13,7 +13,7 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from armcontour.io.cell import read_cell
 from armcontour.jobs import Job
-from armcontour.jobs.programs import planned, program_of
+from armcontour.jobs.programs import plan_run, program_of
 from armcontour.jobs.study import rounding_of
 from armcontour.motion import Trajectory
 from armcontour.program import Program
@@ -57,7 +57,7 @@ def _planned(cell: str, drawing: str) -> tuple[Job, Program, Trajectory]:
     job = read_cell(cell, DRAWINGS / drawing)
     (run,) = job.runs
     _, program = program_of(job, run, rounding_of(run))
-    return job, program, planned(job, run, program)
+    return job, program, plan_run(job, run, program)
 
 
 def _flat(axes: Axes, job: Job, program: Program, plan: Trajectory) -> None:
