@@ -27,7 +27,7 @@ from armcontour.motion import quintic
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import poses_at, rates_at
+from armcontour.tracing.poses import pose_derivatives_at, poses_at
 from benchmarks import ur5e
 from benchmarks.measured import Measured, paired
 
@@ -155,7 +155,7 @@ def verified(
 
 def _evaluate(task: Task) -> tuple[FloatArray, FloatArray]:
     knots = task.knots
-    return poses_at(task.path, knots, knots.u0), rates_at(task.path, knots, knots.u0)
+    return poses_at(task.path, knots, knots.u0), pose_derivatives_at(task.path, knots, knots.u0)
 
 
 def _of_tracing(arm: ac.SerialArm, path: ac.Path, name: str) -> str:

@@ -278,13 +278,7 @@ class Search:
         for x in found.uses:
             uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
         over = {name: ratio for name, ratio in uses.items() if ratio > 1 + KEPT}
-        factors = dict(trial.factors)
-        for name, ratio in over.items():
-            if name in BY_PLACE:
-                kind = "acceleration" if name.startswith("joint_") else "speed"
-                self.tightness[kind] /= ratio * (1 + KEPT)
-            elif name in type(setting.limits).__dataclass_fields__:
-                factors[name] = factors.get(name, 1.0) / (ratio * (1 + KEPT))
+        factors = self._reduce_factors(trial.factors, over)
         if over:
             return factors
         executed = execute(
@@ -307,6 +301,24 @@ class Search:
             return replace(kept, corners=corners)
         self.tightness["box"] *= ERROR_GOAL * setting.budget / worst
         return factors
+
+    def _reduce_factors(
+        self, factors: Mapping[str, float], over: Mapping[str, float]
+    ) -> dict[str, float]:
+        """Shares of limits for the next trial; limits derated by place get a closer goal instead.
+
+        Args:
+            factors: Shares of limits of the last trial, by the limits' names.
+            over: Uses above 1 of the limits that the last trial exceeded.
+        """
+        found = dict(factors)
+        for name, ratio in over.items():
+            if name in BY_PLACE:
+                kind = "acceleration" if name.startswith("joint_") else "speed"
+                self.tightness[kind] /= ratio * (1 + KEPT)
+            elif name in type(self.setting.limits).__dataclass_fields__:
+                found[name] = found.get(name, 1.0) / (ratio * (1 + KEPT))
+        return found
 
     def _remember(self, trial: Trial, worst: dict[str, float]) -> None:
         kind = max(worst, key=lambda x: worst[x])

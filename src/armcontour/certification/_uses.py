@@ -14,7 +14,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.compensation import compensate
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.execution import ServoPlant, execute
-from armcontour.execution.plant import intervals, refuse_too_long
+from armcontour.execution.plant import count_intervals, refuse_too_long
 from armcontour.geometry import Path
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
@@ -250,7 +250,7 @@ def peak_demands(
     if since is None:
         return executed.demand_range[0], executed.demand_range[1]
     begin = max(0, int(np.ceil((since - taught.start_time) / taught.period - SAME)))
-    end = intervals(taught, servo)
+    end = count_intervals(taught, servo)
     if begin >= end:
         return executed.demand[-1], executed.demand[-1]
     row = begin * round(taught.period / float(executed.t[1] - executed.t[0]))

@@ -203,12 +203,9 @@ class _Certifying:
         job, this, whole = self.job, found.this, found.whole
         self.progress(Step(("evaluation",)))
         objective, path = whole.objective, whole.program
+        limits = whole.robot.limits
         result = evaluate(
-            whole.execution,
-            path,
-            objective=objective,
-            limits=whole.robot.limits,
-            until=this.until,
+            whole.execution, path, objective=objective, limits=limits, until=this.until
         )
         experiment, failure = None, None
         if this.experiment is not None:

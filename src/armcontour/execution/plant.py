@@ -156,7 +156,7 @@ def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float
         )
 
 
-def intervals(taught: TaughtData, servo: ServoModel) -> int:
+def count_intervals(taught: TaughtData, servo: ServoModel) -> int:
     """Number of command intervals until the last set-point has reached all joints."""
     late = int(np.ceil(servo.dead_time.max() / taught.period * (1 - 1e-12)))
     return len(taught.q) - 1 + late

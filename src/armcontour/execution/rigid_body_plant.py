@@ -18,7 +18,7 @@ from armcontour.execution.plant import (
     RESULT,
     RUNAWAY,
     Plant,
-    intervals,
+    count_intervals,
     patience,
     refuse_other_joints,
     refuse_too_heavy,
@@ -152,7 +152,7 @@ class RigidBodyPlant(Locked, Plant):
         rows = max(1, round(BLOCK / taught.period))
         logs = []
         command = self._command(taught, steps)
-        count = intervals(taught, self.servo)
+        count = count_intervals(taught, self.servo)
         for k in range(0, count, rows):
             commands = command(k, min(rows, count - k))
             logs.append(robot.advance(commands).thinned(every))

@@ -14,7 +14,7 @@ from armcontour.execution.plant import (
     RESULT,
     SETTLED,
     Plant,
-    intervals,
+    count_intervals,
     patience,
     refuse_other_joints,
     results,
@@ -135,7 +135,7 @@ class ServoPlant(Locked, Plant):
         first, last = taught.q[0], taught.q[-1]
         still = np.zeros((1, len(first)))
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
-        done = intervals(taught, self.servo)
+        done = count_intervals(taught, self.servo)
         parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
         more = int(np.ceil(CHUNK / taught.period))
         end = (done + 1) * taught.period

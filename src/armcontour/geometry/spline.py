@@ -35,13 +35,7 @@ def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segm
         raise InvalidInput("A closed spline must end at its first point: repeat it at the end.")
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    if not (np.diff(at) > 0).all():
-        far = float(np.abs(points).max())
-        raise InvalidInput(
-            f"The points of a spline lie as far as {far:g} m apart, so that the distances between "
-            "others are lost in rounding: check their units."
-        )
+    at = _chord_length(points)
     curve = CubicSpline(at, points, bc_type="periodic" if closed else "natural")
     segments, vertices = fit_through(curve, at, tolerance)
     turns = angle_between(segments.end_tangents[:-1], segments.tangents[1:])
@@ -52,3 +46,19 @@ def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segm
             "the points apart, or split the spline there."
         )
     return segments, vertices
+
+
+def _chord_length(points: FloatArray) -> FloatArray:
+    """Chord length from the first point to each point [m], (n,).
+
+    Raises:
+        InvalidInput: The points are so far apart that rounding loses distances between others.
+    """
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    if not (np.diff(at) > 0).all():
+        far = float(np.abs(points).max())
+        raise InvalidInput(
+            f"The points of a spline lie as far as {far:g} m apart, so that the distances between "
+            "others are lost in rounding: check their units."
+        )
+    return at

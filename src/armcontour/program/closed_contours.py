@@ -55,14 +55,16 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
         _refuse_cut_switching(contour, start)
         path = join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)])
         events = tuple(_move_event(x, start, path.length) for x in events)
-    drawn_length = path.length
-    path = _add_overlap(path, process.overlap)
-    # Events at the end move to the end of the overlap.
-    events = tuple(
-        dataclasses.replace(x, s=path.length) if x.s >= drawn_length - REPEATED_POINT else x
-        for x in events
+    longer = _add_overlap(path, process.overlap)
+    events = _move_last_events(events, path.length, longer.length)
+    return dataclasses.replace(contour, path=longer, events=events, ring=True)
+
+
+def _move_last_events(events: tuple[Event, ...], drawn: float, end: float) -> tuple[Event, ...]:
+    """Move events at the drawn end of a contour [m] to the end of its overlap [m]."""
+    return tuple(
+        dataclasses.replace(x, s=end) if x.s >= drawn - REPEATED_POINT else x for x in events
     )
-    return dataclasses.replace(contour, path=path, events=events, ring=True)
 
 
 def _has_equal_end_orientations(path: Path) -> bool:

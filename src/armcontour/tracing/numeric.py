@@ -11,8 +11,8 @@ from armcontour.geometry import Path
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import (
+    pose_derivatives_at,
     poses_at,
-    rates_at,
     row_of_poses,
     turning_too_fast,
     what_helps,
@@ -78,7 +78,7 @@ class Numeric(Solver[SerialArm]):
             np.ascontiguousarray(g[:, 0]),
         )
         dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
-            *self.arm.arrays, q, poses, rates_at(self.path, knots, u), self.task, w, g
+            *self.arm.arrays, q, poses, pose_derivatives_at(self.path, knots, u), self.task, w, g
         )
         bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():

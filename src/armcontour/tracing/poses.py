@@ -134,7 +134,7 @@ def row_of_poses(path: Path, knots: Knots) -> FloatArray:
     return np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
 
 
-def rates_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
+def pose_derivatives_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     """Derivatives of the tool poses along the arc length, (n, 4, 3).
 
     The rows are the tangent, its derivative, the angular rate [rad/m] and its derivative.

@@ -105,7 +105,15 @@ def tree_of(data: bytes, source: str) -> Element:
         if isinstance(error, InvalidInput):
             raise
         raise InvalidInput(f"{source} cannot be read as XML: {str(error)[:200]}.") from None
-    root = builder.root
+    return _svg_element(builder.root, source)
+
+
+def _svg_element(root: Element | None, source: str) -> Element:
+    """The outermost element of a file, if it is svg.
+
+    Raises:
+        InvalidInput: The file is empty or begins with another element.
+    """
     if root is None or root.tag != "svg":
         found = (
             f"begins with {root.tag[:40] or 'an element of another language'}"

@@ -62,14 +62,7 @@ def corners(study: Study) -> list[Any]:
     tools = _tools(study)
     for column, k in enumerate(shown, start=1):
         _corner(figure, tools, paths, int(k), column)
-    title = "Corners enlarged"
-    if len(study.job.program.contours) > 1:
-        title += f", contour {_shown(study) + 1}"
-    if len(rounded) > len(shown):
-        title += f": the first {len(shown)} of {len(rounded)}"
-    if len(paths) > 1:
-        title += f"; radius and error are those of the {next(iter(paths))}"
-    finish(figure, title=title, height=540)
+    finish(figure, title=_title(study, list(paths), len(shown), len(rounded)), height=540)
     figure.update_layout(margin={"t": 100})
     if len(shown) > 2:
         # Room for a third line of the titles.
@@ -77,6 +70,18 @@ def corners(study: Study) -> list[Any]:
         figure.update_xaxes(nticks=6, tickangle=0)
         figure.update_yaxes(nticks=6)
     return [figure]
+
+
+def _title(study: Study, names: list[str], shown: int, rounded: int) -> str:
+    """Title of the figure: which corners it shows, and of which run their numbers are."""
+    title = "Corners enlarged"
+    if len(study.job.program.contours) > 1:
+        title += f", contour {_shown(study) + 1}"
+    if rounded > shown:
+        title += f": the first {shown} of {rounded}"
+    if len(names) > 1:
+        title += f"; radius and error are those of the {names[0]}"
+    return title
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -95,6 +95,25 @@ def _path(study: Study) -> Any:
     which = list(range(static, len(figure.data)))
     in_space(figure, title="Path in space", height=680)
     fixed = np.concatenate([_points(x) for x in figure.data[:static]])
+    larger = _magnify(fixed, moved, which)
+    figure.update_layout(larger[0]["args"][1])
+    figure.update_layout(
+        updatemenus=[buttons(larger, 0.12), view_buttons(0.62)],
+        annotations=[view_label("error magnified", 0.0), view_label("view", 0.57)],
+    )
+    return figure
+
+
+def _magnify(
+    fixed: FloatArray, moved: list[tuple[FloatArray, FloatArray]], which: list[int]
+) -> list[dict[str, Any]]:
+    """Buttons that draw the executed paths with magnified errors.
+
+    Args:
+        fixed: Points that do not move [mm], (n, 3).
+        moved: Nearest points of the path and errors of each executed path [m], (n, 3) each.
+        which: Indices of the executed paths among the curves of the figure.
+    """
     larger: list[dict[str, Any]] = []
     for k in MAGNIFICATIONS:
         curves = [(nearest + k * error) * 1e3 for nearest, error in moved]
@@ -102,12 +121,7 @@ def _path(study: Study) -> Any:
         larger.append(
             {"label": f"{k}×", "method": "update", "args": [_coordinates(curves), around, which]}
         )
-    figure.update_layout(larger[0]["args"][1])
-    figure.update_layout(
-        updatemenus=[buttons(larger, 0.12), view_buttons(0.62)],
-        annotations=[view_label("error magnified", 0.0), view_label("view", 0.57)],
-    )
-    return figure
+    return larger
 
 
 def _rounded(study: Study) -> Mapping[str, Program]:
