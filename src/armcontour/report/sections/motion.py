@@ -191,16 +191,13 @@ def _accelerations(name: str, result: RunResult) -> Any:
         row = {"row": j + 1, "col": 1}
         t, ddq = thin(x.t, x.ddq[:, j])
         t_plan, ddq_plan = thin(every, planned[:, j])
-        for curve, name_, look in (
-            ((t, ddq), "executed", {"colour": EXECUTED_COLOUR}),
-            (
-                (t_plan, ddq_plan),
-                "planned",
-                {"colour": PLANNED_COLOUR, "dash": "dot", "width": 1.5},
-            ),
+        dotted: dict[str, Any] = {"dash": "dot", "width": 1.5}
+        for curve, label, colour, look in (
+            ((t, ddq), "executed", EXECUTED_COLOUR, {}),
+            ((t_plan, ddq_plan), "planned", PLANNED_COLOUR, dotted),
         ):
-            legend = {"showlegend": j == 0, "legendgroup": name_}
-            figure.add_trace(line(*curve, name_, **look, **legend), **row)
+            look = {**look, "showlegend": j == 0, "legendgroup": label}
+            figure.add_trace(line(curve[0], curve[1], label, colour, **look), **row)
         shade(figure, find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
         for bound in bounds[np.isfinite(bounds[:, j]), j].tolist():
             figure.add_hline(y=bound, line={"color": LIMIT_COLOUR, "width": 1}, **row)
