@@ -23,17 +23,8 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-JOB = """
-name: corner
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}
-limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
-corners: {tolerance: 2 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.1 mm, saturation: report}
-runs:
-  only: {compensation: {method: pole_placement}}
-"""
+from soak.corner_job import CORNER_JOB
+
 COMMANDS = {
     "run": ["run", "job.yaml", "--out", "out"],
     "demo": ["demo", "--out", "out"],
@@ -112,7 +103,7 @@ class Bench:
         self.root = root
         self.folder = root / "work"
         self.folder.mkdir()
-        (self.folder / "job.yaml").write_text(JOB, encoding="utf-8")
+        (self.folder / "job.yaml").write_text(CORNER_JOB, encoding="utf-8")
         first = call(self.folder, COMMANDS["run"])
         assert first.code == 0, first.said
         shutil.copy(self.folder / "out/only/planned.csv", self.folder / "planned.csv")

@@ -3,23 +3,14 @@
 from dataclasses import replace
 
 import pytest
+from soak.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour.io import parse_job
 from armcontour.report import render_sweep
 
 # Certified without a search: the plan at the full limit holds 0.1 mm.
-JOB = """
-name: corner
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.38, 0.20], [0.38, 0.26]]}
-limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
-corners: {tolerance: 2 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.1 mm, saturation: report}
-runs:
-  only: {compensation: {method: pole_placement}}
-"""
+JOB = CORNER_JOB.replace("[0.36, 0.20], [0.36, 0.24]", "[0.38, 0.20], [0.38, 0.26]")
 
 
 @pytest.fixture(scope="module")

@@ -6,26 +6,15 @@ import sys
 from pathlib import Path as FilePath
 
 import pytest
+from soak.corner_job import CORNER_JOB
 
 from armcontour.cli import main
-
-JOB = """
-name: corner
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}
-limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
-corners: {tolerance: 2 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.1 mm, saturation: report}
-runs:
-  only: {compensation: {method: pole_placement}}
-"""
 
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
     file = tmp_path_factory.mktemp("job") / "corner.yaml"
-    file.write_text(JOB, encoding="utf-8")
+    file.write_text(CORNER_JOB, encoding="utf-8")
     return file
 
 
@@ -71,7 +60,7 @@ def test_options_take_the_place_of_the_jobs_keys(command, job):
 def test_a_refusal_has_its_exit_code_and_writes_nothing(command, job, tmp_path):
     out = tmp_path / "certified"
     file = tmp_path / "slow.yaml"
-    text = JOB.replace("pole_placement", "none").replace("0.1 mm", "1 um, slowest: 1.1")
+    text = CORNER_JOB.replace("pole_placement", "none").replace("0.1 mm", "1 um, slowest: 1.1")
     file.write_text(text, encoding="utf-8")
     code, shown, errors = command("certify", file, "--out", out)
     assert code == 4
@@ -109,7 +98,7 @@ def test_a_drawing_needs_what_is_to_be_held(command):
 def test_what_a_run_of_a_program_writes_can_be_checked(command, tmp_path):
     points = "contour,x [mm],y [mm]\na,0,0\na,30,0\nb,30,30\nb,0,30\n"
     (tmp_path / "parts.csv").write_text(points, encoding="utf-8")
-    text = JOB.replace(
+    text = CORNER_JOB.replace(
         "path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}",
         "path: {file: parts.csv, frame: {position: [0.3, 0.1, 0]}}\n"
         "process: {lead_in: {length: 3 mm}, lead_out: {length: 3 mm}}",
