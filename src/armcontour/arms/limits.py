@@ -163,6 +163,16 @@ class Limits:
                 raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(known)}.")
         return dataclasses.replace(self, **changes)
 
+    @property
+    def of_joints(self) -> Limits:
+        """The limits and ranges of the joints, without the limits of the tool."""
+        return self.replace(**dict.fromkeys(TOOL_LIMITS, None))
+
+    @property
+    def of_tool(self) -> Limits:
+        """The limits of the tool, without the limits and ranges of the joints."""
+        return self.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))
+
     def for_joints(self, dof: int) -> Limits:
         """The same limits with one value per joint.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
+from armcontour.arms.limits import or_unlimited
 from armcontour.certification._approach import Approach
 from armcontour.certification._proving import bound_uses
 from armcontour.certification._uses import (
@@ -106,7 +106,7 @@ def _derate(
 
 def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float]:
     """Largest use of each limit by a rapid: by its plan, its set-points and its executions."""
-    free = robot.limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
+    free = robot.limits.of_joints
     uses = {x.name: x.ratio for x in check(plan, robot.arm, free, points=POINTS).uses}
     for name, ratio in bound_uses(plan, robot.arm, free).items():
         uses[name] = max(uses.get(name, 0.0), ratio)

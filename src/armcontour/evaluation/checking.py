@@ -23,7 +23,7 @@ from armcontour._sampling import (
     find_short_step,
 )
 from armcontour.arms import Arm, Limits, SerialArm
-from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS
+from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_samples import Log, judge_samples
@@ -320,8 +320,8 @@ def _check_parts(
         # Without spans, `check` judges the law as a whole.
         motion = replace(cast("Any", motion), spans=())
     bounds = arm.limits if limits is None else limits
-    joints = bounds.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    tool = bounds.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))
+    joints = bounds.of_joints
+    tool = bounds.of_tool
     whole = check(motion, arm, joints, **options)
     uses = {x.name: x for x in whole.uses}
     left = dict.fromkeys(whole.not_judged)

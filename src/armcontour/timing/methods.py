@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.motion import JointPath, Law, Method, Trajectory
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
@@ -85,5 +84,4 @@ def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
         arm: The arm.
         limits: Limits of the arm, one value per joint.
     """
-    free = limits.replace(**dict.fromkeys(TOOL_LIMITS, None))
-    return plan_optimal(joint_path, arm, free, intervals=RAPID_INTERVALS)
+    return plan_optimal(joint_path, arm, limits.of_joints, intervals=RAPID_INTERVALS)
