@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
     from armcontour.identification import Estimate, Identification
 
-QUALITIES = ("value", "standard deviation", "95 % interval")
-
 
 def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     """Identify a servo from a log and print the result; returns whether the servo is determined.

@@ -192,9 +192,3 @@ def _notes(
             f"{list_some(short, 6)}."
         )
     return notes
-
-
-def _list_names(names: Sequence[str]) -> str:
-    """The first six names, and the number of the others."""
-    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
-    return ", ".join(names[:6]) + more

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path as FilePath
 
@@ -45,7 +44,6 @@ MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM]11([78])(?![0-9])")
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
 # Files of subprograms have such names (LinuxCNC manual, "Calling Files").
 FILE_NAME = re.compile(r"[a-z0-9_-]{1,80}")
-MOST_FILES = 100
 
 
 def read_gcode(
@@ -81,15 +79,15 @@ def read_gcode(
     parameters = Parameters(state_of(machine))
     suffixes = (FilePath(source).suffix, ".ngc", ".nc")
     flow = Flow(main, machine, parameters, partial(_beside, folder, suffixes))
-    tell = under(progress, source)
-    share = None if progress is None else lambda x: tell(Step((), x))
-    runner = _Runner(flow, parameters, share)
+    tell = None if progress is None else under(progress, source)
+    runner = _Runner(flow, parameters, tell)
     runner.run()
     if not machine.draft.begun:
         _refuse_nothing(main)
     notes = [*machine.notes(flow.where), *runner.notes()]
     program = machine.draft.program(source, tuple(notes), flow.place)
-    tell(Step((), 1.0))
+    if tell is not None:
+        tell(Step((), 1.0))
     return program
 
 
@@ -152,12 +150,10 @@ class _Runner:
     Args:
         flow: Which line comes next.
         parameters: Values of parameters.
-        progress: Called now and then with the share that is read.
+        progress: Called now and then with the share of the program that is read.
     """
 
-    def __init__(
-        self, flow: Flow, parameters: Parameters, progress: Callable[[float], None] | None
-    ) -> None:
+    def __init__(self, flow: Flow, parameters: Parameters, progress: Progress | None) -> None:
         self.flow, self.machine, self.parameters = flow, flow.machine, parameters
         self.frame = _Frame()
         self.progress, self.shown = progress, 0.0
@@ -282,7 +278,7 @@ class _Runner:
         """Tells the share of the program that is read, which never falls."""
         if self.progress is not None and index and self.flow.source is self.flow.main:
             self.shown = max(self.shown, index / len(self.flow.main.lines))
-            self.progress(self.shown)
+            self.progress(Step((), self.shown))
 
     def notes(self) -> list[str]:
         """Sentences on lines that were left out, and on values that nothing has set."""
