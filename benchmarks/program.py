@@ -11,8 +11,7 @@ import numpy as np
 
 import armcontour as ac
 from armcontour.io.cell import read_cell
-from armcontour.jobs.programs import plan_run, program_of
-from armcontour.jobs.study import rounding_of
+from armcontour.jobs.programs import plan_run, programs_of
 from benchmarks.measured import Measured
 
 LINES = 150_000
@@ -37,7 +36,7 @@ def taught(file: Path, out: Path) -> tuple[ac.Job, ac.TaughtData]:
     """From the file to the exported set-points."""
     job = read_cell("pmk3s", file)
     this = job.runs[0]
-    _, program = program_of(job, this, rounding_of(this))
+    _, program = programs_of(job, this)
     plan = plan_run(job, this, program)
     found = ac.compensate(plan, job.servo, method=this.compensation, period=this.period)
     ac.export(found, out, arm=job.arm)

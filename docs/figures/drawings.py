@@ -13,8 +13,7 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from armcontour.io.cell import read_cell
 from armcontour.jobs import Job
-from armcontour.jobs.programs import plan_run, program_of
-from armcontour.jobs.study import rounding_of
+from armcontour.jobs.programs import plan_run, programs_of
 from armcontour.motion import Trajectory
 from armcontour.program import Program
 
@@ -56,7 +55,7 @@ def _planned(cell: str, drawing: str) -> tuple[Job, Program, Trajectory]:
     """The job of a drawing in a cell, its program and its plan."""
     job = read_cell(cell, DRAWINGS / drawing)
     (run,) = job.runs
-    _, program = program_of(job, run, rounding_of(run))
+    _, program = programs_of(job, run)
     return job, program, plan_run(job, run, program)
 
 

@@ -13,7 +13,7 @@ from armcontour._progress import Step
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Job, Rounding, Run, run
-from armcontour.jobs.programs import plan_run, program_of, slow_ends
+from armcontour.jobs.programs import plan_run, programs_of, slow_ends
 from armcontour.motion import Trajectory
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
@@ -22,7 +22,6 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 SQUARE = Path.polyline([[0.28, 0.1], [0.36, 0.1], [0.36, 0.16], [0.28, 0.16], [0.28, 0.1]])
 BEND = Path.polyline([[0.3, 0.2], [0.35, 0.2], [0.35, 0.25]])
-ROUNDING = {"tolerance": 1e-3, "speed": None, "acceleration": 0.09, "angular_tolerance": None}
 TWO = (Contour(path=SQUARE, name="square"), Contour(path=BEND))
 
 
@@ -66,7 +65,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) 
     lead = Lead(shape=shape)
     done = job(Process(lead_in=lead, lead_out=lead))
     (this,) = done.runs
-    _, program = program_of(done, this, ROUNDING)
+    _, program = programs_of(done, this)
     trajectory = plan_run(done, this, program)
     for on, off in speeds_at_ends(program, trajectory):
         assert on == pytest.approx(0.05, rel=1e-3)
@@ -83,7 +82,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) 
                 lead_out=Lead(shape=shape, length=0.9 * after),
             ),
         )
-        _, other = program_of(shorter, this, ROUNDING)
+        _, other = programs_of(shorter, this)
         on, off = speeds_at_ends(other, plan_run(shorter, this, other))[i]
         assert on < 0.05 * (1 - 1e-4) and off < 0.05 * (1 - 1e-4)
 
@@ -93,7 +92,7 @@ def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
     circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
     done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
     (this,) = done.runs
-    _, program = program_of(done, this, ROUNDING)
+    _, program = programs_of(done, this)
     trajectory = plan_run(done, this, program)
     ((on, off),) = speeds_at_ends(program, trajectory)
     most = np.sqrt(0.09 * 0.01)
@@ -110,7 +109,7 @@ def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
     path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
     done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
     (this,) = done.runs
-    _, program = program_of(done, this, ROUNDING)
+    _, program = programs_of(done, this)
     (contour,) = program.contours
     assert contour.work is not None
     after = contour.path.length - contour.work[1]
@@ -124,7 +123,7 @@ def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
 def test_one_lead_may_be_automatic_and_the_other_given() -> None:
     done = job(Process(lead_in=Lead(), lead_out=Lead(length=0.003)), Contour(path=BEND))
     (this,) = done.runs
-    _, program = program_of(done, this, ROUNDING)
+    _, program = programs_of(done, this)
     (contour,) = program.contours
     assert contour.work is not None
     assert contour.path.length - contour.work[1] == pytest.approx(0.003, abs=1e-12)

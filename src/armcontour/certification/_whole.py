@@ -32,10 +32,11 @@ from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job
+from armcontour.jobs.programs import trace_run
 from armcontour.motion import Execution, JointPath, Law, Span, TaughtData, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.timing import intervals_of
-from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.program_tracing import Tracing
 from armcontour.timing.programs import time_program
 
 # The error that is left of a rapid at the start of the next contour may take this share of the
@@ -178,13 +179,7 @@ class Assembly:
         """Plan all moves that have no plan yet, and execute the whole program."""
         self._used = 0
         if self._traced is None:
-            self._traced = trace_program(
-                self.program,
-                self.robot.arm,
-                self.robot.limits,
-                branch=self.job.branch,
-                start=self.job.start,
-            )
+            self._traced = trace_run(self.job, self.robot.run, self.program)
         trajectory = time_program(self._traced, self)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans

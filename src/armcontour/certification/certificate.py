@@ -20,6 +20,7 @@ from armcontour.jobs.study import ExperimentResult, RunResult, Study
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
+from armcontour.timing import Tracing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,11 +268,12 @@ class Certificate:
     @property
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
+        single = self.path.single_path
         return RunResult(
             run=self.run,
             objective=self.objective,
             path=self.path,
-            joint_path=None if self.path.single_path is None else self.joint_path,
+            traced=None if single is None else Tracing.along(self.joint_path, single),
             trajectory=self.trajectory,
             explanation=None,
             taught=self.taught,

@@ -25,13 +25,14 @@ from armcontour.execution import execute
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.study import on_bodies, programs_of
+from armcontour.jobs.programs import programs_of, trace_run
+from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import worst_corner
 from armcontour.timing import intervals_of, refuse_jerk
 from armcontour.timing.methods import Timing
-from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.program_tracing import Tracing
 from armcontour.timing.programs import time_program
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
@@ -334,7 +335,7 @@ def plan_fastest(
         traced: The traced program; None to trace it.
     """
     if traced is None:
-        traced = trace_program(program, robot.arm, robot.limits, branch=job.branch, start=job.start)
+        traced = trace_run(job, robot.run, program)
     options = {"intervals": intervals_of(program)}
     timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options, robot.memory)
     return time_program(traced, timing)

@@ -12,7 +12,7 @@ from armcontour.certification.certifying import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.study import programs_of
+from armcontour.jobs.programs import programs_of
 from armcontour.timing import plan
 
 # Default values of a sweep, as multiples of the values of the job.

@@ -2,6 +2,7 @@
 
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Experiment, Job, Published, Rounding, Run
+from armcontour.jobs.programs import programs_of
 from armcontour.jobs.study import (
     STEPS,
     ExperimentResult,
@@ -9,7 +10,6 @@ from armcontour.jobs.study import (
     RunResult,
     Study,
     path_of,
-    programs_of,
     run,
     same_plan,
     steps_of,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -32,16 +31,14 @@ LEAD_RESOLUTION = 0.05
 FINEST_LEAD = 1e-4
 # Relative difference below which two speeds are equal: margins of the timing are smaller.
 SAME_SPEED = 1e-3
-Rounding = dict[str, Any]
 
 
-def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program, Program]:
+def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
     """The program of a run, prepared, before and after its corners are rounded.
 
     Args:
         job: The job.
         this: The run.
-        rounding: Arguments of `round_corners`; None keeps corners sharp.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
@@ -53,17 +50,29 @@ def program_of(job: Job, this: Run, rounding: Rounding | None) -> tuple[Program,
                 f"Run {this.name}: leads of automatic length need the timing optimal, not "
                 f"{this.timing}: give their lengths."
             )
-        leads = automatic_leads(job, this, rounding)
+        leads = automatic_leads(job, this)
         objective = prepare(job.program, job.process, leads)
-    return objective, round_program(objective, rounding)
+    return objective, round_program(objective, this)
 
 
-def round_program(program: Program, rounding: Rounding | None) -> Program:
-    """Round the corners of a program, unless `rounding` is None."""
-    return program if rounding is None else round_corners(program, **rounding)
+def round_program(program: Program, this: Run) -> Program:
+    """Round the corners of a program as a run does; a run may keep them sharp."""
+    rounding = this.rounding
+    if rounding is None:
+        return program
+    acceleration = rounding.acceleration
+    if acceleration is None:
+        acceleration = this.limits.centripetal_acceleration
+    return round_corners(
+        program,
+        tolerance=rounding.tolerance,
+        speed=rounding.speed,
+        acceleration=acceleration,
+        angular_tolerance=rounding.angular_tolerance,
+    )
 
 
-def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Leads]:
+def automatic_leads(job: Job, this: Run) -> list[Leads]:
     """The shortest leads with which the tool has full speed where the process goes on and off.
 
     Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
@@ -79,7 +88,7 @@ def automatic_leads(job: Job, this: Run, rounding: Rounding | None) -> list[Lead
         contour = dataclasses.replace(x, events=(), work=None)
 
         def end_speeds(before: float, after: float, x: Contour = contour) -> tuple[float, float]:
-            return _end_speeds(job, this, rounding, x, Leads(before=before, after=after))
+            return _end_speeds(job, this, x, Leads(before=before, after=after))
 
         lengths = []
         with locate_errors("leads"):
@@ -100,9 +109,7 @@ def _assigned(contour: Contour, s: float, side: str, this: Run) -> float:
     return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
 
 
-def _end_speeds(
-    job: Job, this: Run, rounding: Rounding | None, contour: Contour, leads: Leads
-) -> tuple[float, float]:
+def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[float, float]:
     """Speeds where the process goes on and off [m/s], of one contour that is planned alone."""
     ends = Process(
         begin="drawn",
@@ -110,7 +117,7 @@ def _end_speeds(
         lead_out=job.process.lead_out if leads.after else None,
         up=job.process.up,
     )
-    alone = round_program(prepare(Program(moves=(contour,)), ends, [leads]), rounding)
+    alone = round_program(prepare(Program(moves=(contour,)), ends, [leads]), this)
     (only,) = alone.contours
     assert only.work is not None
     on, off = plan_run(job, this, alone).speed_at(only.work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import program_of, slow_ends, time_run, trace_run
+from armcontour.jobs.programs import programs_of, slow_ends, time_run, trace_run
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -61,7 +61,6 @@ class RunPlan:
         run: The run.
         objective: The program with sharp corners; a path becomes a program.
         path: The program that the tool follows: with rounded corners, if the run rounds corners.
-        joint_path: The joint path of a single path; None for other programs.
         trajectory: The realizable trajectory.
         taught: The taught data.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
@@ -70,14 +69,16 @@ class RunPlan:
     run: Run
     objective: Program
     path: Program
-    joint_path: JointPath | None
     trajectory: Trajectory
     taught: TaughtData
     traced: Tracing | None = None
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "objective", Program.of(self.objective))
-        object.__setattr__(self, "path", Program.of(self.path))
+    @property
+    def joint_path(self) -> JointPath | None:
+        """The joint path of a single path; None for other programs."""
+        if self.traced is None or self.path.single_path is None:
+            return None
+        return self.traced.joint_paths[0]
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -177,11 +178,6 @@ def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
 
 
-def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
-    """The program of a run before and after its corners are rounded."""
-    return program_of(job, this, rounding_of(this))
-
-
 def path_of(job: Job, this: Run) -> Path:
     """The path that the tool follows in a run: with rounded corners, if the run rounds corners.
 
@@ -189,21 +185,6 @@ def path_of(job: Job, this: Run) -> Path:
         InvalidInput: The job is a program of several contours.
     """
     return programs_of(job, this)[1].path
-
-
-def rounding_of(this: Run) -> dict[str, Any] | None:
-    """The arguments of `round_corners` for a run; None if the run keeps sharp corners."""
-    if this.rounding is None:
-        return None
-    acceleration = this.rounding.acceleration
-    if acceleration is None:
-        acceleration = this.limits.centripetal_acceleration
-    return {
-        "tolerance": this.rounding.tolerance,
-        "speed": this.rounding.speed,
-        "acceleration": acceleration,
-        "angular_tolerance": this.rounding.angular_tolerance,
-    }
 
 
 def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
@@ -276,7 +257,6 @@ def _teach(
         run=this,
         objective=objective,
         path=path,
-        joint_path=None if path.single_path is None else traced.joint_paths[0],
         trajectory=trajectory,
         taught=taught,
         traced=traced,
@@ -320,7 +300,7 @@ def traced_alike(first: Run, second: Run) -> bool:
 
 
 def on_bodies(
-    job: Job, this: Run, taught: TaughtData, path: Path | Program, objective: Path | Program
+    job: Job, this: Run, taught: TaughtData, path: Program, objective: Program
 ) -> ExperimentResult:
     """Execute taught data on the simulated rigid bodies of the arm."""
     assert this.experiment is not None
