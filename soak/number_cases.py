@@ -324,16 +324,16 @@ def _value_at(base: Any, place: Place) -> Any:
 
 # How options that take quantities are written: # is the number. Other text is no number.
 FORMS: dict[str, tuple[str, ...]] = {
-    "--at": ("#, 0, 0", "# mm, 0 mm, 0 mm"),
-    "--turn": ("#, 0, 0", "0 deg, 0 deg, # deg"),
-    "--speed": ("#", "# mm/s"),
-    "--tolerance": ("#", "# mm"),
-    "--total-tolerance": ("#", "# mm"),
-    "--from-s": ("#", "# mm"),
-    "--memory": ("#", "# GB"),
-    "--servo": ("#", "# um"),
-    "--tolerances": ("#", "# mm, 1 mm"),
-    "--speeds": ("#", "# mm/s, 0.1 m/s"),
+    "--at": ("# m, 0, 0", "# mm, 0 mm, 0 mm"),
+    "--turn": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
+    "--speed": ("# m/s", "# mm/s"),
+    "--tolerance": ("# m", "# mm"),
+    "--total-tolerance": ("# m", "# mm"),
+    "--from-s": ("# m", "# mm"),
+    "--memory": ("# byte", "# GB"),
+    "--servo": ("# m", "# um"),
+    "--tolerances": ("# m", "# mm, 1 mm"),
+    "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
 }
 TEXTS = {
     "--arm", "--base", "--cell", "--contour", "--export", "--interpolation", "--joint-limits",

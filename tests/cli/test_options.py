@@ -45,12 +45,12 @@ def test_the_fields_of_a_group_are_options_of_its_command() -> None:
     )
 
 
-def test_a_quantity_is_a_plain_number_or_has_a_unit() -> None:
+def test_a_quantity_has_a_unit_unless_it_is_zero() -> None:
     assert read_option("--speed", None, Speed) is None
-    assert read_option("--speed", "0.05", Speed) == 0.05
+    assert read_option_list("--turn", "0, -0.0, 0e3", Angle) == (0.0, 0.0, 0.0)
     assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
     assert read_option("--memory", "4 GB", Memory) == 4e9
-    assert read_option_list("--speeds", "0.1 m/s, 0.2,50 mm/s", Speed) == (0.1, 0.2, 0.05)
+    assert read_option_list("--speeds", "0.1 m/s, 0.2m/s,50 mm/s", Speed) == (0.1, 0.2, 0.05)
     assert read_option_list("--speeds", None, Speed) is None
     (turn,) = read_option_list("--turn", "90 deg", Angle) or ()
     assert turn == pytest.approx(1.5707963267948966, rel=1e-15)
@@ -61,7 +61,10 @@ def test_a_quantity_is_a_plain_number_or_has_a_unit() -> None:
     [
         ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
         ("0", "^--speed: must be above zero, but is 0 m/s.$"),
-        ("1e300", "^--speed: must be between -1e\\+12 and 1e\\+12 m/s"),
+        ("1e300 m/s", "^--speed: must be between -1e\\+12 and 1e\\+12 m/s"),
+        ("5", "^--speed: '5' has no unit: write one, such as '5 m/s'.$"),
+        ("1e300", "^--speed: '1e300' has no unit"),
+        ("-.5", "^--speed: '-.5' has no unit"),
         ("fast", "^--speed: 'fast' is not a quantity in m/s"),
         ("", "^--speed: '' is not a quantity in m/s"),
         ("nan", "^--speed: 'nan' is not a quantity in m/s"),
@@ -71,10 +74,10 @@ def test_what_is_no_quantity_is_refused_with_its_option(text: str, words: str) -
     with pytest.raises(InvalidInput, match=words):
         read_option("--speed", text, Speed)
     with pytest.raises(InvalidInput, match=words):
-        read_option_list("--speed", f"0.1, {text}", Speed)
+        read_option_list("--speed", f"0.1 m/s, {text}", Speed)
 
 
 def test_a_list_has_as_many_values_as_there_may_be() -> None:
-    assert read_option_list("--at", "1, 2", Length, counts=(2, 3)) == (1.0, 2.0)
+    assert read_option_list("--at", "1 m, 2 m", Length, counts=(2, 3)) == (1.0, 2.0)
     with pytest.raises(InvalidInput, match="--at takes 2 or 3 values, such as '1 m, 2 m', not"):
-        read_option_list("--at", "1", Length, counts=(2, 3), example="1 m, 2 m")
+        read_option_list("--at", "1 m", Length, counts=(2, 3), example="1 m, 2 m")

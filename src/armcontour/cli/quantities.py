@@ -10,11 +10,11 @@ def read_option(option: str, text: str | None, kind: Any) -> float | None:
 
     Args:
         option: The option, such as "--speed".
-        text: A plain number in SI units, or a number with its unit.
+        text: A number with its unit, or 0.
         kind: The annotated type of the quantity, such as `Speed`.
 
     Raises:
-        InvalidInput: The text is no quantity of the required unit.
+        InvalidInput: The text is no quantity of the required unit, or has no unit.
     """
     return None if text is None else _read(option, text, kind)
 
@@ -46,15 +46,18 @@ def read_option_list(
 
 
 def _read(option: str, text: str, kind: Any) -> float:
-    """Read one quantity of an option."""
+    """Read one quantity of an option: all options are text, and text needs a unit unless it is 0."""
     from armcontour._numbers import plain_number
     from armcontour.errors import InvalidInput
     from armcontour.io.units import read_quantity
 
+    quantity = get_args(kind)[1]
     plain = text.strip()
     number = plain_number(plain)
-    value = plain if number is None else number
+    if number:
+        unit = quantity.example.partition(" ")[2]
+        raise InvalidInput(f"{option}: {plain!r} has no unit: write one, such as '{plain} {unit}'.")
     try:
-        return read_quantity(value, get_args(kind)[1])
+        return read_quantity(plain if number is None else number, quantity)
     except ValueError as error:
         raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None
