@@ -330,13 +330,15 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--tolerance": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
     "--from-s": ("# m", "# mm"),
+    "--period": ("# s", "# ms"),
     "--memory": ("# byte", "# GB"),
     "--servo": ("# m", "# um"),
     "--tolerances": ("# m", "# mm, 1 mm"),
     "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--contour", "--export", "--interpolation", "--joint-limits",
+    "--arm", "--base", "--cell", "--contour", "--export", "--format", "--interpolation", "--job",
+    "--joint-limits",
     "--layer", "--limits", "--model", "--out", "--output", "--path", "--run", "--template",
     "--skip", "--tip", "--units",
 }  # fmt: skip

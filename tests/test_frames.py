@@ -7,7 +7,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.frames import Frame, cross_matrix, exp, from_rpy, log, rotations, shortest
+from armcontour.frames import (
+    Frame,
+    cross_matrix,
+    exp,
+    from_rpy,
+    log,
+    quaternions,
+    rotations,
+    shortest,
+)
 
 SMALL = [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 1e-4]
 LARGE = [1.0, 3.0, np.pi - 1e-4, np.pi - 1e-8, np.pi - 1e-12, np.pi]
@@ -37,8 +46,10 @@ def test_a_small_turn_keeps_its_digits():
     np.testing.assert_allclose(log(exp(vector)), vector, rtol=1e-12)
 
 
-def test_log_agrees_with_scipy_on_random_rotations():
+def test_log_and_quaternions_agree_with_scipy_on_random_rotations():
     turns = Rotation.random(5000, rng=np.random.default_rng(1))
+    found = quaternions(turns.as_matrix())
+    np.testing.assert_allclose(found, turns.as_quat(canonical=True), atol=1e-14)
     np.testing.assert_allclose(log(turns.as_matrix()), turns.as_rotvec(), atol=1e-14)
 
 

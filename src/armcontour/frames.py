@@ -129,8 +129,8 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.eye(3) + first * k + second * (k @ k))
 
 
-def log(matrices: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of rotation matrices, (..., 3, 3) to (..., 3), of length 0 to pi."""
+def quaternions(matrices: npt.ArrayLike) -> FloatArray:
+    """Unit quaternions x, y, z, w with w >= 0 of rotation matrices, (..., 3, 3) to (..., 4)."""
     r = np.asarray(matrices, dtype=np.float64)
     # The quaternion is computed from its largest component, which is accurate at every angle, also
     # at half a turn.
@@ -140,19 +140,25 @@ def log(matrices: npt.ArrayLike) -> FloatArray:
     sym, skew = r + np.swapaxes(r, -1, -2), r - np.swapaxes(r, -1, -2)
     a = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
     candidates = np.empty((*trace.shape, 4, 4))
-    candidates[..., 0, 0], candidates[..., 0, 1:] = squares[..., 0], a
+    candidates[..., 0, 3], candidates[..., 0, :3] = squares[..., 0], a
     for i in range(3):
-        candidates[..., i + 1, 0] = a[..., i]
-        candidates[..., i + 1, 1:] = sym[..., i, :]
-        candidates[..., i + 1, i + 1] = squares[..., i + 1]
+        candidates[..., i + 1, 3] = a[..., i]
+        candidates[..., i + 1, :3] = sym[..., i, :]
+        candidates[..., i + 1, i] = squares[..., i + 1]
     best = np.argmax(squares, axis=-1)
     q = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
-    q = q * np.where(q[..., :1] < 0, -1.0, 1.0)
-    size = np.sqrt(np.sum(q[..., 1:] ** 2, axis=-1))
-    angle = 2 * np.arctan2(size, q[..., 0])
+    q = q * np.where(q[..., 3:] < 0, -1.0, 1.0)
+    return np.asarray(q / np.sqrt(np.sum(q**2, axis=-1, keepdims=True)))
+
+
+def log(matrices: npt.ArrayLike) -> FloatArray:
+    """Rotation vectors [rad] of rotation matrices, (..., 3, 3) to (..., 3), of length 0 to pi."""
+    q = quaternions(matrices)
+    size = np.sqrt(np.sum(q[..., :3] ** 2, axis=-1))
+    angle = 2 * np.arctan2(size, q[..., 3])
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(size > 0, angle / size, 0.0)
-    return np.asarray(q[..., 1:] * scale[..., None])
+    return np.asarray(q[..., :3] * scale[..., None])
 
 
 def cross_matrix(v: FloatArray) -> FloatArray:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
+from collections.abc import Callable
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ import pytest
 import yaml
 
 from armcontour import PlanarTwoLink, load_arm
-from armcontour.io import parse_job, parse_trajectory, planned_csv, taught_csv, torque_csv
+from armcontour.io import parse_job, parse_trajectory, write_planned, write_taught, write_torque
 from armcontour.io.summary import summary
 from armcontour.jobs import Study, run
 
@@ -94,9 +96,17 @@ def test_the_experiment_stands_beside_the_servo(found: Any, study: Study) -> Non
     assert experiment["settled"] == result.evaluation.settled
 
 
-def test_planned_joints_are_called_by_their_names_and_read_again(study: Study) -> None:
+def written(tmp_path: FilePath, write: Callable[..., None], *given: Any) -> str:
+    """What a function writes to a file."""
+    write(tmp_path / "written.csv", *given)
+    return (tmp_path / "written.csv").read_text(encoding="utf-8")
+
+
+def test_planned_joints_are_called_by_their_names_and_read_again(
+    study: Study, tmp_path: FilePath
+) -> None:
     plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
-    text = planned_csv(plan, 4e-3, names)
+    text = written(tmp_path, write_planned, plan, 4e-3, names)
     assert text.startswith("t [s],q shoulder_pan_joint [rad],")
     samples = parse_trajectory(text, names)
     np.testing.assert_allclose(samples.q, plan(np.minimum(samples.t, plan.duration)), atol=1e-11)
@@ -106,17 +116,20 @@ def test_planned_joints_are_called_by_their_names_and_read_again(study: Study) -
     )
 
 
-def test_joints_that_are_only_numbered_keep_their_numbers(study: Study) -> None:
+def test_joints_that_are_only_numbered_keep_their_numbers(study: Study, tmp_path: FilePath) -> None:
     plan = study.runs["plain"].trajectory
     numbered = [f"joint {j + 1}" for j in range(6)]
-    assert planned_csv(plan, 0.1, numbered) == planned_csv(plan, 0.1)
-    assert planned_csv(plan, 0.1).startswith("t [s],q 1 [rad],q 2 [rad]")
+    text = written(tmp_path, write_planned, plan, 0.1)
+    assert written(tmp_path, write_planned, plan, 0.1, numbered) == text
+    assert text.startswith("t [s],q 1 [rad],q 2 [rad]")
 
 
-def test_taught_data_is_written_as_plans_are_and_read_again(study: Study) -> None:
+def test_taught_data_is_written_as_plans_are_and_read_again(
+    study: Study, tmp_path: FilePath
+) -> None:
     taught = study.runs["plain"].taught
     for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
-        text = taught_csv(taught, names)
+        text = written(tmp_path, write_taught, taught, names)
         title = f"q {names[0].removeprefix('joint ')} [rad]"
         assert text.startswith(f"t [s],{title},")
         # Files of older versions have the joint's name alone.
@@ -128,9 +141,9 @@ def test_taught_data_is_written_as_plans_are_and_read_again(study: Study) -> Non
             assert samples.dq is None
 
 
-def test_torques_as_a_table(study: Study) -> None:
+def test_torques_as_a_table(study: Study, tmp_path: FilePath) -> None:
     plan, arm = study.runs["plain"].trajectory, study.job.arm
-    header, *rows = torque_csv(plan, arm, 0.05).splitlines()
+    header, *rows = written(tmp_path, write_torque, plan, arm, 0.05).splitlines()
     assert header.split(",")[:2] == ["t [s]", "torque shoulder_pan_joint [N m]"]
     table = np.array([row.split(",") for row in rows], dtype=float)
     t = table[3, 0]

@@ -18,6 +18,7 @@ from armcontour.cli.options import (
     Open,
     Out,
     RunOptions,
+    StoredExportOptions,
     SweepOptions,
     grouped,
 )
@@ -34,7 +35,13 @@ app = typer.Typer(
     name="armcontour",
     help="Contouring with industrial robot arms: as fast as the limits allow, within the error.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=(
+        "Exit codes: 0 done; 1 not kept, not determined, or refused by the system; 2 invalid "
+        "input; 3 out of reach; 4 no timing or certificate; 5 delay not compensated; 6 simulation "
+        "not completed; 7 cannot tell; 130, 141 and 143 interrupted. "
+        "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
+    ),
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -50,7 +57,10 @@ def _version(value: bool) -> None:
 @app.callback()
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+        bool,
+        typer.Option(
+            "--version", "-V", help="Print the version.", callback=_version, is_eager=True
+        ),
     ] = False,
 ) -> None:
     """Options of the program itself."""
@@ -129,6 +139,21 @@ def sweep(
     from armcontour.cli.sweeping import sweep_file
 
     sweep_file(job, out, job_options, options)
+
+
+@app.command()
+@grouped
+def export(
+    result: Annotated[
+        FilePath, typer.Argument(help="Folder of a result, of `run` or of `certify`.")
+    ],
+    file: Annotated[FilePath, typer.Argument(help="File to write; its ending says the format.")],
+    options: StoredExportOptions,
+) -> None:
+    """Export taught data, or the plan, of an earlier result for a robot controller."""
+    from armcontour.cli.exporting import export_stored
+
+    export_stored(result, file, options)
 
 
 @app.command()

@@ -1,15 +1,18 @@
-"""Export taught data and reference trajectories of runs in the formats of the command line."""
+"""Export taught data and plans in the formats of the command line, of a run or of a result."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from armcontour.cli.quantities import read_option
+
 if TYPE_CHECKING:
-    from armcontour.cli.options import ExportOptions
+    from armcontour.arms import Arm, Limits
+    from armcontour.cli.options import ExportOptions, StoredExportOptions
     from armcontour.io import ResultFolder
     from armcontour.io.exports.table import Table
     from armcontour.jobs import Job, RunPlan
@@ -17,24 +20,15 @@ if TYPE_CHECKING:
 
 # Labels of the set-points for the robot, and of the plan without compensation.
 TAUGHT, REFERENCE = "taught", "reference"
+# Formats whose files have tool points, and those with outputs of events.
+WITH_TOOL = ("parquet", "npz", "template")
+WITH_OUTPUTS = ("urscript", "template")
+# Formats whose controllers join set-points with accelerations by quintics, and the share of the
+# limit above which such accelerations are said.
+JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
+FAR_ABOVE = 3.0
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exports:
-    """Formats in which every run is exported.
-
-    Args:
-        formats: Names of formats.
-        templates: Names or files of templates.
-        outputs: Digital outputs, by names of events.
-    """
-
-    formats: tuple[str, ...] = ()
-    templates: tuple[str, ...] = ()
-    outputs: dict[str, int | str] | None = None
-
-    def __bool__(self) -> bool:
-        return bool(self.formats or self.templates)
+Outputs = dict[str, int | str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,19 +46,66 @@ class Target:
     template: str | None = None
 
     @property
+    def name(self) -> str:
+        """Name of the format or of the template."""
+        return self.kind if self.template is None else self.template
+
+    @property
     def option(self) -> str:
         """The option of the command line for this file, for messages."""
         if self.template is None:
             return f"--export {self.kind}"
         return f"--template {self.template}"
 
-    def options(self, x: Exports) -> dict[str, Any]:
-        """Keyword arguments of `write_table`."""
-        takes = self.kind in ("urscript", "template")
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exports:
+    """Formats in which every run is exported.
+
+    Args:
+        targets: The files.
+        outputs: Outputs of events by names of events: of a format, or under "" of all formats.
+        period: Time between points of the plan [s]; the command interval if None.
+        derivatives: Highest derivative.
+        tool_motion: Whether files have point, orientation and speed of the tool.
+    """
+
+    targets: tuple[Target, ...] = ()
+    outputs: dict[str, Outputs] = field(default_factory=dict)
+    period: float | None = None
+    derivatives: int = 2
+    tool_motion: bool = False
+
+    def __bool__(self) -> bool:
+        return bool(self.targets)
+
+    def write(self, target: Target, table: Table, file: FilePath) -> None:
+        """Write a table to one of the files.
+
+        Raises:
+            InvalidInput: The format cannot hold the table; names the option of the format.
+        """
+        from armcontour.errors import locate_errors
+        from armcontour.io.exports import write_table
+
+        outputs = self.outputs.get("", {}) | self.outputs.get(target.name, {})
+        with locate_errors(target.option):
+            write_table(
+                table,
+                file,
+                format=target.kind,
+                template=target.template,
+                outputs=outputs if outputs and target.kind in WITH_OUTPUTS else None,
+            )
+
+    def table_options(self, arm: Arm) -> dict[str, Any]:
+        """Keyword arguments for a table of the arm; tool points only if a file has them."""
+        needed = self.tool_motion or any(x.kind in WITH_TOOL for x in self.targets)
         return {
-            "format": self.kind,
-            "template": self.template,
-            "outputs": x.outputs if takes else None,
+            "arm": arm if needed else None,
+            "joint_names": arm.joint_names,
+            "derivatives": self.derivatives,
+            "tool_motion": self.tool_motion,
         }
 
 
@@ -75,30 +116,73 @@ def exports_of(x: ExportOptions) -> Exports:
         x: The options as text.
 
     Raises:
-        InvalidInput: An unknown format, or an output that is not "event=number".
+        InvalidInput: An unknown format, or an option that needs a format.
     """
+    from armcontour._quantities import Interval
     from armcontour.errors import InvalidInput
     from armcontour.io.exports import chosen_format
 
-    formats, templates, outputs = x.export or [], x.template or [], x.output or []
+    formats, templates = x.export or [], x.template or []
     for name in formats:
         chosen_format(FilePath(), name, "given" if name == "template" else None)
         if name == "template":
             raise InvalidInput("--export template needs its template: give it with --template.")
-    if outputs and not ("urscript" in formats or templates):
+    targets = _targets(formats, templates)
+    period = read_option("--period", x.period, Interval)
+    if not targets:
+        options = {
+            "--period": period is not None,
+            "--derivatives": x.derivatives != 2,
+            "--tool-motion": x.tool_motion,
+        }
+        for option, given in options.items():
+            if given:
+                raise InvalidInput(f"{option} goes with --export or --template.")
+    _refuse_same_files(targets)
+    return Exports(
+        targets=tuple(targets),
+        outputs=read_outputs(x.output or [], targets),
+        period=period,
+        derivatives=x.derivatives,
+        tool_motion=x.tool_motion,
+    )
+
+
+def read_outputs(texts: Sequence[str], targets: Sequence[Target]) -> dict[str, Outputs]:
+    """Outputs of events from texts such as "tool=0", or "abb:tool=doTool" for one format.
+
+    Args:
+        texts: The texts.
+        targets: The files of the export.
+
+    Raises:
+        InvalidInput: No format takes outputs, or a text is not "event=output".
+    """
+    from armcontour.errors import InvalidInput
+    from armcontour.io.exports import formats, templates
+
+    takers = [x.name for x in targets if x.kind in WITH_OUTPUTS]
+    if texts and not takers:
         raise InvalidInput("--output goes with --export urscript or with --template.")
-    found: dict[str, int | str] = {}
-    for text in outputs:
-        name, equals, number = text.partition("=")
-        if not (name and equals and number):
+    found: dict[str, Outputs] = {}
+    for text in texts:
+        event, equals, number = text.partition("=")
+        kind, colon, rest = event.partition(":")
+        if colon and kind in takers:
+            event = rest
+        elif colon and kind in (*formats(), *templates()):
+            raise InvalidInput(f"--output {text} is for {kind}, which is not exported.")
+        else:
+            kind = ""
+        if not (event and equals and number):
             raise InvalidInput(
                 f"--output must be an event and its output, such as tool=0: {text!r}."
             )
-        if name in found:
-            raise InvalidInput(f"--output gives the event {name!r} two outputs: give it one.")
-        found[name] = int(number) if number.isdecimal() else number
-    _refuse_same_files(_targets(formats, templates))
-    return Exports(formats=tuple(formats), templates=tuple(templates), outputs=found or None)
+        of = found.setdefault(kind, {})
+        if event in of:
+            raise InvalidInput(f"--output gives the event {event!r} two outputs: give it one.")
+        of[event] = int(number) if number.isdecimal() else number
+    return found
 
 
 def _refuse_same_files(targets: list[Target]) -> None:
@@ -130,20 +214,26 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
             does not have.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import refuse_unknown_outputs, write_table
 
     events = _events_of(job)
-    refuse_unknown_outputs(
-        x.outputs or {}, (event.name for event in events), option="--output", owner="the job"
-    )
-    for period in dict.fromkeys(run.period for run in job.runs):
-        table = _two_points(job, period, events)
-        for target in _targets(x.formats, x.templates):
-            place = scratch / f"rehearsal{target.ending}"
-            try:
-                write_table(table, place, **target.options(x))
-            except OSError as error:
-                raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
+    _refuse_outputs(x, {event.name for event in events}, "the job")
+    for run in job.runs:
+        for period in dict.fromkeys((run.period, x.period or run.period)):
+            table = _two_points(job, period, events, x)
+            for target in x.targets:
+                place = scratch / f"rehearsal{target.ending}"
+                try:
+                    x.write(target, table, place)
+                except OSError as error:
+                    raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
+
+
+def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
+    """Refuse outputs for events that do not exist."""
+    from armcontour.io.exports import refuse_unknown_outputs
+
+    names = {name: 0 for of in x.outputs.values() for name in of}
+    refuse_unknown_outputs(names, events, option="--output", owner=owner)
 
 
 def _events_of(job: Job) -> list[Event]:
@@ -161,29 +251,24 @@ def _events_of(job: Job) -> list[Event]:
     return list({(x.name, type(x.value), x.value): x for x in found}.values())
 
 
-def _two_points(job: Job, period: float, events: Sequence[Event]) -> Table:
+def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) -> Table:
     """A table of two points with the joints and events of a job."""
     import numpy as np
 
-    from armcontour.io.exports.table import Table
-    from armcontour.motion import TimedEvent
+    from armcontour.io.exports.table import tabulate
+    from armcontour.motion import Samples, TimedEvent
 
     zeros = np.zeros((2, job.arm.dof))
-    tool = job.arm.forward(zeros)
-    point = tuple(tool[0].tolist())
-    return Table(
+    point = tuple(job.arm.forward(zeros)[0].tolist())
+    return tabulate(
+        Samples(t=np.array([0.0, period]), q=zeros, dq=zeros, ddq=zeros),
         name=_title(job, REFERENCE),
-        joint_names=job.arm.joint_names,
         period=period,
-        t=np.array([0.0, period]),
-        q=zeros,
-        dq=zeros,
-        ddq=zeros,
         events=tuple(
-            TimedEvent(name=x.name, value=x.value, t=0.0, due=0.0, s=0.0, point=point)
-            for x in events
+            TimedEvent(name=y.name, value=y.value, t=0.0, due=0.0, s=0.0, point=point)
+            for y in events
         ),
-        tool=tool,
+        **x.table_options(job.arm),
     )
 
 
@@ -192,18 +277,90 @@ def _title(job: Job, label: str) -> str:
     return f"{job.name} {label}"
 
 
-def write_exports(folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports) -> None:
-    """Export taught data and reference of one run to the result folder."""
-    from armcontour.io.exports import make_table, write_table
+def write_exports(
+    folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports
+) -> list[str]:
+    """Export taught data and plan of one run to the result folder; returns warnings."""
+    from armcontour.io.exports import make_table
+
+    warnings = []
 
     for label, data, period in (
         (TAUGHT, result.taught, None),
-        (REFERENCE, result.trajectory, result.run.period),
+        (REFERENCE, result.trajectory, x.period or result.run.period),
     ):
-        table = make_table(data, name=_title(job, label), arm=job.arm, period=period)
-        for target in _targets(x.formats, x.templates):
-            write = partial(write_table, table, **target.options(x))
-            folder.place(f"{name}/export/{label}{target.ending}", write)
+        title, options = _title(job, label), x.table_options(job.arm)
+        table = make_table(data, name=title, period=period, **options)
+        for target in x.targets:
+            folder.place(f"{name}/export/{label}{target.ending}", partial(x.write, target, table))
+            if label == TAUGHT and target.kind in JOINED_BY_QUINTICS:
+                warnings += _warn_of_jumps(target, table, result.run.limits, name)
+    return warnings
+
+
+def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> list[str]:
+    """Warn of a curve through set-points that needs far more than the limits of acceleration."""
+    import numpy as np
+
+    limit = limits.joint_acceleration
+    if table.ddq is None or limit is None:
+        return []
+    ratio = np.abs(table.ddq).max(axis=0) / limit
+    joint = int(np.argmax(ratio))
+    if ratio[joint] < FAR_ABOVE:
+        return []
+    return [
+        f"{target.option}, run {name}: where the planned acceleration jumps, so do the set-points, "
+        f"and a controller that joins them by quintics needs up to {ratio[joint]:.0f} times the "
+        f"acceleration limit of {table.joint_names[joint]}. With --derivatives 0 a ROS controller "
+        "joins them by lines."
+    ]
+
+
+def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
+    """Export a run of an earlier result to a file, and say what was written.
+
+    Args:
+        result: Folder of a result.
+        file: The destination.
+        options: Options of the command.
+
+    Raises:
+        InvalidInput: No result, an unknown format, an option that does not fit, or a destination
+            that exists already.
+    """
+    from armcontour._quantities import Interval
+    from armcontour.cli.console import Console
+    from armcontour.errors import InvalidInput
+    from armcontour.io import read_job
+    from armcontour.io.exports import chosen_format
+    from armcontour.io.exports.destination import put
+    from armcontour.io.stored_run import read_run
+
+    kind = chosen_format(file, options.format, options.template)
+    target = Target(kind=kind, ending=file.suffix, template=options.template)
+    period = read_option("--period", options.period, Interval)
+    if period is not None and not options.reference:
+        raise InvalidInput("--period goes with --reference: taught data has its own interval.")
+    if not options.force and file.exists():
+        raise InvalidInput(f"{file} exists already: choose another name, or give --force.")
+    arm = None
+    if options.job is not None:
+        arm = read_job(options.job, trust_xacro=options.trust_xacro).arm
+    elif options.tool_motion:
+        raise InvalidInput("--tool-motion needs the arm: give its job file with --job.")
+    run = read_run(result, options.run_name)
+    more: dict[str, Any] = {"derivatives": options.derivatives, "tool_motion": options.tool_motion}
+    table = (
+        run.reference(period, arm=arm, **more) if options.reference else run.taught(arm=arm, **more)
+    )
+    x = Exports(targets=(target,), outputs=read_outputs(options.output or [], [target]))
+    _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
+    put(file, partial(x.write, target, table), folder=kind == "mcap")
+    what = REFERENCE if options.reference else TAUGHT
+    Console().say(
+        f"Exported {what} of run {run.name}: {len(table.t)} points, {table.duration:.4f} s: {file}"
+    )
 
 
 def _targets(names: Sequence[str], templates: Sequence[str]) -> list[Target]:

@@ -41,7 +41,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-Out = Annotated[FilePath, typer.Option("--out", help="Folder for the results.")]
+Out = Annotated[FilePath, typer.Option("--out", "-o", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 Memory = Annotated[
     str | None, typer.Option("--memory", help="Largest memory of the program, such as '4 GB'.")
@@ -127,6 +127,34 @@ class JobOptions:
     trust_xacro: TrustXacro = False
 
 
+Output = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--output",
+        help="Digital output of an event in exports: tool=0, or for one format abb:tool=doTool.",
+    ),
+]
+Period = Annotated[
+    str | None,
+    typer.Option("--period", help="Time between points of an exported plan, such as '48 ms'."),
+]
+Derivatives = Annotated[
+    int,
+    typer.Option(
+        "--derivatives",
+        min=0,
+        max=2,
+        help="Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.",
+    ),
+]
+ToolMotion = Annotated[
+    bool,
+    typer.Option(
+        "--tool-motion", help="Write point, orientation and speed of the tool into exports too."
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
     """Options for exports of every run."""
@@ -143,10 +171,38 @@ class ExportOptions:
         list[str] | None,
         typer.Option("--template", help="Export by a template: kuka, abb, or a .j2 file."),
     ] = None
-    output: Annotated[
-        list[str] | None,
-        typer.Option("--output", help="Digital output of an event in exports: tool=0."),
+    output: Output = None
+    period: Period = None
+    derivatives: Derivatives = 2
+    tool_motion: ToolMotion = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredExportOptions:
+    """Options of the command `export`."""
+
+    run_name: Annotated[str | None, typer.Option("--run", help="Run of the result.")] = None
+    reference: Annotated[
+        bool,
+        typer.Option("--reference", help="Export the plan, without compensation for the servo."),
+    ] = False
+    format: Annotated[
+        str | None,
+        typer.Option("--format", help="Format of the file; by default that of its ending."),
     ] = None
+    template: Annotated[
+        str | None, typer.Option("--template", help="A template: kuka, abb, or a .j2 file.")
+    ] = None
+    output: Output = None
+    period: Period = None
+    derivatives: Derivatives = 2
+    tool_motion: ToolMotion = False
+    job: Annotated[
+        FilePath | None,
+        typer.Option("--job", help="Job file (YAML) whose arm gives tool points."),
+    ] = None
+    trust_xacro: TrustXacro = False
+    force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +247,8 @@ class IdentifyOptions:
     """Options of the command `identify`."""
 
     out: Annotated[
-        FilePath | None, typer.Option("--out", help="Folder for servo file and report; else none.")
+        FilePath | None,
+        typer.Option("--out", "-o", help="Folder for servo file and report; else none."),
     ] = None
     model: Annotated[
         str, typer.Option("--model", help="Model of the servo: auto, second or first.")
@@ -230,7 +287,7 @@ class CertifyOptions:
     ] = None
     servo: ServoBudget = None
     out: Annotated[
-        FilePath | None, typer.Option("--out", help="Folder for the certificate; else none.")
+        FilePath | None, typer.Option("--out", "-o", help="Folder for the certificate; else none.")
     ] = None
     force: Force = False
     open_report: Open = False

@@ -46,7 +46,7 @@ def read_option_list(
 
 
 def _read(option: str, text: str, kind: Any) -> float:
-    """Read one quantity of an option: all options are text, and text needs a unit unless it is 0."""
+    """Read one quantity of an option: options are text, and text other than 0 needs a unit."""
     from armcontour._numbers import plain_number
     from armcontour.errors import InvalidInput
     from armcontour.io.units import read_quantity

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -51,9 +52,12 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
     # Heavy imports come later, so that a wrong folder or job is refused at once.
+    from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.summary import summarise_taught, summary
 
+    if open_report and not simulate:
+        raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(under(progress, "reading"))
         if exports:
@@ -69,7 +73,7 @@ def run_job(
             study = run(job, progress=progress)
             progress(WRITING)
             write_motions(folder, job, study.runs)
-            _write_exports(folder, job, study.runs, exports)
+            notes = _write_exports(folder, job, study.runs, exports)
             folder.write("report.html", render_report(study))
             folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
         else:
@@ -78,14 +82,14 @@ def run_job(
             # With formats chosen, no other files are written.
             if not exports:
                 write_motions(folder, job, plans)
-            _write_exports(folder, job, plans, exports)
+            notes = _write_exports(folder, job, plans, exports)
             files = [*folder.files, "summary.json"]
             folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
-        _print_plans(plans, out)
+        _print_plans(plans, out, notes)
         return
     report = (out / "report.html").resolve()
-    _print_results(study, report)
+    _print_results(study, report, notes)
     if open_report:
         open_page(report)
 
@@ -96,27 +100,31 @@ def write_motions(
     plans: Mapping[str, RunPlan],
 ) -> None:
     """Write taught data, plan and torques of every run as CSV."""
-    from armcontour.io import planned_csv, taught_csv, torque_csv
+    from armcontour.io import write_planned, write_taught, write_torque
 
     names = job.arm.joint_names
     for name, result in plans.items():
-        folder.write(f"{name}/taught.csv", taught_csv(result.taught, names))
         plan, period = result.trajectory, result.run.period
-        folder.write(f"{name}/planned.csv", planned_csv(plan, period, names))
+        taught = partial(write_taught, taught=result.taught, joint_names=names)
+        folder.place(f"{name}/taught.csv", taught)
+        planned = partial(write_planned, trajectory=plan, period=period, joint_names=names)
+        folder.place(f"{name}/planned.csv", planned)
         if job.arm.has_bodies:
-            folder.write(f"{name}/torque.csv", torque_csv(plan, job.arm, period))
+            torque = partial(write_torque, trajectory=plan, arm=job.arm, period=period)
+            folder.place(f"{name}/torque.csv", torque)
 
 
 def _write_exports(
     folder: ResultFolder, job: Job, plans: Mapping[str, RunPlan], exports: Exports | None
-) -> None:
-    """Write the exports of every run."""
-    for name, result in plans.items():
-        if exports:
-            write_exports(folder, job, name, result, exports)
+) -> list[str]:
+    """Write the exports of every run; returns warnings."""
+    if not exports:
+        return []
+    found = [write_exports(folder, job, name, plan, exports) for name, plan in plans.items()]
+    return [warning for of_run in found for warning in of_run]
 
 
-def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
+def _print_plans(plans: Mapping[str, RunPlan], out: FilePath, notes: Sequence[str]) -> None:
     """Print duration and set-points of runs that are not simulated."""
     console = Console()
     for name, x in plans.items():
@@ -126,10 +134,12 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
         )
         for warning in x.warnings:
             console.say(f"Warning: {warning}")
+    for note in notes:
+        console.say(f"Warning: {note}")
     console.say(f"Taught data: {out.resolve()}")
 
 
-def _print_results(study: Study, report: FilePath) -> None:
+def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None:
     """Print a table of all runs, warnings, and where the report is."""
     from armcontour.jobs.quantities import assumed_numbers
 
@@ -157,6 +167,7 @@ def _print_results(study: Study, report: FilePath) -> None:
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
         lines += [f"Warning: {x}" for x in result.warnings]
+    lines += [f"Warning: {x}" for x in notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")
     for text in (*lines, f"Report: {report.as_uri()}"):

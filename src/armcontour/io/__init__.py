@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from armcontour.io.job_file import json_schema, parse_job, read_job
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
-    from armcontour.io.motion_csv import planned_csv, taught_csv, torque_csv
+    from armcontour.io.motion_csv import write_planned, write_taught, write_torque
     from armcontour.io.results import ResultFolder
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
@@ -22,7 +22,7 @@ _HOME = {
     "job_file": ("json_schema", "parse_job", "read_job"),
     "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
-    "motion_csv": ("planned_csv", "taught_csv", "torque_csv"),
+    "motion_csv": ("write_planned", "write_taught", "write_torque"),
     "results": ("ResultFolder",),
     "trajectory_file": ("parse_trajectory", "read_trajectory"),
 }
@@ -36,13 +36,13 @@ __all__ = [
     "json_schema",
     "parse_job",
     "parse_trajectory",
-    "planned_csv",
+    "write_planned",
     "read_job",
     "read_limits",
     "read_trajectory",
     "sweep_json",
-    "taught_csv",
-    "torque_csv",
+    "write_taught",
+    "write_torque",
 ]
 
 

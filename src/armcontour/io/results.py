@@ -266,6 +266,33 @@ def _manifest(folder: FilePath) -> dict[str, str] | None:
     return listed if _names_files(listed) else None
 
 
+def verify_file(folder: FilePath, name: str) -> FilePath:
+    """The path of a file of a result, if armcontour wrote the file and it did not change.
+
+    Args:
+        folder: The result folder.
+        name: Name of the file relative to the folder.
+
+    Raises:
+        InvalidInput: The folder has no result, the result has no such file, or the file changed.
+    """
+    written = _manifest(folder)
+    if written is None or SUMMARY not in written:
+        raise InvalidInput(
+            f"{folder} holds no result: name the folder that --out of run or certify made."
+        )
+    if name not in written:
+        raise InvalidInput(
+            f"The result in {folder} has no {name}: a run with --no-simulation and --export "
+            "writes only the exports."
+        )
+    if _checksum(folder / name) != written[name]:
+        raise InvalidInput(
+            f"{folder / name} changed since armcontour wrote it, or is gone: run the job again."
+        )
+    return folder / name
+
+
 def _names_files(listed: object) -> bool:
     """Whether an object is a mapping from names inside a folder to checksums."""
     return isinstance(listed, dict) and all(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -98,6 +98,10 @@ class TimedEvent:
     due: float
     s: float
     point: tuple[float, ...]
+
+    def shifted(self, by: float) -> TimedEvent:
+        """The event later by a time [s]."""
+        return replace(self, t=self.t + by, due=self.due + by) if by else self
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,12 +9,12 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from armcontour.errors import InvalidInput
 from armcontour.io.exports import Table, write_table
-from armcontour.io.exports.urscript import urscript_of
 from armcontour.motion import TimedEvent
 
 SERVOJ = re.compile(r"servoj\(\[([^\]]*)\], 0, 0, ([\d.]+), lookahead, gain\)")
@@ -99,7 +99,7 @@ def test_without_outputs_events_are_only_told(
     st.sampled_from([0.002, 0.004, 0.008]),
 )
 def test_any_events_come_in_order_within_half_an_interval(
-    count: int, times: list[float], period: float
+    tmp_path_factory: pytest.TempPathFactory, count: int, times: list[float], period: float
 ) -> None:
     q = np.arange(6.0 * count).reshape(count, 6)
     events = [x for t in times for x in said("tool", True, t)]
@@ -111,7 +111,9 @@ def test_any_events_come_in_order_within_half_an_interval(
         q=q,
         events=tuple(events),
     )
-    points, found, _ = run(urscript_of(given_table, {"tool": 0}))
+    points, found, _ = run(
+        program(given_table, tmp_path_factory.mktemp("any"), outputs={"tool": 0})
+    )
     at = [x for x, _ in found]
     assert len(at) == len(times)
     np.testing.assert_allclose(at, sorted(times), rtol=0, atol=period / 2 + 1e-9)

@@ -52,6 +52,7 @@ def export(
     name: str | None = None,
     outputs: Mapping[str, int | str] | None = None,
     derivatives: int = 2,
+    tool_motion: bool = False,
 ) -> None:
     """Write taught data or a trajectory to a file.
 
@@ -70,6 +71,8 @@ def export(
         outputs: For "urscript" and "template": the output of each event by the event's name.
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
             interpolates by quintics, cubics or lines.
+        tool_motion: Whether csv, parquet, npz and template get the tool's point, orientation
+            (quaternion) and speed. For taught data they are those of the set-points.
 
     Raises:
         InvalidInput: The format is unknown or does not have an option, an output is of an unknown
@@ -85,6 +88,7 @@ def export(
         joint_names=joint_names,
         period=period,
         derivatives=derivatives,
+        tool_motion=tool_motion,
     )
     refuse_unknown_outputs(
         outputs or {}, (x.name for x in table.events), option="outputs", owner=repr(table.name)

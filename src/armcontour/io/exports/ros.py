@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import chain
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import FIXED, event_data, filled
+from armcontour.io.exports.text import FIXED, event_data, filled, write_pieces
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
@@ -20,8 +21,8 @@ SECOND = 1_000_000_000
 LONGEST = 2**31 - 1
 
 
-def ros_yaml_of(table: Table) -> str:
-    """The table as the YAML of a trajectory_msgs/msg/JointTrajectory.
+def write_ros_yaml(table: Table, file: FilePath) -> None:
+    """Write the table as the YAML of a trajectory_msgs/msg/JointTrajectory.
 
     The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
     no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
@@ -39,16 +40,12 @@ def ros_yaml_of(table: Table) -> str:
     values = np.column_stack([*present.values(), ns // SECOND, ns % SECOND])
     events = "".join(f"# event: {json.dumps(event_data(x))}\n" for x in table.events)
     names = "".join(f"- {json.dumps(x, ensure_ascii=False)}\n" for x in table.joint_names)
-    return (
+    head = (
         f"# {table.name}\n{events}"
         "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
-        f"joint_names:\n{names}points:\n{''.join(filled(point, values))}"
+        f"joint_names:\n{names}points:\n"
     )
-
-
-def write_ros_yaml(table: Table, file: FilePath) -> None:
-    """Write the text of `ros_yaml_of` to a file."""
-    file.write_text(ros_yaml_of(table), encoding="utf-8", newline="\n")
+    write_pieces(file, chain([head], filled(point, values)))
 
 
 def write_mcap(table: Table, file: FilePath) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,8 +10,9 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Arm
+from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
+from armcontour.frames import quaternions
 from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
@@ -20,6 +20,8 @@ from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 ON_THE_POINT = 1e-9
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
+# Rows of which the motion of the tool is computed at once.
+AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,6 +37,8 @@ class Table:
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
         events: Events in the order of their times, which count from the first point too.
         tool: Tool points [m], (n, 2) or (n, 3).
+        tool_rotation: Tool orientations as quaternions x, y, z, w, (n, 4), whose signs do not jump.
+        tool_speed: Speed of the tool point [m/s], (n,).
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
 
     Raises:
@@ -51,11 +55,13 @@ class Table:
     ddq: FloatArray | None = None
     events: tuple[TimedEvent, ...] = ()
     tool: FloatArray | None = None
+    tool_rotation: FloatArray | None = None
+    tool_speed: FloatArray | None = None
     start_time: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_names", tuple(str(x) for x in self.joint_names))
-        for name in ("t", "q", "dq", "ddq", "tool"):
+        for name in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
             if getattr(self, name) is not None:
                 values = _checks.numbers(f"{name} of {self.name!r}", getattr(self, name))
                 object.__setattr__(self, name, _checks.lock_floats(values))
@@ -85,7 +91,8 @@ class Table:
             raise InvalidInput(
                 f"{self.name} has {self.q.shape[1]} joints, but {dof} joint names are given."
             )
-        shapes = {"q": (n, dof), "dq": (n, dof), "ddq": (n, dof)}
+        shapes: dict[str, tuple[int, ...]] = {name: (n, dof) for name in ("q", "dq", "ddq")}
+        shapes |= {"tool_rotation": (n, 4), "tool_speed": (n,)}
         for name, shape in shapes.items():
             values = getattr(self, name)
             if values is not None and values.shape != shape:
@@ -154,6 +161,7 @@ def make_table(
     joint_names: Sequence[str] | None = None,
     period: float | None = None,
     derivatives: int = 2,
+    tool_motion: bool = False,
 ) -> Table:
     """The table of taught data or of a sampled trajectory; time counts from the first point.
 
@@ -169,12 +177,13 @@ def make_table(
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         period: Sampling period of a trajectory [s]; taught data have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
+        tool_motion: Whether the table has orientation and speed of the tool too.
 
     Raises:
         InvalidInput: The period of a trajectory is missing, or differs from that of taught data;
-            the number of joints or names is wrong; or as for `Table`.
+            the number of joints or names is wrong; the motion of the tool is wanted, but no arm is
+            given; or as for `Table`.
     """
-    _checks.whole("derivatives", derivatives, 0, 2)
     if not isinstance(data, TaughtData | Trajectory):
         raise InvalidInput(
             f"Only taught data and trajectories can be exported, not a {type(data).__name__}."
@@ -185,21 +194,78 @@ def make_table(
     else:
         step = _sampling_period(data, name, period)
         samples, start, events = data.sample(step), 0.0, data.events
+    return tabulate(
+        samples,
+        name=name,
+        period=step,
+        events=tuple(x.shifted(-start) for x in events),
+        start_time=start,
+        arm=arm,
+        joint_names=joint_names,
+        derivatives=derivatives,
+        tool_motion=tool_motion,
+    )
+
+
+def tabulate(
+    samples: Samples,
+    *,
+    name: str,
+    period: float,
+    events: tuple[TimedEvent, ...] = (),
+    start_time: float = 0.0,
+    arm: Arm | None = None,
+    joint_names: Sequence[str] | None = None,
+    derivatives: int = 2,
+    tool_motion: bool = False,
+) -> Table:
+    """The table of samples; the arguments are those of `Table` and of `make_table`.
+
+    Raises:
+        InvalidInput: As in `make_table`.
+    """
+    _checks.whole("derivatives", derivatives, 0, 2)
     dof = samples.q.shape[1]
     if arm is not None and arm.dof != dof:
         raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
+    if arm is None and tool_motion:
+        raise InvalidInput(f"The motion of the tool of {name!r} needs the arm: give arm.")
     return Table(
         name=name,
         joint_names=_joint_names(joint_names, arm, dof),
-        period=step,
+        period=period,
         t=samples.t,
         q=samples.q,
         dq=samples.dq if derivatives > 0 else None,
         ddq=samples.ddq if derivatives > 1 else None,
-        events=tuple(_shift_event(x, -start) for x in events),
-        tool=None if arm is None else arm.forward(samples.q),
-        start_time=start,
+        events=events,
+        start_time=start_time,
+        **({} if arm is None else _tool(arm, samples, tool_motion)),
     )
+
+
+def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
+    """Tool points, and with `motion` the orientations and speeds of the tool.
+
+    The rows are computed in blocks: the matrices of millions of rows take gigabytes.
+    """
+    found: dict[str, list[FloatArray]] = {}
+    for i in range(0, len(samples.q), AT_ONCE):
+        rows = slice(i, i + AT_ONCE)
+        here = {"tool": arm.forward(samples.q[rows])}
+        if motion:
+            velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
+            here["tool_speed"] = np.linalg.norm(velocity, axis=1)
+            if isinstance(arm, SerialArm):
+                here["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
+        for key, values in here.items():
+            found.setdefault(key, []).append(values)
+    whole = {key: np.concatenate(values) for key, values in found.items()}
+    if "tool_rotation" in whole:
+        q = whole["tool_rotation"]
+        flips = np.sum(q[1:] * q[:-1], axis=1) < 0
+        q[1:][np.cumsum(flips) % 2 == 1] *= -1.0
+    return whole
 
 
 def _sampling_period(trajectory: Trajectory, name: str, period: float | None) -> float:
@@ -248,22 +314,29 @@ def _set_points(taught: TaughtData, period: float | None) -> Samples:
             needed=wanted,
             allowed=taught.period,
         )
-    q = taught.q
-    t = np.asarray(np.arange(len(q)) * taught.period, dtype=np.float64)
+    return differentiate(taught.q, taught.period)
+
+
+def differentiate(q: FloatArray, period: float) -> Samples:
+    """Set-points with the derivatives of the clamped cubic spline through them.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Time between set-points [s].
+    """
+    t = np.asarray(np.arange(len(q)) * period, dtype=np.float64)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
     from scipy.interpolate import CubicSpline
 
-    spline = CubicSpline(t, q, bc_type="clamped")
-    dq = spline(t, 1)
+    dq, ddq = np.empty_like(q), np.empty_like(q)
+    # One joint at a time, for less memory.
+    for j in range(q.shape[1]):
+        spline = CubicSpline(t, q[:, j], bc_type="clamped")
+        dq[:, j], ddq[:, j] = spline(t, 1), spline(t, 2)
     # Exactly zero: controllers refuse a motion that does not end at rest.
     dq[[0, -1]] = 0.0
-    return Samples(t=t, q=q, dq=dq, ddq=spline(t, 2))
-
-
-def _shift_event(event: TimedEvent, by: float) -> TimedEvent:
-    """The event later by a time [s]."""
-    return dataclasses.replace(event, t=event.t + by, due=event.due + by) if by else event
+    return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
 def _clean(event: TimedEvent) -> TimedEvent:

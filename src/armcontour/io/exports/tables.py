@@ -8,35 +8,30 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import csv_text, event_data, event_text, joint_columns
-
-
-def csv_of(table: Table) -> str:
-    """The table as CSV: columns t, then q, dq and ddq of all joints, and `events` if there are any.
-
-    An event is in the row of the last point at or before it and has its own time:
-    `tool=on@0.104000000000; gas=2.5@0.104500000000`.
-    """
-    header, columns = joint_columns(
-        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
-    )
-    text = csv_text(header, columns)
-    if not table.events:
-        return text
-    lines = text.rstrip("\n").split("\n")
-    cells = _event_cells(table)
-    rows = [
-        f"{line},{_quote(cell) if cell else ''}"
-        for line, cell in zip(lines[1:], cells, strict=True)
-    ]
-    return "\n".join([f"{lines[0]},events", *rows]) + "\n"
+from armcontour.io.exports.text import (
+    csv_pieces,
+    event_data,
+    event_text,
+    joint_columns,
+    write_pieces,
+)
 
 
 def write_csv(table: Table, file: FilePath) -> None:
-    """Write the text of `csv_of` to a file."""
-    file.write_text(csv_of(table), encoding="utf-8", newline="\n")
+    """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
+
+    If the table has the speed of the tool, its point, orientation and speed are columns too.
+    An event is in the row of the last point at or before it and has its own time:
+    `tool=on@0.104000000000; gas=2.5@0.104500000000`.
+    """
+    header, columns = _columns(table, tool=table.tool_speed is not None)
+    cells = _event_cells(table) if table.events else None
+    if cells is not None:
+        header.append("events")
+    write_pieces(file, csv_pieces(header, columns, cells))
 
 
 def write_parquet(table: Table, file: FilePath) -> None:
@@ -55,18 +50,15 @@ def write_parquet(table: Table, file: FilePath) -> None:
         raise InvalidInput(
             "Parquet needs the library pyarrow: pip install 'armcontour[tables]'."
         ) from None
-    header, columns = joint_columns(
-        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
-    )
-    rows = np.column_stack(columns)
-    arrays = [pa.array(np.ascontiguousarray(x)) for x in rows.T]
-    names = list(header)
-    if table.tool is not None:
-        names += [f"{axis} [m]" for axis in "xyz"[: table.tool.shape[1]]]
-        arrays += [pa.array(np.ascontiguousarray(x)) for x in table.tool.T]
+    names, columns = _columns(table, tool=True)
+    arrays = [
+        pa.array(np.ascontiguousarray(x)) for of in columns for x in of.reshape(len(of), -1).T
+    ]
     if table.events:
         names.append("events")
-        arrays.append(pa.array([x or None for x in _event_cells(table)], type=pa.string()))
+        cells = _event_cells(table)
+        texts = [cells.get(i) for i in range(len(table.t))]
+        arrays.append(pa.array(texts, type=pa.string()))
     about = {
         "name": table.name,
         "joint_names": table.joint_names,
@@ -83,7 +75,8 @@ def write_parquet(table: Table, file: FilePath) -> None:
 def write_npz(table: Table, file: FilePath) -> None:
     """Write the table to an npz file.
 
-    The arrays are name, joint_names, period, start_time, t, q, dq, ddq and tool; and for the
+    The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
+    tool_rotation and tool_speed; and for the
     events `event_name`, `event_value` (JSON), `event_t`, `event_due` and `event_s`, (events,).
     Arrays that the table does not have are left out. Nothing is pickled.
     """
@@ -98,7 +91,7 @@ def write_npz(table: Table, file: FilePath) -> None:
     }
     for key in ("t", "due", "s"):
         arrays[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
-    for key in ("t", "q", "dq", "ddq", "tool"):
+    for key in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
         if getattr(table, key) is not None:
             arrays[key] = getattr(table, key)
     # An open file keeps numpy from adding .npz to the name.
@@ -106,15 +99,26 @@ def write_npz(table: Table, file: FilePath) -> None:
         np.savez(stream, **arrays)
 
 
-def _event_cells(table: Table) -> list[str]:
-    """The events of each point as text; empty for a point without events."""
-    cells = [""] * len(table.t)
+def _columns(table: Table, *, tool: bool) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints, and of the tool as far as the table has them."""
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
+    if tool and table.tool is not None:
+        header += [f"{axis} [m]" for axis in "xyz"[: table.tool.shape[1]]]
+        columns.append(table.tool)
+    if tool and table.tool_rotation is not None:
+        header += ["qx", "qy", "qz", "qw"]
+        columns.append(table.tool_rotation)
+    if tool and table.tool_speed is not None:
+        header.append("speed [m/s]")
+        columns.append(table.tool_speed)
+    return header, columns
+
+
+def _event_cells(table: Table) -> dict[int, str]:
+    """The events of each point as text, by the index of the point."""
+    cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
-        cells[i] += f"{'; ' if cells[i] else ''}{event_text(event)}"
+        cells[i] = f"{cells[i]}; {event_text(event)}" if i in cells else event_text(event)
     return cells
-
-
-def _quote(cell: str) -> str:
-    """The cell as CSV, in quotes if it contains a comma or quotes."""
-    needed = any(x in cell for x in ',"')
-    return '"' + cell.replace('"', '""') + '"' if needed else cell

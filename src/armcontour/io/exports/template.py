@@ -45,6 +45,8 @@ class Point:
         q, q_deg: Joint positions [rad], [deg].
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
         tool: Tool point [m]; None without an arm.
+        tool_rotation: Tool orientation as a quaternion x, y, z, w; None unless exported.
+        tool_speed: Speed of the tool point [m/s]; None unless exported.
         events: Events from this point to the next one.
     """
 
@@ -55,6 +57,8 @@ class Point:
     dq: tuple[float, ...] | None
     ddq: tuple[float, ...] | None
     tool: tuple[float, ...] | None
+    tool_rotation: tuple[float, ...] | None
+    tool_speed: float | None
     events: tuple[Switch, ...]
 
 
@@ -197,7 +201,10 @@ def _points(table: Table) -> tuple[Point, ...]:
             )
         )
     count = len(table.t)
-    arrays = (table.q, np.degrees(table.q), table.dq, table.ddq, table.tool)
+    arrays = (
+        *(table.q, np.degrees(table.q), table.dq, table.ddq, table.tool, table.tool_rotation),
+        None if table.tool_speed is None else table.tool_speed[:, None],
+    )
     rows = zip(*(_tuples(x, count) for x in arrays), strict=True)
     return tuple(
         Point(
@@ -208,9 +215,11 @@ def _points(table: Table) -> tuple[Point, ...]:
             dq=dq,
             ddq=ddq,
             tool=tool,
+            tool_rotation=rotation,
+            tool_speed=None if speed is None else speed[0],
             events=tuple(switches.get(i, ())),
         )
-        for i, (t, (q, degrees, dq, ddq, tool)) in enumerate(
+        for i, (t, (q, degrees, dq, ddq, tool, rotation, speed)) in enumerate(
             zip(table.t.tolist(), rows, strict=True)
         )
     )

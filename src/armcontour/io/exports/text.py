@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -52,26 +54,69 @@ def csv_text(header: Sequence[str], columns: Sequence[FloatArray]) -> str:
         header: Titles of all columns, with units.
         columns: Arrays (n,) or (n, columns), which are put side by side.
     """
-    first = io.StringIO()
-    csv.writer(first, lineterminator="\n").writerow(header)
-    rows = np.column_stack(columns)
-    return first.getvalue() + "".join(filled(",".join([FIXED] * rows.shape[1]) + "\n", rows))
+    return "".join(csv_pieces(header, columns))
+
+
+def csv_pieces(
+    header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
+) -> Iterator[str]:
+    """Yield the text of `csv_text`, several thousand rows at a time.
+
+    Args:
+        header: Titles of all columns, with units.
+        columns: Arrays (n,) or (n, columns), which are put side by side.
+        cells: Texts of a last column by their rows; empty in the other rows. None without that
+            column.
+    """
+    yield _csv_line(header)
+    width = sum(1 if x.ndim == 1 else x.shape[1] for x in columns)
+    row = ",".join([FIXED] * width) + ("\n" if cells is None else ",\n")
+    at_once, count = _rows_at_once(width), len(columns[0])
+    texts = sorted((cells or {}).items())
+    for i in range(0, count, at_once):
+        piece = _format_rows(row, np.column_stack([x[i : i + at_once] for x in columns]))
+        here = texts[bisect_left(texts, (i,)) : bisect_left(texts, (i + at_once,))]
+        if here:
+            lines = piece.splitlines()
+            for k, text in here:
+                lines[k - i] = lines[k - i][: -len(",")] + _csv_line(["", text]).rstrip("\n")
+            piece = "\n".join([*lines, ""])
+        yield piece
+
+
+def _csv_line(cells: Sequence[str]) -> str:
+    """One line of CSV; texts with commas or quotes are in quotes."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
 
 
 def filled(row: str, values: FloatArray) -> Iterator[str]:
     """Yield the text `row % values[i]` of all rows, several thousand rows at a time.
 
-    Python formats each number with correct rounding; formatting many rows in one operation saves
-    time.
-
     Args:
         row: Format of one row.
         values: Numbers, (n, columns).
     """
-    at_once = max(1, CHUNK // max(1, values.shape[1]))
+    at_once = _rows_at_once(values.shape[1])
     for i in range(0, len(values), at_once):
-        piece = values[i : i + at_once]
-        yield (row * len(piece)) % tuple(piece.ravel().tolist())
+        yield _format_rows(row, values[i : i + at_once])
+
+
+def _rows_at_once(width: int) -> int:
+    """Number of rows that are formatted at once."""
+    return max(1, CHUNK // max(1, width))
+
+
+def _format_rows(row: str, values: FloatArray) -> str:
+    """The text of rows: Python rounds correctly, and one operation for many rows saves time."""
+    return (row * len(values)) % tuple(values.ravel().tolist())
+
+
+def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
+    """Write pieces of text to a file, one after the other."""
+    with file.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(pieces)
 
 
 def event_text(event: TimedEvent) -> str:

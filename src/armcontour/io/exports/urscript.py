@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import FIXED, filled, format_event
+from armcontour.io.exports.text import FIXED, filled, format_event, write_pieces
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -34,8 +35,10 @@ def armcontour():
 """
 
 
-def urscript_of(table: Table, outputs: Mapping[str, int | str] | None = None) -> str:
-    """The table as a URScript program: a slow move to the start, then one `servoj` per set-point.
+def write_urscript(
+    table: Table, file: FilePath, outputs: Mapping[str, int | str] | None = None
+) -> None:
+    """Write a URScript program: a slow move to the start, then one `servoj` per set-point.
 
     An event is executed at the nearest set-point, at most half an interval early or late; a comment
     gives its exact time. The last sample of a trajectory comes a whole interval after the one
@@ -44,6 +47,7 @@ def urscript_of(table: Table, outputs: Mapping[str, int | str] | None = None) ->
 
     Args:
         table: The table of an arm with six joints.
+        file: The file.
         outputs: Number of the standard digital output, 0 to 7, by names of events.
 
     Raises:
@@ -63,35 +67,30 @@ def urscript_of(table: Table, outputs: Mapping[str, int | str] | None = None) ->
         joints=", ".join(table.joint_names),
         first=numbers[0],
     )
-    text = head + "".join(_commands(table, digital, point, numbers[1]))
-    return f"{text}  stopj(2.0)\nend\n\narmcontour()\n"
+    # Before anything is written, as an event may be refused.
+    switched = [_set_output(x, digital) for x in table.events]
+    commands = _commands(table, switched, point, numbers[1])
+    write_pieces(file, chain([head], commands, ["  stopj(2.0)\nend\n\narmcontour()\n"]))
 
 
-def write_urscript(
-    table: Table, file: FilePath, outputs: Mapping[str, int | str] | None = None
-) -> None:
-    """Write the text of `urscript_of` to a file."""
-    file.write_text(urscript_of(table, outputs), encoding="utf-8", newline="\n")
-
-
-def _commands(table: Table, outputs: Mapping[str, int], point: str, last: str) -> Iterator[str]:
+def _commands(table: Table, switched: Sequence[str], point: str, last: str) -> Iterator[str]:
     """Yield the commands of set-points and events in the order of their times.
 
     Args:
         table: The table.
-        outputs: Digital outputs by names of events.
+        switched: The command of each event.
         point: Format of the command of a set-point.
         last: Joint positions of the last set-point as text; repeated for events after the end.
     """
     done, count = 0, len(table.q)
-    for event in table.events:
+    for event, command in zip(table.events, switched, strict=True):
         # A servoj lasts for one interval, so the line after it is executed at the time of the next
         # set-point.
         before = round(event.t / table.period)
         yield from filled(point, table.q[done : min(before, count)])
         if before > max(done, count):
             yield _repeat_last(last, (before - max(done, count)) * table.period)
-        yield _set_output(event, outputs)
+        yield command
         done = max(done, before)
     yield from filled(point, table.q[done:])
     yield _repeat_last(last, HOLD)

@@ -1,0 +1,170 @@
+"""Read a run from the folder of a result: its set-points, its plan and its events."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour._files import read_text
+from armcontour._text import list_some
+from armcontour.arms import Arm
+from armcontour.errors import InvalidInput
+from armcontour.io.exports.table import Table, differentiate, tabulate
+from armcontour.io.results import SUMMARY, verify_file
+from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
+from armcontour.motion import Samples, TimedEvent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredRun:
+    """A run of a result folder, of `run`, `demo` or `certify`.
+
+    Args:
+        folder: The result folder.
+        name: Name of the run.
+        title: Name of the job.
+        joint_names: Names of the joints.
+        period: Command interval, which is also the time between rows of the plan [s].
+        events: Events with their times from the start of the plan.
+    """
+
+    folder: FilePath
+    name: str
+    title: str
+    joint_names: tuple[str, ...]
+    period: float
+    events: tuple[TimedEvent, ...]
+
+    def taught(
+        self, *, arm: Arm | None = None, derivatives: int = 2, tool_motion: bool = False
+    ) -> Table:
+        """The table of the set-points; options as in `make_table`.
+
+        Raises:
+            InvalidInput: The file is missing or was changed, or as in `make_table`.
+        """
+        found = self._read("taught.csv")
+        start = float(found.t[0])
+        return tabulate(
+            differentiate(found.q, self.period),
+            name=f"{self.title} taught",
+            period=self.period,
+            events=tuple(x.shifted(-start) for x in self.events),
+            start_time=start,
+            arm=arm,
+            joint_names=self.joint_names,
+            derivatives=derivatives,
+            tool_motion=tool_motion,
+        )
+
+    def reference(
+        self,
+        period: float | None = None,
+        *,
+        arm: Arm | None = None,
+        derivatives: int = 2,
+        tool_motion: bool = False,
+    ) -> Table:
+        """The table of the plan, every `period`; options as in `make_table`.
+
+        Args:
+            period: Time between samples [s], a whole multiple of the command interval, as the
+                result has no times between; the command interval by default.
+            arm: The arm.
+            derivatives: Highest derivative.
+            tool_motion: Whether the table has orientation and speed of the tool.
+
+        Raises:
+            InvalidInput: The file is missing or was changed, the period is no multiple, or as in
+                `make_table`.
+        """
+        step = self.period if period is None else period
+        every = round(step / self.period)
+        if every < 1 or abs(step - every * self.period) > 1e-9 * step:
+            least = max(1, int(step / self.period)) * self.period
+            raise InvalidInput(
+                f"The result in {self.folder} has the plan every {self.period * 1e3:g} ms, so the "
+                f"period must be a multiple of that, such as {least * 1e3:g} ms, and not "
+                f"{step * 1e3:g} ms.",
+                needed=step,
+                allowed=least,
+            )
+        found = self._read("planned.csv")
+        if found.dq is None or found.ddq is None:
+            raise InvalidInput(f"{found.source} has no velocities and accelerations.")
+        rows = np.unique(np.append(np.arange(0, len(found.t), every), len(found.t) - 1))
+        return tabulate(
+            Samples(t=found.t[rows], q=found.q[rows], dq=found.dq[rows], ddq=found.ddq[rows]),
+            name=f"{self.title} reference",
+            period=step,
+            events=self.events,
+            arm=arm,
+            joint_names=self.joint_names,
+            derivatives=derivatives,
+            tool_motion=tool_motion,
+        )
+
+    def _read(self, name: str) -> TrajectoryFile:
+        """Read a file of the run that did not change since it was written."""
+        return read_trajectory(verify_file(self.folder, f"{self.name}/{name}"), self.joint_names)
+
+
+def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
+    """Read a run of a result folder.
+
+    Args:
+        folder: Folder of a result.
+        name: Name of the run; not needed if there is one run only.
+
+    Raises:
+        InvalidInput: No result, no such run, or files that were changed.
+    """
+    place = FilePath(folder)
+    file = verify_file(place, SUMMARY)
+    try:
+        data = json.loads(read_text(file, "summary"))
+        run = _choose(place, data["runs"], name)
+        about = data["runs"][run]
+        return StoredRun(
+            folder=place,
+            name=run,
+            title=data["job"],
+            joint_names=tuple(data["arm"]["joints"]),
+            period=about["period"],
+            events=tuple(_event(x) for x in about.get("events", ())),
+        )
+    except InvalidInput:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InvalidInput(
+            f"{file} is not the summary of a run or a certificate: {type(error).__name__}."
+        ) from None
+
+
+def _event(x: Mapping[str, Any]) -> TimedEvent:
+    """An event of a summary."""
+    return TimedEvent(
+        name=x["name"],
+        value=x["value"],
+        t=x["t"],
+        due=x["due"],
+        s=x["s"],
+        point=tuple(x["point"]),
+    )
+
+
+def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
+    """The name of the wanted run, or of the only one."""
+    known = list_some([repr(x) for x in runs], 6)
+    if name is None and len(runs) == 1:
+        return next(iter(runs))
+    if name is None:
+        raise InvalidInput(f"{folder} has the runs {known}: choose one with --run.")
+    if name not in runs:
+        raise InvalidInput(f"{folder} has no run {name!r}: its runs are {known}.")
+    return name

@@ -1,0 +1,193 @@
+"""Exports from the command line: their options, and `export` of an earlier result."""
+
+from __future__ import annotations
+
+import re
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.cli import main
+from armcontour.cli.exporting import Target, read_outputs
+from armcontour.errors import InvalidInput
+from armcontour.io.cell import read_cell
+
+PART = """G21 G90 F6000
+S1000 M3
+G0 X10 Y10
+G1 X30 Y10
+G1 X30 Y20
+M5
+M2
+"""
+Call = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A drawing on a UR5e, run with exports."""
+    place = tmp_path_factory.mktemp("exports")
+    (place / "part.ngc").write_text(PART)
+    return place
+
+
+@pytest.fixture
+def call(
+    folder: FilePath, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Call]:
+    """The command line in this process, in the folder: exit code and all that is said."""
+    monkeypatch.chdir(folder)
+    before = signal.getsignal(signal.SIGTERM)
+
+    def called(*arguments: str) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["armcontour", *arguments])
+        code = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out + said.err
+
+    yield called
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture
+def result(call: Call, folder: FilePath) -> FilePath:
+    """The folder of the result; the run is done once."""
+    if not (folder / "out").exists():
+        code, said = call(
+            *("run", "part.ngc", "--cell", "ur5e", "--out", "out", "--export", "csv"),
+            *("--export", "ros-yaml", "--template", "abb", "--template", "kuka"),
+            *("--output", "abb:spindle=doTool", "--output", "kuka:spindle=3"),
+            *("--period", "48 ms", "--tool-motion"),
+        )
+        assert code == 0, said
+        assert said.count("--derivatives 0") == 1
+    return folder / "out"
+
+
+def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(
+    result: FilePath,
+) -> None:
+    exports = result / "taught" / "export"
+    reference = pd.read_csv(exports / "reference.csv")
+    np.testing.assert_allclose(np.diff(reference["t [s]"])[:-1], 0.048, atol=1e-12)
+    taught = pd.read_csv(exports / "taught.csv")
+    np.testing.assert_allclose(np.diff(taught["t [s]"]), 0.004, atol=1e-12)
+    abb, kuka = ((exports / f"reference{x}").read_text() for x in (".mod", ".src"))
+    assert "SetDO doTool" in abb and "$OUT[3]" in kuka
+
+
+def test_tool_motion_is_that_of_the_arm(result: FilePath, folder: FilePath) -> None:
+    found = pd.read_csv(result / "taught" / "export" / "reference.csv")
+    arm = read_cell("ur5e", folder / "part.ngc").arm
+    assert isinstance(arm, ac.SerialArm)
+    q, dq = (
+        found[[f"{of} {name} [{unit}]" for name in arm.joint_names]].to_numpy()
+        for of, unit in (("q", "rad"), ("dq", "rad/s"))
+    )
+    point, rotation = arm.pose(q)
+    np.testing.assert_allclose(found[["x [m]", "y [m]", "z [m]"]], point, atol=1e-11)
+    quaternion = found[["qx", "qy", "qz", "qw"]].to_numpy()
+    turned = Rotation.from_quat(quaternion).as_matrix()
+    np.testing.assert_allclose(turned, rotation, atol=1e-11)
+    assert (np.sum(quaternion[1:] * quaternion[:-1], axis=1) > 0).all()
+    step = 1e-6
+    speed = np.linalg.norm(arm.forward(q + step * dq) - arm.forward(q - step * dq), axis=1)
+    np.testing.assert_allclose(found["speed [m/s]"], speed / (2 * step), atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["taught", "reference"])
+def test_an_earlier_result_gives_what_the_run_exported(
+    name: str, result: FilePath, call: Call, folder: FilePath
+) -> None:
+    options = ("--reference", "--period", "48 ms") if name == "reference" else ()
+    code, said = call("export", "out", f"{name}.csv", *options)
+    assert code == 0 and f"Exported {name} of run taught" in said
+    found = pd.read_csv(folder / f"{name}.csv")
+    before = pd.read_csv(result / "taught" / "export" / f"{name}.csv")
+    shared = [x for x in before.columns if x in found.columns]
+    assert shared == list(found.columns) and "events" in shared
+    assert found["events"].equals(before["events"])
+    # Set-points have 12 decimals in the result, the derivatives of their spline follow.
+    for key, atol in (("t ", 0.0), ("q ", 0.0), ("dq ", 2e-9), ("ddq ", 2e-6)):
+        columns = [x for x in shared if x.startswith(key)]
+        assert columns
+        np.testing.assert_allclose(found[columns], before[columns], rtol=0, atol=atol)
+
+
+def test_an_earlier_result_takes_a_template_with_outputs(
+    result: FilePath, call: Call, folder: FilePath
+) -> None:
+    given = ("--template", "abb", "--output", "spindle=doTool")
+    code, said = call("export", "out", "again.mod", "--reference", "--period", "48 ms", *given)
+    assert code == 0, said
+    again = (folder / "again.mod").read_text()
+    before = (result / "taught" / "export" / "reference.mod").read_text()
+    number = re.compile(r"-?\d+\.\d+")
+    assert number.sub("#", again) == number.sub("#", before) and "SetDO doTool" in again
+    values = [np.array(number.findall(x), dtype=float) for x in (again, before)]
+    # Half of the 12th decimal of a radian, in degrees.
+    np.testing.assert_allclose(*values, rtol=0, atol=3.1e-11)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("a.csv --run none", ("'none'", "'taught'")),
+        ("a.csv --period 48ms", ("--period goes with --reference",)),
+        ("a.csv --reference --period 50ms", ("multiple", "48 ms", "50 ms")),
+        ("a.csv --reference --period 1ms", ("multiple", "4 ms", "1 ms")),
+        ("a.csv --tool-motion", ("--job",)),
+        ("a.csv --output spindle=1", ("--output goes with",)),
+        ("a.xml", ("a.xml", "urscript")),
+        ("a.script --output arc=1", ("'arc'", "spindle")),
+        ("a.script --output spindle=9", ("--export urscript", "spindle", "0 to 7")),
+        ("part.ngc --format csv", ("part.ngc exists already", "--force")),
+    ],
+)
+def test_refuses_in_one_sentence_and_writes_nothing(
+    arguments: str, words: tuple[str, ...], result: FilePath, call: Call, folder: FilePath
+) -> None:
+    before = sorted(x.name for x in folder.iterdir())
+    code, said = call("export", "out", *arguments.split())
+    assert code == 2, said
+    assert said.startswith("Error: ") and said.endswith(".\n") and said.count("\n") == 1
+    assert not [x for x in words if x not in said], said
+    assert sorted(x.name for x in folder.iterdir()) == before
+
+
+def test_a_folder_that_is_no_result_and_changed_files_are_refused(
+    result: FilePath, call: Call, folder: FilePath, tmp_path: FilePath
+) -> None:
+    code, said = call("export", str(tmp_path), "a.csv")
+    assert code == 2 and "holds no result" in said
+    file = result / "taught" / "taught.csv"
+    text = file.read_text()
+    file.write_text(text + "\n")
+    code, said = call("export", "out", "a.csv")
+    assert code == 2 and "taught.csv changed since" in said
+    file.write_text(text)
+    assert call("export", "out", "a.csv")[0] == 0
+
+
+def test_outputs_are_of_all_formats_or_of_one() -> None:
+    targets = [
+        Target(kind="urscript", ending=".script"),
+        Target(kind="template", ending=".mod", template="abb"),
+    ]
+    found = read_outputs(["arc=3", "abb:arc=doArc", "a:b=1"], targets)
+    assert found == {"": {"arc": 3, "a:b": 1}, "abb": {"arc": "doArc"}}
+    with pytest.raises(InvalidInput, match="--output kuka:arc=1 is for kuka, which is not"):
+        read_outputs(["kuka:arc=1"], targets)
+    with pytest.raises(InvalidInput, match="'arc' two outputs"):
+        read_outputs(["abb:arc=a", "abb:arc=b"], targets)
