@@ -39,10 +39,18 @@ NOT_NUMERIC = {
 
 
 def lock_floats(values: npt.ArrayLike) -> FloatArray:
-    """A read-only copy of `values` as a float array."""
+    """A read-only copy of `values` as a float array; `values` if it is one that owns its data."""
+    if isinstance(values, np.ndarray) and _is_locked(values):
+        return values
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+def _is_locked(array: npt.NDArray[Any]) -> bool:
+    """Whether an array is read-only, of floats, and no view of another array."""
+    flags = array.flags
+    return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
 
 def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -93,6 +101,21 @@ class Locked:
                 f"The {name} of a {type(self).__name__} cannot be set after it was made, as plans "
                 f"may rely on it: {self._instead}."
             )
+
+
+def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
+    """The read-only float array of `numbers`, without a copy if `values` is such an array.
+
+    Raises:
+        InvalidInput: As in `numbers`.
+    """
+    if isinstance(values, np.ndarray) and _is_locked(values) and values.size:
+        # NaN fails both comparisons.
+        if values.max() <= LARGEST and values.min() >= -LARGEST:
+            return values
+    array = numbers(name, values)
+    array.setflags(write=False)
+    return array
 
 
 def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:

@@ -218,7 +218,8 @@ class Trajectory:
             result[of] = values
         if result is None:
             result = np.empty((0, self.dof))
-        return result.reshape((*at.shape, result.shape[1]))
+        # Not a view of another array where none is needed, so that `lock_floats` makes no copy.
+        return result if at.ndim == 1 else result.reshape((*at.shape, result.shape[1]))
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Arc length, path speed or path acceleration, with the shape of `t` [m, m/s, m/s²].
@@ -288,7 +289,11 @@ class Trajectory:
         """
         step = _checks.positive("sampling period", period, "s")
         t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
-        return Samples(t=t, q=self(t), dq=self(t, 1), ddq=self(t, 2))
+        orders = [self(t, order) for order in range(3)]
+        for values in orders:
+            # No copies: a long motion has gigabytes of samples.
+            values.setflags(write=False)
+        return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
     def locate(
         self, t: FloatArray, side: str = "right"

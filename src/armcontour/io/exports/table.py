@@ -63,8 +63,8 @@ class Table:
         object.__setattr__(self, "joint_names", tuple(str(x) for x in self.joint_names))
         for name in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
             if getattr(self, name) is not None:
-                values = _checks.numbers(f"{name} of {self.name!r}", getattr(self, name))
-                object.__setattr__(self, name, _checks.lock_floats(values))
+                values = _checks.lock_numbers(f"{name} of {self.name!r}", getattr(self, name))
+                object.__setattr__(self, name, values)
         _checks.positive("period", self.period, "s")
         self._check_shapes()
         self._check_names()
@@ -327,15 +327,23 @@ def differentiate(q: FloatArray, period: float) -> Samples:
     t = np.asarray(np.arange(len(q)) * period, dtype=np.float64)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
-    from scipy.interpolate import CubicSpline
+    from scipy.linalg import solve_banded
 
-    dq, ddq = np.empty_like(q), np.empty_like(q)
-    # One joint at a time, for less memory.
+    dq, ddq = np.zeros_like(q), np.zeros_like(q)
+    # The velocities v of a cubic spline with equal intervals h solve
+    # v[i-1] + 4 v[i] + v[i+1] = 3 (q[i+1] - q[i-1]) / h, with zero at both ends.
+    bands = np.ones((3, max(0, len(q) - 2)))
+    bands[1] = 4.0
     for j in range(q.shape[1]):
-        spline = CubicSpline(t, q[:, j], bc_type="clamped")
-        dq[:, j], ddq[:, j] = spline(t, 1), spline(t, 2)
-    # Exactly zero: controllers refuse a motion that does not end at rest.
-    dq[[0, -1]] = 0.0
+        x, v = np.ascontiguousarray(q[:, j]), dq[:, j]
+        if len(q) > 2:
+            v[1:-1] = solve_banded((1, 1), bands, 3 / period * (x[2:] - x[:-2]))
+        slope = np.diff(x) / period
+        ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / period
+        ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / period
+    for values in (dq, ddq):
+        # No copies: a long motion has gigabytes of set-points.
+        values.setflags(write=False)
     return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
