@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -13,7 +14,8 @@ from armcontour._progress import Step
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Job, Rounding, Run, run
-from armcontour.jobs.programs import plan_run, programs_of, slow_ends
+from armcontour.jobs.programs import plan_run, programs_of
+from armcontour.jobs.slow_ends import slow_ends
 from armcontour.motion import Trajectory
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
@@ -99,9 +101,27 @@ def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
     assert on == pytest.approx(most, rel=2e-3) and off == pytest.approx(most, rel=2e-3)
     (contour,) = program.contours
     assert contour.work is not None and contour.work[0] < 0.01
-    warnings = slow_ends(program, trajectory, this)
-    assert len(warnings) == 2
-    assert warnings[0].startswith("contour hole: the tool goes on at 0.03 of 0.05 m/s")
+    (warning,) = slow_ends(program, trajectory, this)
+    assert warning.startswith("at 2 places the tool is slow, most at contour hole: the tool goes o")
+    assert "30 of 50 mm/s" in warning
+    assert "0.09 m/s^2 allows no more on the contour's arc with a radius of 10 mm" in warning
+
+
+def test_a_lead_with_too_small_an_arc_says_which_length_does() -> None:
+    def warnings(length: float) -> list[str]:
+        lead = Lead(shape="arc", length=length)
+        done = job(Process(lead_in=lead, lead_out=lead), Contour(path=SQUARE, name="square"))
+        (this,) = done.runs
+        _, program = programs_of(done, this)
+        return slow_ends(program, plan_run(done, this, program), this)
+
+    (warning,) = (x for x in warnings(0.02) if "the lead's arc with a radius of" in x)
+    found = re.search(r"with ([\d.]+) mm in place of 20 mm", warning)
+    assert found
+    # Three digits are printed.
+    enough = float(found[1]) * 1e-3
+    assert all("lead's arc" not in x for x in warnings(1.01 * enough))
+    assert any("lead's arc" in x for x in warnings(0.95 * enough))
 
 
 def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
@@ -144,7 +164,7 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there() -> N
     short = job(Process(lead_in=Lead(length=0.001)), Contour(path=BEND))
     (warning,) = run(short).runs["taught"].warnings
     assert warning.startswith("Run taught: contour 1: the tool goes on at")
-    assert warning.endswith("with a lead of 0.001 m.")
+    assert "with a lead of 1 mm: a longer lead reaches more" in warning
     assert run(job(Process(), Contour(path=BEND))).runs["taught"].warnings == ()
 
 

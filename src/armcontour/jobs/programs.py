@@ -5,19 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
-import numpy as np
-
 from armcontour._progress import Progress
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
-from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
 from armcontour.motion import Trajectory
 from armcontour.program import (
     Contour,
     Leads,
     Process,
     Program,
-    contour_called,
     prepare,
     round_corners,
 )
@@ -29,8 +26,6 @@ MOST_DOUBLINGS = 12
 # Resolution of the search for the shortest lead: a share of its length, and a length [m].
 LEAD_RESOLUTION = 0.05
 FINEST_LEAD = 1e-4
-# Relative difference below which two speeds are equal: margins of the timing are smaller.
-SAME_SPEED = 1e-3
 
 
 def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
@@ -97,16 +92,10 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
                 (process.lead_out, x.path.length, "left", lambda x: end_speeds(0.0, x)[1]),
             ):
                 automatic = lead is not None and lead.length is None
-                assigned = _assigned(x, s, side, this)
+                assigned = assigned_speed(x, s, side, this)
                 lengths.append(_shortest_lead(speed, assigned) if automatic else 0.0)
         found.append(Leads(before=lengths[0], after=lengths[1]))
     return found
-
-
-def _assigned(contour: Contour, s: float, side: str, this: Run) -> float:
-    """The assigned velocity at arc length s of a contour [m/s]; infinite without one."""
-    most = np.inf if this.limits.speed is None else this.limits.speed
-    return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
 
 
 def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[float, float]:
@@ -193,35 +182,3 @@ def time_run(job: Job, this: Run, traced: Tracing, progress: Progress | None = N
     return plan(
         traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options
     )
-
-
-def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
-    """Warnings for contours with leads that start or end below the assigned velocity.
-
-    Args:
-        program: The program that was planned.
-        trajectory: Its plan.
-        this: The run.
-    """
-    spans = trajectory.contour_spans
-    found = []
-    for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
-        if x.work is None or span.trajectory is None:
-            continue
-        start, end = x.work
-        for word, s, lead, side in (
-            ("on", start, start, "right"),
-            ("off", end, x.path.length - end, "left"),
-        ):
-            assigned = _assigned(x, s, side, this)
-            speed = float(span.trajectory.speed_at(s, side=side))
-            if (
-                lead > REPEATED_POINT
-                and np.isfinite(assigned)
-                and speed < assigned * (1 - SAME_SPEED)
-            ):
-                found.append(
-                    f"{contour_called(x, i)}: the tool goes {word} at {speed:.3g} of "
-                    f"{assigned:.3g} m/s, with a lead of {lead:.3g} m."
-                )
-    return found

@@ -18,7 +18,8 @@ from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import programs_of, slow_ends, time_run, trace_run
+from armcontour.jobs.programs import programs_of, time_run, trace_run
+from armcontour.jobs.slow_ends import slow_ends
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
