@@ -62,6 +62,18 @@ def speeds_at_ends(program: Program, trajectory: Trajectory) -> list[tuple[float
     return found
 
 
+def test_automatic_leads_are_those_of_the_contours_in_their_new_order() -> None:
+    hole = Path.from_segments([Arc.circle((0.33, 0.13), (0.32, 0.13))])
+    contours = [Contour(path=SQUARE, name="outline"), Contour(path=hole, name="hole")]
+    lengths = []
+    for moves in (contours, contours[::-1]):
+        done = job(Process(lead_in=Lead(shape="arc")), *moves)
+        objective, _ = programs_of(done, done.runs[0])
+        assert [x.name for x in objective.contours] == ["hole", "outline"]
+        lengths.append([x.at_work[0] for x in objective.contours])
+    assert lengths[0] == lengths[1] and abs(lengths[0][0] - lengths[0][1]) > 1e-4
+
+
 @pytest.mark.parametrize("shape", ["line", "arc"])
 def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) -> None:
     lead = Lead(shape=shape)

@@ -517,7 +517,7 @@ def test_refuses_values_that_make_no_process(refuses: Callable[..., None]) -> No
         ({"begin": "corner"}, "begin"),
         ({"begin": float("nan")}, "begin"),
         ({"begin": (0.1, float("inf"))}, "begin"),
-        ({"order": "shortest"}, "order"),
+        ({"order": "longest"}, "order"),
         ({"up": [0.0, 0.0, 0.0]}, "up"),
         ({"up": [0.0, 1.0]}, "up"),
         ({"approach": float("inf")}, "approach"),

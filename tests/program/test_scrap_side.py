@@ -44,7 +44,8 @@ def test_arcs_of_leads_lie_in_the_waste(turned):
     paths = [reverse_path(x) if turned else x for x in (OUTLINE, HOLE)]
     lead = ac.Lead(length=4e-3, shape="arc")
     process = ac.Process(lead_in=lead, lead_out=lead, overlap=2e-3)
-    outline, hole = ac.prepare(ac.Program(moves=tuple(contours(*paths))), process).contours
+    # What lies inside is cut first.
+    hole, outline = ac.prepare(ac.Program(moves=tuple(contours(*paths))), process).contours
     for x in (outline, hole):
         assert x.closed
         ends = x.path([0.0, x.path.length])
@@ -57,6 +58,7 @@ def test_arcs_of_leads_lie_in_the_waste(turned):
 def test_where_it_is_resumed_the_sides_are_those_of_what_is_left():
     lead = ac.Lead(length=4e-3, shape="arc")
     program = ac.Program(moves=tuple(contours(OUTLINE, HOLE)))
-    rest = ac.prepare(program, ac.Process(lead_in=lead, from_s=OUTLINE.length))
+    process = ac.Process(lead_in=lead, order="drawn", from_s=OUTLINE.length)
+    rest = ac.prepare(program, process)
     (hole,) = rest.contours
     assert np.linalg.norm(hole.path(0.0) - (0.02, 0.03)) < 0.01

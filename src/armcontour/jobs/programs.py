@@ -15,6 +15,7 @@ from armcontour.program import (
     Leads,
     Process,
     Program,
+    arrange,
     prepare,
     round_corners,
 )
@@ -77,9 +78,11 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
     process = job.process
-    plain = dataclasses.replace(process, lead_in=None, lead_out=None, approach=0.0, retract=0.0)
+    plain = dataclasses.replace(
+        process, lead_in=None, lead_out=None, approach=0.0, retract=0.0, order="drawn"
+    )
     found = []
-    for x in prepare(job.program, plain).contours:
+    for x in prepare(arrange(job.program, process), plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
         def end_speeds(before: float, after: float, x: Contour = contour) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Programs: contours in order, with rapids, dwells and events between them."""
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
-from armcontour.program.preparing import prepare
+from armcontour.program.preparing import arrange, prepare
 from armcontour.program.process import Lead, Leads, Process, Switch
 from armcontour.program.rounding import round_corners
 
@@ -16,6 +16,7 @@ __all__ = [
     "Program",
     "Rapid",
     "Switch",
+    "arrange",
     "contour_called",
     "prepare",
     "round_corners",

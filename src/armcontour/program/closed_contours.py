@@ -38,26 +38,57 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
             differ; a new start point that changes what is switched on along the contour; a start
             point of another dimension; or an overlap with too many segments.
     """
-    path, events = contour.path, contour.events
-    same_orientation = _has_equal_end_orientations(path)
-    keeps_start = process.begin == AUTO and (
-        contour.keep_start or led or bool(events) or not same_orientation
+    start = find_start(contour, process, led=led)
+    if process.overlap > REPEATED_POINT:
+        _refuse_turned_end(contour)
+    contour = begin_at(contour, start)
+    longer = _add_overlap(contour.path, process.overlap)
+    events = _move_last_events(contour.events, contour.path.length, longer.length)
+    return dataclasses.replace(contour, path=longer, events=events, ring=True)
+
+
+def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
+    """Whether an automatic start of a closed contour is the drawn one, as in `close_contour`."""
+    return (
+        contour.keep_start
+        or led
+        or bool(contour.events)
+        or not _has_equal_end_orientations(contour.path)
     )
-    start = _find_start(path, DRAWN if keeps_start else process.begin)
-    moved = start > REPEATED_POINT and path.length - start > REPEATED_POINT
-    if not same_orientation and (moved or process.overlap > REPEATED_POINT):
+
+
+def find_start(contour: Contour, process: Process, *, led: bool) -> float:
+    """Arc length at which a closed contour begins [m], as in `close_contour`."""
+    keeps = process.begin == AUTO and keeps_drawn_start(contour, led=led)
+    return _find_start(contour.path, DRAWN if keeps else process.begin)
+
+
+def begin_at(contour: Contour, start: float) -> Contour:
+    """A closed contour that begins at an arc length [m] of the drawn one.
+
+    Raises:
+        InvalidInput: As in `close_contour`.
+    """
+    path = contour.path
+    if start <= REPEATED_POINT or path.length - start <= REPEATED_POINT:
+        return contour
+    _refuse_turned_end(contour)
+    _refuse_cut_switching(contour, start)
+    return dataclasses.replace(
+        contour,
+        path=join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)]),
+        events=tuple(_move_event(x, start, path.length) for x in contour.events),
+    )
+
+
+def _refuse_turned_end(contour: Contour) -> None:
+    """Refuse a closed contour that ends with another tool orientation than it begins with."""
+    if not _has_equal_end_orientations(contour.path):
         raise InvalidInput(
             f"{contour_called(contour, 0) if contour.name else 'A closed contour'} ends at its "
             "start point with another tool orientation, so that the tool cannot continue there: "
             "give both ends the same orientation, or leave out begin and overlap."
         )
-    if moved:
-        _refuse_cut_switching(contour, start)
-        path = join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)])
-        events = tuple(_move_event(x, start, path.length) for x in events)
-    longer = _add_overlap(path, process.overlap)
-    events = _move_last_events(events, path.length, longer.length)
-    return dataclasses.replace(contour, path=longer, events=events, ring=True)
 
 
 def _move_last_events(events: tuple[Event, ...], drawn: float, end: float) -> tuple[Event, ...]:

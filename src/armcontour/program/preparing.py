@@ -16,6 +16,7 @@ from armcontour.program.closed_contours import close_contour
 from armcontour.program.leads import WASTE, lead_path
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
 from armcontour.program.off_between import switch_off_between
+from armcontour.program.ordering import order_contours
 from armcontour.program.process import Lead, Leads, Process
 from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
 from armcontour.program.resuming import resume
@@ -37,7 +38,7 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
     _refuse_unknown_layers(program, process.layers)
     if process.approach or process.retract:
         _refuse_plane(program)
-    program = _reorder(program, process.order)
+    program = arrange(program, process)
     moves: list[Move] = [
         _start_contour(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
         for i, x in enumerate(program.moves)
@@ -65,6 +66,19 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
     ]
     result = _link(program.moves, contours, process, rapids_away)
     return dataclasses.replace(program, moves=tuple(result))
+
+
+def arrange(program: Program, process: Process) -> Program:
+    """The program as it is drawn, with its contours in the order of the process.
+
+    Args:
+        program: The program as it is drawn.
+        process: Requirements of the process.
+
+    Raises:
+        InvalidInput: A given order for a program with rapids, dwells or events.
+    """
+    return order_contours(program, process)
 
 
 def _link(
@@ -158,33 +172,6 @@ def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
     # A Demand has checked its values, so the segments stay checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
     return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
-
-
-def _reorder(program: Program, order: str) -> Program:
-    """The program with its contours in the required order.
-
-    Raises:
-        InvalidInput: The order is "nearest", and there are rapids, dwells or events.
-    """
-    if order == "drawn":
-        return program
-    for x in program.moves:
-        if not isinstance(x, Contour):
-            raise InvalidInput(
-                "The order 'nearest' is for drawings: this program has rapids, dwells or events "
-                "between its contours, whose order has a meaning."
-            )
-    contours = program.contours
-    starts = np.array([x.path(0.0) for x in contours])
-    left = np.ones(len(contours), dtype=bool)
-    taken, at = [contours[0]], 0
-    while len(taken) < len(contours):
-        left[at] = False
-        end = taken[-1].path(taken[-1].path.length)
-        distances = np.linalg.norm(starts - end, axis=1)
-        at = int(np.argmin(np.where(left, distances, np.inf)))
-        taken.append(contours[at])
-    return dataclasses.replace(program, moves=tuple(taken))
 
 
 def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:

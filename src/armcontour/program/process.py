@@ -21,7 +21,7 @@ UP = _checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
-ORDERS = ("drawn", "nearest")
+ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,13 @@ class Process:
             the end of a contour, and on again at the start of the next one.
         events: Events on every contour; an event past the end of a contour is refused.
         layers: Speed and tolerance of contours by layer, for segments that have none.
-        order: "drawn", or "nearest": after each contour, the one with the nearest start.
+        order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" has each contour
+            after all that lie in it. "nearest" goes on with the nearest contour. "shortest" looks
+            for the shortest way over all contours; closed contours begin where this is the
+            shortest, if `begin` is "auto". A cutting process, which has an arc lead in the waste,
+            keeps to inside first in the last two as well. "auto" is "inside_first" for drawings
+            that are cut, else "drawn".
+        reverse_open: Whether "nearest" and "shortest" may run open contours from their end.
         from_s: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
@@ -109,7 +115,8 @@ class Process:
     off_between: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
     layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
-    order: Annotated[str, Choice(ORDERS)] = "drawn"
+    order: Annotated[str, Choice(ORDERS)] = "auto"
+    reverse_open: bool = False
     from_s: Distance = 0.0
 
     def __post_init__(self) -> None:
@@ -138,6 +145,12 @@ class Process:
     def automatic(self) -> bool:
         """Whether a lead has no given length."""
         return any(x is not None and x.length is None for x in (self.lead_in, self.lead_out))
+
+    @property
+    def cuts(self) -> bool:
+        """Whether material is thrown away: an arc lead lies in the waste."""
+        leads = (self.lead_in, self.lead_out)
+        return any(x is not None and x.shape == "arc" and x.side == WASTE for x in leads)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
