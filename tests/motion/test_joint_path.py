@@ -76,13 +76,14 @@ def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
 
 @pytest.mark.parametrize("n", [3, 4, 20])
 @pytest.mark.parametrize("given", [True, False])
-def test_spline_is_scipys_natural_spline(n, given):
+@pytest.mark.parametrize("ends", ["natural", "clamped"])
+def test_spline_is_scipys(n, given, ends):
     rng = np.random.default_rng(n)
     points = rng.normal(size=(n, 2))
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     s = np.cumsum(rng.uniform(0.1, 1, n)) if given else np.concatenate([[0], np.cumsum(chords)])
-    path = ac.JointPath.spline(points, s if given else None)
-    reference = CubicSpline(s, points, bc_type="natural")
+    path = ac.JointPath.spline(points, s if given else None, ends=ends)
+    reference = CubicSpline(s, points, bc_type=ends)
     at = np.linspace(s[0], s[-1], 77)
     for order in range(3):
         np.testing.assert_allclose(path(at, order), reference(at, order), atol=1e-8)

@@ -20,6 +20,8 @@ PLAY = 4 * float(np.finfo(np.float64).eps)
 LARGEST_JUMP = 1e-6
 # Largest relative jump of dq_ds at a break without a stop: traced paths have such errors.
 LARGEST_KINK = 1e-6
+# A dq_ds below this share of the sum of its terms is rounding: its direction means nothing.
+NO_DIRECTION = 1e-12
 NO_STOPS = _checks.lock_floats([])
 
 
@@ -87,7 +89,9 @@ class JointPath:
         before = (np.arange(1.0, 6.0) @ self.coefficients[:-1, 1:]) / width[:-1]
         after = self.coefficients[1:, 1] / width[1:]
         size = np.abs(before).sum(axis=1) + np.abs(after).sum(axis=1)
-        kinks = np.abs(after - before).sum(axis=1) > LARGEST_KINK * size
+        terms = (np.abs(self.coefficients[:, 1:]).sum(axis=2) @ np.arange(1.0, 6.0)) / width[:, 0]
+        jump = np.abs(after - before).sum(axis=1)
+        kinks = jump > np.maximum(LARGEST_KINK * size, NO_DIRECTION * (terms[:-1] + terms[1:]))
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
     @classmethod
@@ -119,19 +123,24 @@ class JointPath:
         )
 
     @classmethod
-    def spline(cls, points: npt.ArrayLike, s: npt.ArrayLike | None = None) -> JointPath:
-        """The natural cubic spline through joint positions.
+    def spline(
+        cls, points: npt.ArrayLike, s: npt.ArrayLike | None = None, *, ends: str = "natural"
+    ) -> JointPath:
+        """The cubic spline through joint positions.
 
         Args:
             points: At least two joint positions [rad], (n, dof).
             s: Increasing parameters of the points, (n,); by default the chord length in joint
                 space [rad].
+            ends: "natural", with d2q_ds2 zero at both ends, or "clamped", with dq_ds zero there.
 
         Raises:
-            InvalidInput: There are fewer than two points, or the parameters do not increase.
+            InvalidInput: There are fewer than two points, the parameters do not increase, or `ends`
+                is none of these.
         """
         from scipy.linalg import solve_banded
 
+        clamped = _checks.choice("ends", ends, ("natural", "clamped")) == "clamped"
         knots = _checks.numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")
@@ -145,13 +154,20 @@ class JointPath:
             )
         width = np.diff(at)[:, None]
         slope = np.diff(knots, axis=0) / width
-        # Second derivatives, zero at both ends; the inner ones solve a tridiagonal system.
+        # Second derivatives solve a tridiagonal system; those of a natural spline are zero at both
+        # ends, beyond which a clamped one goes on without slope.
         bend = np.zeros_like(knots)
-        if len(knots) > 2:
-            bands = np.zeros((3, len(knots) - 2))
-            bands[0, 1:] = bands[2, :-1] = width[1:-1, 0]
-            bands[1] = 2 * (width[:-1, 0] + width[1:, 0])
-            bend[1:-1] = solve_banded((1, 1), bands, 6 * np.diff(slope, axis=0))
+        none = np.zeros((int(clamped), knots.shape[1]))
+        wide = np.pad(width[:, 0], int(clamped))
+        unknown = len(wide) - 1
+        if unknown:
+            bands = np.zeros((3, unknown))
+            bands[0, 1:] = bands[2, :-1] = wide[1:-1]
+            bands[1] = 2 * (wide[:-1] + wide[1:])
+            turns = 6 * np.diff(np.concatenate([none, slope, none]), axis=0)
+            bend[int(not clamped) : len(knots) - int(not clamped)] = solve_banded(
+                (1, 1), bands, turns
+            )
         coefficients = np.zeros((len(width), 6, knots.shape[1]))
         coefficients[:, 0] = knots[:-1]
         coefficients[:, 1] = (slope - width * (2 * bend[:-1] + bend[1:]) / 6) * width

@@ -30,6 +30,8 @@ BINDING = 0.98
 BELOW_CEILING = 1 - 1e-6
 # A skew is used only if the binding quantity changes by at most this share over the interval.
 LARGEST_CHANGE = 0.1
+# A coefficient of u below this share of that at the other end of its interval is rounding.
+VANISHED = 1e-9
 
 
 @compiled(inline="always")
@@ -212,7 +214,7 @@ def reach(
         c: Coefficients of the discs, (2, n).
         radius: Radii of the discs, infinite for no disc, (n,).
         shifts: Slope of u over s times width², (n,).
-        start: x at the first point.
+        start: x at the first point; infinite for the largest that leads to the end.
         end: x at the last point.
 
     Returns:
@@ -283,6 +285,8 @@ def reach(
                     y_right, x_right, slope_right = y, up, slope
             up = best
         most[i] = min(up, cap)
+    if start == np.inf:
+        start = most[0]
     if start > most[0] * (1 + PLAY):
         return x, most, 0
     x[0] = min(start, most[0])
@@ -338,7 +342,8 @@ def skews(
         u = (last - first) / (2.0 * width[i])
         most = BINDING
         for k in range(a.shape[2]):
-            if a[0, i, k] * a[1, i, k] <= 0.0:
+            inertia = min(abs(a[0, i, k]), abs(a[1, i, k]))
+            if a[0, i, k] * a[1, i, k] <= 0.0 or inertia < VANISHED * abs(a[0, i, k] + a[1, i, k]):
                 continue
             v0 = a[0, i, k] * u + b[0, i, k] * first
             v1 = a[1, i, k] * u + b[1, i, k] * last

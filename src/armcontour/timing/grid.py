@@ -25,6 +25,8 @@ SHARE_AT_RESTS = 0.25
 # Share of the intervals that is spread evenly over the length. The other intervals go where the
 # joint path turns.
 EVEN_SHARE = 0.5
+# Below this share of the largest dq_ds no joint moves.
+AT_REST = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,10 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     size = np.linalg.norm(first, axis=2)
     if not size.any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    turning = np.mean(np.linalg.norm(second, axis=2) / np.maximum(size, 1e-12 * size.max()), axis=0)
+    # Where no joint moves, the direction says nothing.
+    moving = size > AT_REST * size.max()
+    bend = np.linalg.norm(second, axis=2) / np.where(moving, size, 1.0)
+    turning = np.sum(bend * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
     width = np.diff(breaks)
     turn = width * turning
     share = EVEN_SHARE * width / width.sum()

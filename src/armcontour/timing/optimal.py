@@ -48,6 +48,7 @@ from armcontour.timing.grid import (
     place_grid,
     split,
 )
+from armcontour.timing.vanishing import reparametrize, standing
 
 # Where the margin between grid points costs more than this share of a limit, the grid is refined,
 # at most MOST_REFINEMENTS times; the allowed share grows each time, up to LARGEST_MARGIN_EVER.
@@ -117,6 +118,9 @@ def plan_optimal(
     """
     for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
         _checks.not_negative(name, speed, "m/s")
+    if grid is None and not constraints:
+        # Both count in s.
+        joint_path = reparametrize(joint_path)
     if grid is None:
         placed = place_grid(joint_path, intervals)
     else:
@@ -236,6 +240,7 @@ class Problem:
         n = len(grid)
         self.grid = grid
         self.c, self.radius, self.shifts = np.zeros((2, n)), np.full(n, np.inf), np.zeros(n)
+        self.standing = standing(grid.joint_path)
         self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
         rows: list[Rows] = []
@@ -278,6 +283,12 @@ class Problem:
             if value > ceiling[place] * (1 + PLAY):
                 _refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
         start, end = min(start, float(ceiling[0])), min(end, float(ceiling[-1]))
+        # Where dq_ds vanishes, the joints rest at any ds.
+        if start == 0 and grid.s[0] in self.standing:
+            start = np.inf
+        any_end = end == 0 and grid.s[-1] in self.standing
+        if any_end:
+            end = self._largest_at_end()
         x, most, stuck = reach(
             grid.width,
             rows.a,
@@ -292,11 +303,11 @@ class Problem:
             start,
             end,
         )
-        if stuck == 0 and start > most[0] * (1 + PLAY):
+        if stuck == 0 and np.inf > start > most[0] * (1 + PLAY):
             _refuse_speed("start", start, float(most[0]), float(grid.s[0]))
         if stuck >= 0:
             _refuse_stuck(grid, stuck)
-        if x[-1] < end * (1 - PLAY):
+        if not any_end and x[-1] < end * (1 - PLAY):
             _refuse_speed("end", end, float(x[-1]), float(grid.s[-1]))
         return np.asarray(x)
 
@@ -337,6 +348,19 @@ class Problem:
             lost = np.maximum(lost, np.abs(half_turn) > self.radius)
         return np.asarray(lost)
 
+    def _largest_at_end(self) -> float:
+        """Largest x at the last point, at which dq_ds vanishes, so that u does not matter there.
+
+        Zero if nothing bounds x; the plan then ends at ds = 0.
+        """
+        rows = self.rows
+        b, margin = rows.b[1, -1], rows.margin[-1]
+        room = np.where(b > 0, rows.high[1, -1] - margin, margin - rows.low[1, -1])
+        moving = b != 0
+        bounds = np.append(room[moving] / np.abs(b[moving]), self.at_points[-1])
+        lowest = float(np.min(bounds))
+        return max(lowest, 0.0) if np.isfinite(lowest) else 0.0
+
     def _at_points(self) -> FloatArray:
         """Largest x at the grid points: the lower one of both sides, and 0 where the tool stops."""
         at = np.empty(len(self.grid) + 1)
@@ -358,8 +382,10 @@ def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
+    rests = standing(grid.joint_path)
     if task.bracketed:
-        grid = finer_at_rests(grid, task.rests(grid))
+        rests = np.union1d(rests, task.rests(grid))
+    grid = finer_at_rests(grid, rests)
     for round_ in range(MOST_REFINEMENTS):
         most = min(LARGEST_MARGIN * MORE_EACH_TIME**round_, LARGEST_MARGIN_EVER)
         found, lost = _solve_on_grid(grid, task, most)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +37,7 @@ LONGEST_MOTION = 1e6
 
 def plan(
     path: Path | Program | JointPath | Tracing,
-    arm: Arm,
+    arm: Arm | None = None,
     limits: Limits | None = None,
     *,
     method: str = "optimal",
@@ -54,7 +54,8 @@ def plan(
     Args:
         path: A tool path, or a program of several with rapids between them, which are traced first;
             or a joint path or tracing.
-        arm: The arm.
+        arm: The arm. A joint path without a tool path needs none if `limits` are given, without
+            those of torque.
         limits: The limits; by default the arm's own.
         method: "optimal", the fastest timing that keeps every limit; "mac", the paper's method; or
             "conventional", uniform speed along the raw path.
@@ -77,6 +78,7 @@ def plan(
         NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
     """
     _checks.choice("method", method, METHODS)
+    arm = _arm_of(path, arm, limits)
     bounds = _bounds(arm, limits)
     refuse_jerk(bounds, ignore_jerk)
     _refuse_options(method, options, arm, memory)
@@ -112,17 +114,50 @@ def _trace(
     return trace_program(program, arm, limits, branch=branch, start=start)
 
 
+@dataclass(frozen=True, slots=True)
+class _Joints:
+    """What planning asks of an arm along a joint path: how many joints there are."""
+
+    dof: int
+    name: str = "without a name"
+    limits_hint: str = ""
+
+    @property
+    def dynamics(self) -> NoReturn:
+        """Refused, as nothing is known of the masses.
+
+        Raises:
+            InvalidInput: Always.
+        """
+        raise InvalidInput("Limits of torque need an arm with masses: give plan the arm.")
+
+
+def _arm_of(
+    path: Path | Program | JointPath | Tracing, arm: Arm | None, limits: Limits | None
+) -> Arm:
+    """The arm, or what stands for it along a joint path without a tool path.
+
+    Raises:
+        InvalidInput: The arm is missing, or is none.
+    """
+    alone = isinstance(path, JointPath) and path.tool_path is None and limits is not None
+    if arm is None and alone:
+        return cast(Arm, _Joints(cast(JointPath, path).dof))
+    # To time a joint path, an arm needs a number of joints only.
+    if arm is None or not hasattr(arm, "dof"):
+        raise InvalidInput(
+            f"plan needs an Arm, such as load_arm('ur5e'), not {type(arm).__name__}; only a joint "
+            "path without a tool path can be planned with limits alone."
+        )
+    return arm
+
+
 def _bounds(arm: Arm, limits: Limits | None) -> Limits:
     """The limits of a plan, one value per joint.
 
     Raises:
-        InvalidInput: `arm` is no arm, or `limits` are no limits.
+        InvalidInput: `limits` are no limits.
     """
-    # To time a joint path, an arm needs a number of joints only.
-    if not hasattr(arm, "dof"):
-        raise InvalidInput(
-            f"plan needs an Arm, such as load_arm('ur5e'), not {type(arm).__name__}."
-        )
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInput(
             "plan needs Limits, such as arm.limits.replace(speed=0.1), not "

@@ -100,16 +100,20 @@ def acceleration_bulge(
 def path_acceleration_bound(
     first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray, x: FloatArray
 ) -> FloatArray:
-    """Largest |u| that joint accelerations allow at the start of each interval, (n,)."""
+    """Largest |u| that joint accelerations allow at either end of each interval, (n,).
+
+    The lower one of both ends: where dq_ds vanishes at one of them, u is bounded by the other.
+    """
     n, dof = first.shape[1], first.shape[2]
     bound = np.empty(n)
     for i in range(n):
         least = math.inf
-        for j in range(dof):
-            room = max(high[j], -low[j]) + abs(second[0, i, j]) * x[i]
-            size = abs(first[0, i, j])
-            if size * least > room:
-                least = room / size
+        for end in range(2):
+            for j in range(dof):
+                room = max(high[j], -low[j]) + abs(second[end, i, j]) * x[i]
+                size = abs(first[end, i, j])
+                if size * least > room:
+                    least = room / size
         bound[i] = least
     return bound
 

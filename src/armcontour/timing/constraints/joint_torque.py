@@ -90,11 +90,11 @@ class JointTorque(Constraint):
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""
-        a, b, c = np.moveaxis(self._terms.at_ends(grid)[0], 1, 0)
-        dragged = np.abs(self.viscous * path.first[0]) * np.sqrt(x)[:, None] + self.coulomb
+        a, b, c = np.moveaxis(self._terms.at_ends(grid), 2, 0)
+        dragged = np.abs(self.viscous * path.first) * np.sqrt(x)[:, None] + self.coulomb
         room = self.limit + np.abs(c) + np.abs(b) * x[:, None] + dragged
         with np.errstate(divide="ignore"):
-            return np.asarray((room / np.abs(a)).min(axis=1))
+            return np.asarray((room / np.abs(a)).min(axis=(0, 2)))
 
     def _rows(
         self,

@@ -69,10 +69,13 @@ class SecondOrder(Constraint):
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""
-        a, b, c = self.coefficients(grid.s[:-1], "right")
-        room = np.maximum(self.high - c, c - self.low) + np.abs(b) * x[:, None]
-        with np.errstate(divide="ignore"):
-            return np.asarray((room / np.abs(a)).min(axis=1))
+        bounds = []
+        for s, side in ((grid.s[:-1], "right"), (grid.s[1:], "left")):
+            a, b, c = self.coefficients(s, side)
+            room = np.maximum(self.high - c, c - self.low) + np.abs(b) * x[:, None]
+            with np.errstate(divide="ignore"):
+                bounds.append((room / np.abs(a)).min(axis=1))
+        return np.asarray(np.min(bounds, axis=0))
 
 
 def refuse_excess_at_rest(

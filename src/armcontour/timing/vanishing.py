@@ -1,0 +1,278 @@
+"""Joint paths along which dq_ds of all joints vanishes somewhere, with a parameter that suits.
+
+Such a place is a fault of the parameter, not of the curve: `q = d s³` is a straight line. Near it,
+ds has no bound although the joints are slow, so nothing can be planned in s. In place of s:
+
+- Straight pieces take the length in joint space, exactly. They turn round at a full stop, and pass
+  a place at which they do not turn.
+- Bent pieces with `q ~ s²` keep s: ds is finite there, while the joints rest.
+- Bent pieces with `q ~ s³` or `s⁴` take p with `s ~ p^(2/3)` or `p^(1/2)` near that place, so that
+  `q ~ p²`. The curvature of the curve has no bound there, so that the joints have to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.motion import JointPath, quintic
+
+# dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
+VANISHED = 1e-9
+# A piece is straight if it leaves its line by no more than rounding [rad], or by this share.
+STRAIGHT = 1e-12
+ROUNDING = 4e-15
+# Bent pieces are replaced up to this share of their length, by quintics between p in ratio RATIO
+# from the share FIRST on. They leave the curve by at most 1e-12 of the piece's size.
+LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
+
+Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
+
+
+def standing(joint_path: JointPath) -> FloatArray:
+    """Breaks at which dq_ds of all joints vanishes [m], (k,): joints rest there at any ds."""
+    terms = _terms(joint_path.coefficients)
+    small = VANISHED * np.linalg.norm(terms, axis=2).sum(axis=1)
+    start = np.linalg.norm(terms[:, 0], axis=1) <= small
+    end = np.linalg.norm(terms.sum(axis=1), axis=1) <= small
+    found = np.append(start, end[-1])
+    found[1:-1] &= end[:-1]
+    return np.asarray(joint_path.breaks[found])
+
+
+def reparametrize(joint_path: JointPath) -> JointPath:
+    """The same curve with a parameter in which a plan can be made; most paths are returned as is.
+
+    Args:
+        joint_path: A joint path without a tool path; traced ones, along which the tool moves
+            evenly, are returned as they are.
+
+    Raises:
+        InvalidInput: No joint moves along the whole path.
+    """
+    terms = _terms(joint_path.coefficients)
+    size = np.linalg.norm(terms, axis=2)
+    # The first term alone outweighs all others unless dq_ds comes near zero.
+    suspect = np.flatnonzero(size[:, 0] <= size[:, 1:].sum(axis=1))
+    if joint_path.tool_path is not None or not len(suspect):
+        return joint_path
+    if not size.any():
+        raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
+    if not any(_Piece.of(joint_path, int(i)).is_unsuited for i in suspect):
+        return joint_path
+    pieces = {i: _Piece.of(joint_path, i) for i in range(len(terms))}
+    return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or x.is_unsuited})
+
+
+def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> JointPath:
+    """The path with some of its pieces replaced; stops stay where they are."""
+    straight = [x for x in changed.values() if x.is_straight]
+    # Where nothing else says how fast p is, straight pieces keep their length on the whole.
+    total = sum(x.width for x in straight)
+    slope = (
+        sum(float(np.abs(np.diff(_turns(x.along, x.inner)[1])).sum()) for x in straight) / total
+        if total
+        else 1.0
+    )
+    lengths, coefficients, starts = [], [], []
+    width = np.diff(joint_path.breaks)
+    count = 0
+    for i in range(len(width)):
+        starts.append(count)
+        own = (width[i : i + 1], joint_path.coefficients[i : i + 1])
+        free = [k in changed and changed[k].is_straight for k in (i - 1, i + 1)]
+        for length, polynomial in changed[i].replaced(slope, free) if i in changed else (own,):
+            lengths.append(length)
+            coefficients.append(polynomial)
+            count += len(length)
+    if not count:
+        raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
+    breaks = joint_path.breaks[0] + np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
+    stops = breaks[np.array(starts)[np.searchsorted(joint_path.breaks, joint_path.stops)]]
+    inner = stops[(stops > breaks[0]) & (stops < breaks[-1])]
+    return JointPath(
+        breaks=breaks, coefficients=np.concatenate(coefficients), stops=np.unique(inner)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """One polynomial piece, as a function of x from 0 to 1.
+
+    Args:
+        width: Its length in s.
+        coefficients: Of q, (6, dof).
+        line: Direction in which it moves most, a unit vector, (dof,).
+        along: Coefficients of the position along this direction, (6,).
+        is_straight: Whether it moves along this direction only.
+        inner: Places x inside at which the velocity along this direction vanishes.
+        degrees: Lowest power of x in q at both ends: 1 where dq_ds does not vanish.
+    """
+
+    width: float
+    coefficients: FloatArray
+    line: FloatArray
+    along: FloatArray
+    is_straight: bool
+    inner: FloatArray
+    degrees: tuple[int, int]
+
+    @classmethod
+    def of(cls, joint_path: JointPath, i: int) -> _Piece:
+        """Examine one piece."""
+        c = joint_path.coefficients[i]
+        size = np.linalg.norm(c[1:], axis=1)
+        largest = c[1 + int(size.argmax())]
+        line = largest / size.max() if size.any() else largest
+        along = np.concatenate([[0.0], c[1:] @ line])
+        off = float(np.abs(c[1:] - along[1:, None] * line).max())
+        straight = off <= ROUNDING * (1 + float(np.abs(c[0]).max())) + STRAIGHT * float(size.max())
+        return cls(
+            float(joint_path.breaks[i + 1] - joint_path.breaks[i]),
+            c,
+            line,
+            along,
+            straight,
+            _critical(along),
+            (_degree(c), _degree(_reversed(c))),
+        )
+
+    @property
+    def is_unsuited(self) -> bool:
+        """Whether no plan can be made in s, or a straight piece has a better parameter."""
+        if self.is_straight:
+            return bool(len(self.inner)) or self.degrees != (1, 1)
+        return max(self.degrees) > 2
+
+    def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
+        """Polynomials in another parameter, in order.
+
+        Args:
+            slope: Size of dq_dp at ends that are free.
+            free: Whether the start, and the end, need not go on as evenly as s.
+        """
+        if self.is_straight:
+            yield from self._runs(slope, free)
+        else:
+            yield from self._eased()
+
+    def _runs(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
+        """A straight piece from reversal to reversal, with dq_dp linear in p.
+
+        At ends that are not free dq_dp is dq_ds, so that p goes on as s does, unless it vanishes.
+        """
+        x, at = _turns(self.along, self.inner)
+        q = x[:, None] ** np.arange(6) @ self.coefficients
+        slopes = np.full((len(x), 2), slope)
+        if self.degrees[0] == 1 and not free[0]:
+            slopes[0] = abs(self.along[1]) / self.width
+        if self.degrees[1] == 1 and not free[1]:
+            slopes[-1] = abs(float(np.arange(6) @ self.along)) / self.width
+        for k in range(len(x) - 1):
+            rise, (begin, end) = abs(at[k + 1] - at[k]), (slopes[k, 1], slopes[k + 1, 0])
+            if rise == 0:
+                continue
+            c, way = np.zeros((1, 6, len(self.line))), q[k + 1] - q[k]
+            c[0, 0] = q[k]
+            c[0, 1], c[0, 2] = way * 2 * begin / (begin + end), way * (end - begin) / (begin + end)
+            yield np.array([2 * rise / (begin + end)]), c
+
+    def _eased(self) -> Iterator[Polynomials]:
+        """A bent piece, with p in place of s next to ends at which q begins with x³ or x⁴."""
+        first, last = (LAST if degree > 2 else 0.0 for degree in self.degrees)
+        if first:
+            yield _ease(self.coefficients, self.degrees[0], self.width)
+        yield np.array([self.width * (1 - first - last)]), _cut(self.coefficients, first, 1 - last)
+        if last:
+            width, c = _ease(_reversed(self.coefficients), self.degrees[1], self.width)
+            yield width[::-1], np.stack([_reversed(x) for x in c[::-1]])
+
+
+def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
+    """The first part of a piece that begins with x³ or x⁴, where p is x to the half of that power.
+
+    At the end of the part, p grows as s does.
+    """
+    power = 2 / degree
+    count = int(np.ceil(np.log(FIRST / LAST) / power / np.log(RATIO))) + 1
+    x = np.append(0.0, np.geomspace(FIRST, LAST, count))
+    # x = LAST (p / whole)^power, with dx/dp = 1 at the end; p = 0 has its limits.
+    whole = LAST * power
+    p = whole * (x / LAST) ** (1 / power)
+    inner = x[1:]
+    dx = (inner / LAST) ** (1 - 1 / power)
+    ddx = (power - 1) * dx / p[1:]
+    powers = [np.polynomial.polynomial.polyvander(inner, 5 - k) for k in range(3)]
+    slopes = _derived(c)
+    q, slope, bend = powers[0] @ c, powers[1] @ slopes, powers[2] @ _derived(slopes)
+    begins = 2 * c[degree] * (LAST / whole**power) ** degree
+    q = np.vstack([c[0], q])
+    first = np.vstack([np.zeros_like(c[0]), slope * dx[:, None]])
+    second = np.vstack([begins, bend * dx[:, None] ** 2 + slope * ddx[:, None]])
+    begin, end = (q[:-1], first[:-1], second[:-1]), (q[1:], first[1:], second[1:])
+    return np.diff(p) * width, quintic(np.diff(p), begin, end)
+
+
+def _terms(coefficients: FloatArray) -> FloatArray:
+    """The terms of dq/dx at x = 1, (n, 5, dof)."""
+    return np.asarray(coefficients[:, 1:] * np.arange(1.0, 6.0)[:, None])
+
+
+def _derived(c: FloatArray) -> FloatArray:
+    """Coefficients of the derivative."""
+    return np.asarray(c[1:] * np.arange(1.0, len(c))[:, None])
+
+
+def _reversed(c: FloatArray) -> FloatArray:
+    """Coefficients in 1 - x of the polynomial with the coefficients c in x."""
+    return np.asarray(_cut(c, 1.0, 0.0)[0])
+
+
+def _cut(c: FloatArray, first: float, last: float) -> FloatArray:
+    """Coefficients on the part from x = first to last, as a function from 0 to 1, (1, 6, dof)."""
+    found = np.zeros_like(c)
+    for row in c[::-1]:
+        # Horner's rule for polynomials: times `first + (last - first) x`, plus the next one.
+        found[1:] = found[1:] * first + found[:-1] * (last - first)
+        found[0] = found[0] * first + row
+    return found[None]
+
+
+def _degree(c: FloatArray) -> int:
+    """Lowest power of x that is more than rounding, beyond the constant; 5 if there is none."""
+    size = np.linalg.norm(_terms(c[None])[0], axis=1)
+    above = np.flatnonzero(size > VANISHED * size.sum())
+    return 1 + int(above[0]) if len(above) else 5
+
+
+def _critical(along: FloatArray) -> FloatArray:
+    """Places inside, at which the derivative of a polynomial vanishes; double ones count too."""
+    derivative = along[1:] * np.arange(1, 6)
+    small = VANISHED * np.abs(derivative).sum()
+    if not derivative.any():
+        return np.empty(0)
+    roots = np.polynomial.polynomial.polyroots(np.trim_zeros(derivative, "b")).astype(complex)
+    real = np.unique(roots.real[(roots.real > 0) & (roots.real < 1)])
+    value = np.polynomial.polynomial.polyval(real, derivative) if len(real) else real
+    return np.asarray(real[np.abs(value) <= small])
+
+
+def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places and values of the ends and reversals of a polynomial on [0, 1]."""
+    x = np.concatenate([[0.0], inner, [1.0]])
+    value = np.polynomial.polynomial.polyval(x, along)
+    small = STRAIGHT * float(np.abs(along).sum())
+    kept = [0]
+    for k in range(1, len(x)):
+        step = value[k] - value[kept[-1]]
+        if len(kept) > 1 and step * (value[kept[-1]] - value[kept[-2]]) >= 0:
+            kept[-1] = k  # it goes on in the same direction
+        elif abs(step) > small:
+            kept.append(k)
+    if kept[-1] != len(x) - 1:
+        kept[-1 if len(kept) > 1 else 0] = len(x) - 1
+    return x[kept], value[kept]

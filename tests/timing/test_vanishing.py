@@ -1,0 +1,174 @@
+"""Joint paths along which dq_ds vanishes: closed forms, limits at any time, and the same curve."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import armcontour as ac
+
+LINE_1 = np.array(
+    [-0.00038593, 0.00013093, 0.00064752, 0.00116383, 0.00167987]
+    + [0.00219563, 0.00271112, 0.00322633, 0.00374127, 0.00425594]
+)
+LINE_26 = np.array(
+    [-3.85929168e-04, -2.13610365e-04, -4.13223272e-05, 1.30934967e-04, 3.03161539e-04]
+    + [4.75357412e-04, 6.47522605e-04, 8.19657141e-04, 9.91761041e-04, 1.16383433e-03]
+)
+
+
+def second_joint(*values):
+    return np.array([[0.0, x, 0.0] for x in values])
+
+
+# toppra's own robustness suite (hungpham2511/toppra, problem_suite_1.yaml): waypoints, at even
+# parameters from 0 to 1, and limits of velocity and acceleration.
+SUITE = {
+    "small_joint_1": (np.tile(LINE_1[:, None], 3), [100.0] * 3, [100.0] * 3),
+    "small_joint_2": (second_joint(0, 1e-5, 0), [100, 1e4, 100], [100, 1e4, 100]),
+    "small_joint_3": (second_joint(0, 1e-7, 0), [100, 1e3, 100], [100, 1e3, 100]),
+    "issue26": (np.tile(LINE_26[:, None], 3), [1e3] * 3, [1e3, 2e3, 1e4]),
+    "two_points_1": (second_joint(0, 1), [100.0] * 3, [100.0] * 3),
+    "two_points_2": (second_joint(0, 1e-4), [100.0] * 3, [100.0] * 3),
+}
+
+
+def from_rest_to_rest(way, velocity, acceleration):
+    """Shortest time of joints that move together along one line [s]: a ramp up and a ramp down."""
+    way = np.abs(way)
+    scale = way > 0
+    a, v = (np.min(np.array(x)[scale] / way[scale]) for x in (acceleration, velocity))
+    assert v * v >= a  # the speed limit is not reached
+    return 2 / np.sqrt(a)
+
+
+@pytest.mark.parametrize("name", SUITE)
+def test_toppras_robustness_suite(name, worst_ratios):
+    points, velocity, acceleration = SUITE[name]
+    path = ac.JointPath.spline(points, np.linspace(0, 1, len(points)), ends="clamped")
+    limits = ac.Limits(joint_velocity=velocity, joint_acceleration=acceleration)
+    planned = ac.plan(path, limits=limits)
+    # These are straight lines of the joints: there and back again in the second and third.
+    turns = points[[0, 1, 2]] if name in ("small_joint_2", "small_joint_3") else points[[0, -1]]
+    best = sum(from_rest_to_rest(x, velocity, acceleration) for x in np.diff(turns, axis=0))
+    assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
+    np.testing.assert_allclose(planned([0, planned.duration]), points[[0, -1]], atol=1e-15)
+    np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-12)
+    ratios = worst_ratios(planned, limits)
+    assert 1 - 1e-6 < ratios["joint_acceleration"] <= 1 + 1e-9
+    assert ratios["joint_velocity"] <= 1
+
+
+WAY = np.array([0.3, -1.1, 0.7])
+
+
+def cubic(factor):
+    """The joints at WAY s³ for s < 0, and that times a factor for s > 0."""
+    coefficients = np.zeros((2, 6, 3))
+    coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
+    coefficients[1, 3] = factor * WAY
+    return ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
+
+
+@pytest.mark.parametrize(("factor", "stops"), [(1.0, 0), (2.5, 0), (-1.0, 1)])
+def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst_ratios):
+    limits = ac.Limits(joint_acceleration=2.0, joint_velocity=50.0)
+    planned = ac.plan(cubic(factor), limits=limits)
+    ways = [WAY, factor * WAY] if stops else [(1 + factor) * WAY]
+    best = sum(from_rest_to_rest(x, [50.0] * 3, [2.0] * 3) for x in ways)
+    assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
+    assert worst_ratios(planned, limits)["joint_acceleration"] <= 1 + 1e-9
+
+
+def test_a_start_speed_means_the_same_along_a_straight_piece():
+    limits = ac.Limits(joint_acceleration=2.0)
+    planned = ac.plan(cubic(1.0), limits=limits, start_speed=0.5)
+    np.testing.assert_allclose(planned(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
+
+
+def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
+    """A parabola q = a u + b u², and the same with u = s², which stands still at its start."""
+    a, b = np.random.default_rng(3).uniform(-1, 1, (2, 4))
+    limits = ac.Limits(joint_acceleration=[1.0, 0.7, 2.0, 1.5], joint_velocity=0.8)
+    durations = []
+    for powers in ((1, 2), (2, 4)):
+        coefficients = np.zeros((1, 6, 4))
+        coefficients[0, powers, :] = a, b
+        path = ac.JointPath(breaks=[0.0, 1.0], coefficients=coefficients)
+        planned = ac.plan(path, limits=limits)
+        assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
+        durations.append(planned.duration)
+    assert durations[1] == pytest.approx(durations[0], rel=5e-5)
+
+
+def at_rest_without_acceleration(seed):
+    """Two bent quintics; neither dq_ds nor d2q_ds2 is above zero at both ends."""
+    rng = np.random.default_rng(seed)
+    q, rest = rng.uniform(-2, 2, (3, 3)), np.zeros(3)
+    v, a = rng.uniform(-1, 1, (2, 3))
+    begin = q[:2], np.array([rest, v]), np.array([rest, a])
+    return ac.JointPath.hermite(
+        np.array([0.0, 1.0, 2.0]), begin, (q[1:], np.array([v, rest]), np.array([a, rest]))
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
+    path = at_rest_without_acceleration(seed)
+    limits = ac.Limits(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
+    planned = ac.plan(path, limits=limits)
+    assert max(worst_ratios(planned, limits, places=10).values()) <= 1 + 1e-9
+    np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-9)
+    fine = ac.plan(path, limits=limits, intervals=40_000)
+    assert 0 <= planned.duration / fine.duration - 1 < 3e-4
+    # It is the same curve: Newton's steps from the nearest sample find no distance.
+    found = planned(np.linspace(0, planned.duration, 2001))
+    s = np.concatenate([np.linspace(0, 1, 20_001) ** 3, 2 - np.linspace(0, 1, 20_001) ** 3])
+    s = s[cKDTree(path(s)).query(found)[1]]
+    for _ in range(3):
+        away, slope = found - path(s), path(s, 1)
+        square = np.einsum("ij,ij->i", slope, slope)
+        step = np.einsum("ij,ij->i", away, slope) / np.where(square > 0, square, 1.0)
+        s = np.clip(s + step, 0.0, 2.0)
+    assert np.linalg.norm(found - path(s), axis=1).max() < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("ends", ["clamped", "natural"])
+def test_out_and_back_along_a_spline(seed, ends, worst_ratios):
+    rng = np.random.default_rng(seed)
+    out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
+    path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
+    dof = out.shape[1]
+    limits = ac.Limits(joint_acceleration=rng.uniform(0.5, 5, dof), joint_velocity=3.0)
+    planned = ac.plan(path, limits=limits)
+    assert max(worst_ratios(planned, limits, places=10).values()) <= 1 + 1e-9
+    fine = ac.plan(path, limits=limits, intervals=40_000)
+    assert 0 <= planned.duration / fine.duration - 1 < 3e-4
+    # The way back takes as long as the way out; it is not stopped at the tip longer than needed.
+    middle = planned(planned.duration / 2)
+    np.testing.assert_allclose(middle, out[-1], atol=1e-3)
+
+
+def test_pieces_in_which_nothing_moves_are_left_out(refuses):
+    limits = ac.Limits(joint_acceleration=2.0)
+    still = np.zeros((3, 6, 1))
+    still[0, 1], still[1:, 0], still[2, 1] = 1.0, 1.0, 1.0
+    path = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
+    planned = ac.plan(path, limits=limits)
+    assert planned.duration >= 2 * np.sqrt(2 / 2.0)
+    np.testing.assert_allclose(planned(planned.duration), 2.0)
+    still[:, 1] = 0.0
+    still[:, 0] = 1.0
+    nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
+    refuses(lambda: ac.plan(nothing, limits=limits), ac.InvalidInput, "No joint moves")
+
+
+def test_without_an_arm(refuses):
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 2.0)])
+    torque = ac.Limits(joint_torque=1.0, joint_acceleration=1.0)
+    refuses(lambda: ac.plan(path, limits=torque), ac.InvalidInput, "an arm with masses")
+    refuses(lambda: ac.plan(path), ac.InvalidInput, "needs an Arm")
+    flat = ac.Path.polyline([(0.0, 0.0), (1.0, 1.0)])
+    refuses(lambda: ac.plan(flat, limits=ac.Limits(speed=1.0)), ac.InvalidInput, "needs an Arm")
