@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import biarcs, dot, length
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments
 
-# Steps of the search for a tangent length: from a nanometre to a kilometre, 1e-9 of it remains.
-STEPS = 40
+# A search for a tangent length may end this fraction below it; halving alone comes there from a
+# nanometre to a kilometre in fewer than a third of these steps.
+NEAR = 1e-9
+STEPS = 120
 # Shorter tangent lengths are not made: they come near the distance of repeated points [m].
 SHORTEST = 2 * REPEATED_POINT
 # Largest angle by which a blend's arcs and the parts of arcs that it replaces turn [rad]: none of
@@ -123,34 +125,72 @@ def widest_blends(before: Segments, after: Segments, bounds: Bounds) -> FloatArr
         bent = WIDEST / np.maximum(before.curvatures, after.curvatures)
         high = np.minimum(bent, np.minimum(before.lengths, after.lengths))
         low = np.minimum(SHORTEST, high)
+        need, excess = _excess(before, after, low, bounds), _excess(before, after, high, bounds)
         # A vertex that hardly turns is smooth enough for any speed with the shortest blend.
-        found = np.where(_fits(before, after, low, bounds, any_radius=True), low, 0.0)
-        whole = _fits(before, after, high, bounds)
-        found[whole] = high[whole]
-        left = np.flatnonzero((found > 0) & ~whole)
-        low, high = low[left], high[left]
-        before, after, bounds = before[left], after[left], bounds[left]
-        for _ in range(STEPS if len(left) else 0):
-            middle = np.sqrt(low * high)
-            fits = _fits(before, after, middle, bounds)
-            low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-    found[left] = low
+        found = np.where(need[1] <= 0, low, 0.0)
+        found[excess[0] <= 0] = high[excess[0] <= 0]
+        left = np.flatnonzero((need[0] <= 0) & (excess[0] > 0))
+        if len(left):
+            ends = np.stack([low[left], high[left]]), np.stack([need[0][left], excess[0][left]])
+            found[left] = _search(before[left], after[left], bounds[left], *ends)
     return found
 
 
-def _fits(
-    before: Segments, after: Segments, t: FloatArray, bounds: Bounds, *, any_radius: bool = False
-) -> BoolArray:
-    """Whether blends with given tangent lengths [m] keep their bounds, (n,)."""
+def _search(
+    before: Segments, after: Segments, bounds: Bounds, ends: FloatArray, excess: FloatArray
+) -> FloatArray:
+    """Largest tangent lengths within bounds, between one that fits and one that does not [m], (n,).
+
+    False position in logarithms, in which errors are nearly straight lines; every third step
+    halves.
+
+    Args:
+        before: Segments before the corners.
+        after: Segments after the corners.
+        bounds: What the blends have to keep.
+        ends: The tangent lengths that do and do not fit [m], (2, n).
+        excess: What `_excess` says of them, (2, n).
+    """
+    state = np.concatenate([np.log(ends), excess])
+    active = np.arange(len(before))
+    for step in range(STEPS):
+        low, high, under, over = state[:, active]
+        near = low + (high - low) * (-NEAR / 2 - under) / (over - under)
+        halve = ~((near > low) & (near < high)) | (step % 3 == 2)
+        middle = np.where(halve, (low + high) / 2, near)
+        found, _ = _excess(before[active], after[active], np.exp(middle), bounds[active])
+        fits = found <= 0
+        state[0::2, active[fits]] = middle[fits], found[fits]
+        state[1::2, active[~fits]] = middle[~fits], found[~fits]
+        low, high, under, _ = state
+        active = np.flatnonzero((under < -NEAR) & (high - low > NEAR))
+        if not len(active):
+            break
+    return np.asarray(np.exp(state[0]))
+
+
+def _excess(
+    before: Segments, after: Segments, t: FloatArray, bounds: Bounds
+) -> tuple[FloatArray, FloatArray]:
+    """By how much blends exceed their bounds, as logarithms, (n,): none where it is not above 0.
+
+    Args:
+        before: Segments before the corners.
+        after: Segments after the corners.
+        t: Tangent lengths [m], (n,).
+        bounds: What the blends have to keep.
+
+    Returns:
+        The excess, and that without regard to the radius.
+    """
     found = make_blends(before, after, t)
-    fits = np.ones(len(t), dtype=bool)
-    for arc in (found.first, found.second):
-        fits &= arc.curvatures * arc.lengths <= WIDEST + ROUNDING
-    fits &= found.error <= bounds.error
-    if not any_radius:
-        fits &= ~np.isfinite(bounds.radius) | (found.bend >= 1 / bounds.radius)
-    fits &= t / 2 - found.lengths / 8 <= bounds.turn
-    return np.asarray(fits)
+    turns = [x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)]
+    shares = [*turns, found.error / bounds.error, (t / 2 - found.lengths / 8) / bounds.turn]
+    any_radius = np.max(shares, axis=0)
+    need = 1 / (bounds.radius * np.maximum(found.bend, 0.0))
+    wide = np.where(np.isfinite(bounds.radius), need, 0.0)
+    both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
+    return tuple(np.where(np.isnan(x), np.inf, x) for x in both)  # type: ignore[return-value]
 
 
 def _distance(first: Segments, second: Segments) -> FloatArray:

@@ -178,7 +178,9 @@ def round_corners(
     return _round(path, wishes, kinked, angle)
 
 
-def blend_vertices(path: Path, vertex: IntArray, tolerance: FloatArray) -> RoundedPath:
+def blend_vertices(
+    path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
+) -> RoundedPath:
     """The path without tool orientation, with some of its vertices blended and all others kept.
 
     A blend takes at most half of either segment.
@@ -186,9 +188,10 @@ def blend_vertices(path: Path, vertex: IntArray, tolerance: FloatArray) -> Round
     Args:
         path: The path, whose orientation is left out.
         vertex: Segments after which the vertices are, increasing, (n,).
+        turn: The path's turns there [rad], (n,).
         tolerance: Largest distance of each vertex from the new path [m], (n,).
     """
-    half = path.turns[vertex] / 2
+    half = turn / 2
     radius = _largest_radius(tolerance, half)
     wishes = _Wishes(
         corner=vertex,
@@ -583,17 +586,19 @@ def _replace_corners(
     blended = corner[(found.radius > 0) & found.bent]
     arcs = _arcs(path, corner[plain], wishes.half[plain], found.radius[plain], found.tangent[plain])
     # Each segment, and the arcs after it.
-    tables = [kept, arcs, found.blends.first, found.blends.second]
+    tables = [kept, arcs]
+    if len(blended):
+        tables += [found.blends.first, found.blends.second]
+    table = Segments.join(tables)
     source = np.concatenate([np.arange(n), corner[plain], blended, blended])
-    in_order = np.argsort(source, kind="stable")
-    source, table = source[in_order], Segments.join(tables)[in_order]
     # A remainder of an arc is left out only if the tangent jumps by no more than a rounding error.
-    least = SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
-    used = (table.lengths > least) | (in_order >= n)
-    ends = np.cumsum(np.where(used, table.lengths, 0.0))[
-        np.searchsorted(source, corner, side="right") - 1
-    ]
-    return table[used], source[used], ends
+    used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
+    used[n:] = True
+    order = np.argsort(source, kind="stable")
+    order = order[used[order]]
+    source, lengths = source[order], table.lengths[order]
+    ends = np.append(0.0, np.cumsum(lengths))[np.searchsorted(source, corner, side="right")]
+    return table[order], source, ends
 
 
 def _cut(rows: Segments, cut: FloatArray) -> Segments:
