@@ -29,6 +29,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.gcode
+	$(BIN)/python -m soak.corners
 	$(BIN)/python -m soak.check
 	$(BIN)/python -m soak.certificates
 	$(BIN)/python -m soak.numbers

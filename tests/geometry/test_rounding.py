@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from armcontour.geometry import corner_error
@@ -148,19 +149,132 @@ def test_turning_back_is_a_full_stop():
     path = ac.Path.polyline([(0, 0), (1, 0), (0.5, 0)])
     found = ac.round_corners(path, tolerance=0.1).corners
     assert found.turn[0] == pytest.approx(np.pi) and found.stopped[0]
+    assert found.reason.tolist() == ["turn-back"]
 
 
-def test_a_corner_beside_an_arc_is_a_full_stop():
-    path = ac.Path.from_segments(
+def bridge():
+    """Half a circle between two lines, with a corner of 90° at either end."""
+    return ac.Path.from_segments(
         [
             ac.Line(start=(0, 0), end=(1, 0)),
             ac.Arc(start=(1, 0), center=(2, 0), angle=-np.pi),
             ac.Line(start=(3, 0), end=(4, 0)),
         ]
     )
-    rounded = ac.round_corners(path, tolerance=0.1)
-    assert rounded.corners.stopped.tolist() == [True, True]
-    np.testing.assert_allclose(rounded.stops, path.stops)
+
+
+def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
+    path, tolerance = bridge(), 0.05
+    rounded = ac.round_corners(path, tolerance=tolerance, acceleration=0.09)
+    found = rounded.corners
+    assert len(rounded.stops) == 0 and not found.shrunk.any()
+    assert found.reason.tolist() == [None, None]
+    np.testing.assert_allclose(found.error, tolerance, rtol=1e-6)
+    np.testing.assert_allclose(rounded.project(found.point).distance, found.error, rtol=1e-9)
+    assert (rounded.turns <= 1e-9).all()
+    assert found.radius[0] == pytest.approx(1 / rounded.curvatures[1:3].max(), rel=1e-12)
+    np.testing.assert_allclose(found.speed, np.sqrt(0.09 * found.radius))
+    # The path is symmetric, and so are its corners.
+    np.testing.assert_allclose(found.tangent[0], found.tangent[1], rtol=1e-6)
+    np.testing.assert_allclose(rounded(rounded.length / 2), (2, 1), atol=1e-9)
+
+
+def test_beside_an_arc_of_a_huge_radius_a_corner_is_that_between_lines():
+    turn, big = 1.2, 1e7
+    leg = np.array([np.cos(turn), np.sin(turn)])
+    normal = np.array([-leg[1], leg[0]])
+    arc = ac.Arc(start=(0, 0), center=(big * normal).tolist(), angle=1 / big)
+    bent = ac.Path.from_segments([ac.Line(start=(-1, 0), end=(0, 0)), arc])
+    found = ac.round_corners(bent, tolerance=1e-3).corners
+    straight = ac.round_corners(corner(turn), tolerance=1e-3).corners
+    for name in ("radius", "tangent", "error", "start", "end"):
+        rest = 9.0 if name in ("start", "end") else 0.0
+        expected = getattr(straight, name)[0] - rest
+        assert getattr(found, name)[0] == pytest.approx(expected, rel=1e-5)
+
+
+def test_beside_an_arc_a_speed_asks_for_the_smallest_blend():
+    path, v, a = bridge(), 0.03, 0.09
+    found = ac.round_corners(path, speed=v, acceleration=a).corners
+    np.testing.assert_allclose(found.radius, v**2 / a, rtol=1e-6)
+    np.testing.assert_allclose(found.speed, v, rtol=1e-6)
+    assert not found.shrunk.any()
+    capped = ac.round_corners(path, speed=v, acceleration=a, tolerance=1e-4).corners
+    assert (capped.error <= 1e-4).all() and (capped.speed < v).all()
+
+
+def test_corners_beside_arcs_share_their_arc_and_their_lines():
+    found = ac.round_corners(bridge(), tolerance=[10.0, 10.0]).corners
+    assert found.shrunk.all()
+    np.testing.assert_allclose(found.tangent, 1.0)  # all of either line
+    # An arc of 0.2 m between two lines leaves either corner one half.
+    arc = ac.Arc(start=(1, 0), center=(2, 0), angle=-0.2)
+    end = np.array([2 - np.cos(0.2), np.sin(0.2)])
+    line = ac.Line(start=end.tolist(), end=(end + (1, 0)).tolist())
+    short = ac.Path.from_segments([ac.Line(start=(0, 0), end=(1, 0)), arc, line])
+    np.testing.assert_allclose(ac.round_corners(short, tolerance=1.0).corners.tangent, 0.1)
+
+
+def test_why_the_tool_stops():
+    arc = ac.Arc(start=(1, 0), center=(2, 0), angle=-0.2)
+    path = ac.Path.from_segments([ac.Line(start=(0, 0), end=(1, 0)), arc])
+    found = ac.round_corners(path, tolerance=0.0).corners
+    assert found.stopped.all() and found.reason.tolist() == ["tolerance zero"]
+    path = ac.Path.polyline([(0, 0), (1, 0), (1 + 2e-9, 0), (1 + 2e-9, 1), (0, 1)])
+    tiny = ac.round_corners(path, tolerance=[1e-3, 1e-10, 1e-3]).corners
+    assert tiny.reason.tolist() == ["no room", None]
+
+
+def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
+    flat = bridge()
+    rows = flat.segments.lift()
+    path = ac.Path(segments=rows).following_tangent((0, 0, 1))
+    rounded = ac.round_corners(path, tolerance=0.05, angular_tolerance=1e-3)
+    s = np.linspace(0, rounded.length, 999)
+    x_axes = rounded.orientation(s)[:, :, 0]
+    off = np.degrees(np.arccos(np.clip(np.sum(x_axes * rounded(s, 1), axis=1), -1, 1)))
+    assert off.max() <= np.degrees(1e-3) * 1.001
+    assert len(rounded.stops) == 0
+
+
+@pytest.mark.parametrize("axis_only", [False, True])
+def test_the_orientation_is_rounded_over_corners_beside_arcs(axis_only):
+    held = [(0, 0, 0), (0.1, 0.2, 0), (0.3, -0.1, 0.2), (0.2, 0.1, 0)]
+    turned = Rotation.from_euler("xyz", held).as_matrix()
+    path = ac.Path(segments=bridge().segments.lift()).oriented(turned, axis_only=axis_only)
+    loose = ac.round_corners(path, tolerance=0.05, angular_tolerance=1.0)
+    tight = ac.round_corners(path, tolerance=0.05, angular_tolerance=2e-3)
+    assert not loose.corners.shrunk.any() and tight.corners.shrunk.any()
+    for rounded, allowed in ((loose, 1.0), (tight, 2e-3)):
+        assert len(rounded.stops) == 0
+        middle = (rounded.corners.start + rounded.corners.end) / 2
+        at = path.orientation(path.breaks[rounded.corners.vertex])
+        there = rounded.orientation(middle)
+        if axis_only:
+            cosine = np.sum(there[:, :, 2] * at[:, :, 2], axis=1)
+            angle = np.arccos(np.clip(cosine, -1, 1))
+        else:
+            angle = Rotation.from_matrix(there @ at.transpose(0, 2, 1)).magnitude()
+        assert angle.max() <= allowed
+        np.testing.assert_allclose(rounded.corners.angular_error, angle, atol=1e-7)
+
+
+def test_arcs_that_leave_the_plane_are_rounded_too():
+    arc = ac.Arc(start=(1, 0, 0), center=(1, 0, 0.5), angle=1.5, normal=(0, -1, 0))
+    after = ac.Path.from_segments([arc])
+    end, ahead = after.vertices[-1], after(after.length, 1, side="left")
+    side = np.cross(ahead, (0, 1, 0)) + (0, 1.0, 0)
+    line = ac.Line(start=end.tolist(), end=(end + side).tolist())
+    path = ac.Path.from_segments([arc, line])
+    rounded = ac.round_corners(path, tolerance=5e-3)
+    assert len(rounded.stops) == 0 and (rounded.turns <= 1e-9).all()
+    np.testing.assert_allclose(rounded.corners.error, 5e-3, rtol=1e-6)
+    s = np.linspace(0, rounded.length, 500)
+    assert path.project(rounded(s)).distance.max() <= 5e-3
+    # A frame that follows the tangent there would come round turned: the tool stops instead.
+    followed = path.following_tangent((0, 1, 0))
+    stopped = ac.round_corners(followed, tolerance=5e-3, angular_tolerance=1e-3).corners
+    assert stopped.reason.tolist() == ["tangent followed out of its plane"]
 
 
 def test_arcs_that_meet_share_their_line():

@@ -12,9 +12,13 @@ STRAIGHT = 1e-12
 
 
 def biarcs(
-    p0: FloatArray, t0: FloatArray, p1: FloatArray, t1: FloatArray
+    p0: FloatArray,
+    t0: FloatArray,
+    p1: FloatArray,
+    t1: FloatArray,
+    share: FloatArray | float = 1.0,
 ) -> tuple[Segments, Segments]:
-    """First and second arcs of the biarcs from p0 to p1 whose two tangent lengths are equal.
+    """First and second arcs of the biarcs from p0 to p1 with a given share of tangent lengths.
 
     The values are not finite where no biarc exists: for equal ends with equal tangents.
 
@@ -23,16 +27,18 @@ def biarcs(
         t0: Unit tangents at the start points, (n, dimension).
         p1: End points [m], (n, dimension).
         t1: Unit tangents at the end points, (n, dimension).
+        share: Tangent length of the first arc over that of the second, (n,) or one for all.
     """
-    chord = p1 - p0
-    # |chord - d (t0 + t1)| = 2 d, solved for the positive d without cancellation.
-    c, b = dot(chord, chord), dot(chord, t0 + t1)
-    a = 2 * (1 - dot(t0, t1))
+    chord, w = p1 - p0, np.asarray(share)[..., None]
+    # |chord - d (w t0 + t1)| = (1 + w) d, solved for the positive d without cancellation.
+    c, b = dot(chord, chord), dot(chord, w * t0 + t1)
+    a = 2 * share * (1 - dot(t0, t1))
     root = np.sqrt(b * b + a * c)
-    d = np.where(b > 0, c / (b + root), (root - b) / a)
-    q0, q1 = p0 + d[:, None] * t0, p1 - d[:, None] * t1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        d = np.where(b > 0, c / (b + root), (root - b) / a)
+    q0, q1 = p0 + (share * d)[:, None] * t0, p1 - d[:, None] * t1
     along = unit(q1 - q0)
-    return _arc(p0, t0, along, d), _arc((q0 + q1) / 2, along, t1, d)
+    return _arc(p0, t0, along, share * d), _arc((q0 + w * q1) / (1 + w), along, t1, d)
 
 
 def _arc(
@@ -92,8 +98,9 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
 
 def _finite(arcs: Segments) -> BoolArray:
     """True for arcs whose values are all finite, (n,)."""
-    columns = (arcs.starts, arcs.tangents, arcs.normals, arcs.curvatures, arcs.lengths)
-    rows = [np.isfinite(x).reshape(len(arcs), -1).all(axis=1) for x in columns]
+    vectors = (arcs.starts, arcs.tangents, arcs.normals)
+    rows = [np.isfinite(x).all(axis=1) for x in vectors]
+    rows += [np.isfinite(x) for x in (arcs.curvatures, arcs.lengths)]
     return np.asarray(np.logical_and.reduce(rows))
 
 

@@ -57,23 +57,33 @@ def largest_tangent(path: Path, vertex: IntArray, half: FloatArray, allowed: flo
         Tangent lengths [m], (k,); infinite if the rate does not jump or the orientation follows
         the tangent.
     """
+    return np.asarray(largest_blend(path, vertex, allowed) / (0.5 - _arc_ratio(half) / 8))
+
+
+def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
+    """The largest k of `largest_tangent`, whatever the arc: `t / 2 - arc / 8` [m], (k,).
+
+    Args:
+        path: The objective path.
+        vertex: Indices of the vertices, (k,).
+        allowed: Largest angle between the orientation and its value at the vertex [rad].
+    """
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return np.full(len(vertex), np.inf)
-    largest = _largest_blend(orientation, vertex, allowed)
-    return np.asarray(largest / (0.5 - _arc_ratio(half) / 8))
+    return _largest_blend(orientation, vertex, allowed)
 
 
 def round_orientation(
-    objective: Path, vertex: IntArray, half: FloatArray, tangent: FloatArray
+    objective: Path, vertex: IntArray, tangent: FloatArray, length: FloatArray
 ) -> tuple[Orientation, FloatArray]:
     """Orientation of a rounded path if the orientation does not follow the tangent.
 
     Args:
         objective: The path before rounding.
         vertex: Indices of the rounded vertices, (k,).
-        half: Half of the turn at each vertex [rad], (k,).
         tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
+        length: Length of what replaces each vertex [m], (k,).
 
     Returns:
         The orientation, and the angle between it and the vertex's orientation in the middle of
@@ -85,7 +95,7 @@ def round_orientation(
     lengths, n = objective.lengths, len(objective)
     if not own.first.any():
         one = Orientation.even(
-            np.array([lengths.sum() - (2 * tangent - _arc_lengths(half, tangent)).sum()]),
+            np.array([lengths.sum() - (2 * tangent - length).sum()]),
             own.starts[:1],
             np.zeros((1, 3)),
             axis_only=own.axis_only,
@@ -93,7 +103,7 @@ def round_orientation(
         return one, np.zeros(len(vertex))
     cut, blend = np.zeros(n - 1), np.zeros(n - 1)
     cut[vertex] = tangent
-    blend[vertex] = _arc_lengths(half, tangent)
+    blend[vertex] = length
     blended = _blend(lengths, own, cut, blend)
     middle = exp((tangent / 2 - blend[vertex] / 8)[:, None] * own.first[vertex + 1]) @ exp(
         -(tangent / 2 - blend[vertex] / 8)[:, None] * own.first[vertex]
@@ -105,7 +115,7 @@ def round_orientation(
 
 
 def follow_rounded(
-    rounded: Segments, objective: Path, segment: IntArray, allowed: float
+    rounded: Segments, objective: Path, segment: IntArray, cut: FloatArray, allowed: float
 ) -> Orientation:
     """Orientation of a rounded path if the orientation follows the tangent.
 
@@ -114,6 +124,7 @@ def follow_rounded(
         objective: The path before rounding.
         segment: For each segment of the rounded path, index of the objective segment that contains
             it, or that lies before its corner, (n,).
+        cut: Length at the start of each objective segment that a corner has replaced [m].
         allowed: Largest angle between the orientation and one that follows the tangent exactly
             [rad].
     """
@@ -123,10 +134,11 @@ def follow_rounded(
     starts = np.empty((len(rounded), 3, 3))
     frame = own.starts[0]
     segment_turns = exp(rates * rounded.lengths[:, None])
+    kept = exp(tangent_rates(objective.segments) * cut[:, None]) @ own.starts
     for k in range(len(rounded)):
         if k and segment[k] != segment[k - 1]:
             # The corner's arc has turned the frame into that of the next segment, up to rounding.
-            frame = own.starts[segment[k]]
+            frame = kept[segment[k]]
         starts[k] = frame
         frame = segment_turns[k] @ frame
     sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
@@ -178,11 +190,6 @@ def _arc_ratio(half: FloatArray) -> FloatArray:
     """Length of a corner's arc over its tangent length, from half of the turn [rad]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(half > 0, 2 * half / np.tan(half), 2.0))
-
-
-def _arc_lengths(half: FloatArray, tangent: FloatArray) -> FloatArray:
-    """Lengths of corners' arcs, from halves of their turns [rad] and their tangent lengths [m]."""
-    return np.asarray(tangent * _arc_ratio(half))
 
 
 def _blend(

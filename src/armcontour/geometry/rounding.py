@@ -3,14 +3,15 @@
 The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3:
 `gap = r (1 - cos h) / cos h` for radius r and half the turn h. Elsewhere two other lengths are
 called tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent
-length, `r tan h`, which is the part of each line that the arc replaces. See
-docs/concepts/rounding.md.
+length, `r tan h`, which is the part of each line that the arc replaces. Beside an arc a corner is
+replaced by two tangent arcs (blends.py). See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +19,13 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
+from armcontour.geometry.biarcs import STRAIGHT
+from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
     find_kinks,
     follow_rounded,
+    largest_blend,
     largest_tangent,
     round_orientation,
 )
@@ -30,6 +34,16 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is left
 # out [m].
 SLIVER = 1e-12
+# Planes that differ by less than this are one [rad].
+SAME_PLANE = 1e-9
+# A blend counts as one that uses its tolerance within this fraction, by which its search may miss.
+FULL = 1e-6
+# Why the tool stops at a corner.
+TURN_BACK = "turn-back"
+NO_TOLERANCE = "tolerance zero"
+NO_ANGLE = "angular tolerance zero"
+OUT_OF_PLANE = "tangent followed out of its plane"
+NO_ROOM = "no room"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,7 +54,8 @@ class Corners:
         vertex: Index of the corner among the vertices of the objective path, from 0, (n,).
         point: The corner points [m], (n, dimension).
         turn: Angle between the lines [rad], above 0 and at most pi, (n,).
-        radius: Radius of the arc [m], 0 if the tool stops at the corner, (n,).
+        radius: Radius of the arc, beside an arc the smaller one of the two [m], 0 if the tool stops
+            at the corner, (n,).
         error: Corner error: gap between corner point and arc [m], (n,).
         tangent: Tangent length [m], (n,).
         start, end: Arc lengths on the rounded path at which the arc starts and ends [m], (n,).
@@ -51,6 +66,8 @@ class Corners:
         angular_error: Angle between the tool orientation in the middle of the arc and that at the
             corner point [rad], (n,); between the tool axes if only they are prescribed; 0 if the
             orientation follows the tangent or is missing.
+        reason: Why the tool stops at the corner, such as "turn-back", "tolerance zero" or
+            "no room"; None if it does not, (n,).
     """
 
     vertex: IntArray
@@ -64,6 +81,7 @@ class Corners:
     shrunk: BoolArray
     speed: FloatArray
     angular_error: FloatArray
+    reason: npt.NDArray[np.object_]
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -156,86 +174,215 @@ def round_corners(
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
     kinked = np.setdiff1d(find_kinks(path), corner)
     angle = _angular_tolerance(path, angular_tolerance, kinked)
-    half = turn[corner] / 2
-    radius, accelerations = _required_radius(path, corner, half, (tolerance, speed, acceleration))
-    which, halves = np.concatenate([corner, kinked]), np.append(half, np.zeros(len(kinked)))
-    tangents, shrunk = _tangent_lengths(path, corner, kinked, half, radius, angle)
-    tangent = tangents[: len(corner)]
-    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), radius), 0.0)
-    speeds = np.sqrt(accelerations * radius)
-    rounded, source = _assemble(path, corner, half, radius, tangent, shrunk, speeds)
-    return _add_orientation(rounded, source, which, halves, tangents, angle)
+    wishes = _wishes(path, corner, turn[corner] / 2, (tolerance, speed, acceleration))
+    return _round(path, wishes, kinked, angle)
 
 
-def _assemble(
-    path: Path,
-    corner: IntArray,
-    half: FloatArray,
-    radius: FloatArray,
-    tangent: FloatArray,
-    shrunk: BoolArray,
-    speed: FloatArray,
-) -> tuple[RoundedPath, IntArray]:
-    """The rounded path without orientation, and the objective segment of each of its segments.
+def blend_vertices(
+    path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
+) -> RoundedPath:
+    """The path without tool orientation, with some of its vertices blended and all others kept.
+
+    A blend takes at most half of either segment.
+
+    Args:
+        path: The path, whose orientation is left out.
+        vertex: Segments after which the vertices are, increasing, (n,).
+        turn: The path's turns there [rad], (n,).
+        tolerance: Largest distance of each vertex from the new path [m], (n,).
+    """
+    half = turn / 2
+    radius = _largest_radius(tolerance, half)
+    wishes = _Wishes(
+        corner=vertex,
+        half=half,
+        error=tolerance,
+        enough=np.full(len(vertex), np.inf),
+        radius=radius,
+        acceleration=np.full(len(vertex), np.nan),
+        most=np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2,
+    )
+    bare = path if path.orientation is None else dataclasses.replace(path, orientation=None)
+    return _round(bare, wishes, np.zeros(0, dtype=np.intp), np.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Wishes:
+    """What is wanted of n corners.
+
+    Args:
+        corner: Segments after which there is a corner, (n,).
+        half: Half of the turn at each corner [rad], (n,).
+        error: Largest corner error [m], (n,).
+        enough: Radius that is large enough for the corner speed [m], infinite without one, (n,).
+        radius: Radius of an arc between two lines by case I or case II [m], (n,).
+        acceleration: Centripetal acceleration of the corner speed [m/s²], (n,).
+        most: Largest tangent lengths [m], (n,).
+    """
+
+    corner: IntArray
+    half: FloatArray
+    error: FloatArray
+    enough: FloatArray
+    radius: FloatArray
+    acceleration: FloatArray
+    most: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """How n corners are rounded.
+
+    Args:
+        tangent: Tangent lengths [m], 0 for a sharp corner, (n,).
+        radius: Smallest radius of what replaces each corner [m], 0 for a sharp corner, (n,).
+        length: Length of what replaces each corner [m], (n,).
+        error: Corner error [m], (n,).
+        shrunk: Mask of corners that are rounded less than their case requires, (n,).
+        bent: Mask of corners beside an arc, (n,).
+        blends: Blends of the rounded ones among them.
+    """
+
+    tangent: FloatArray
+    radius: FloatArray
+    length: FloatArray
+    error: FloatArray
+    shrunk: BoolArray
+    bent: BoolArray
+    blends: Blends
+
+
+def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> RoundedPath:
+    """The rounded path, by what is wanted of its corners.
 
     Args:
         path: The objective path.
-        corner: Segments after which there is a corner, (n,).
-        half: Half of the turn at each corner [rad], (n,).
-        radius: Radius of each arc [m], 0 for a sharp corner, (n,).
-        tangent: Tangent length of each arc [m], (n,).
-        shrunk: Mask of arcs smaller than required, (n,).
-        speed: Largest speed on each arc [m/s], (n,).
+        wishes: What is wanted of its corners.
+        kinked: Segments after which only the angular rate jumps, (k,).
+        angle: Angular tolerance [rad].
     """
-    table, source, ends = _replace_corners(path, corner, half, radius, tangent)
+    tangents, wanted = _tangent_lengths(path, wishes, kinked, angle)
+    found = _rounded_corners(path, wishes, tangents[: len(wishes.corner)], wanted)
+    rounded, source = _assemble(path, wishes, found, _stop_reasons(path, wishes, found, angle))
+    which = np.concatenate([wishes.corner, kinked])
+    lengths = np.append(found.length, 2 * tangents[len(wishes.corner) :])
+    tangents = np.append(found.tangent, tangents[len(wishes.corner) :])
+    return _add_orientation(rounded, source, which, tangents, lengths, angle)
+
+
+def _rounded_corners(
+    path: Path, wishes: _Wishes, tangent: FloatArray, wanted: FloatArray
+) -> _Found:
+    """How corners are rounded with given tangent lengths [m], where others were wanted, (n,)."""
+    corner, half = wishes.corner, wishes.half
+    bent = _beside_arcs(path, corner)
+    between = wishes.radius * np.tan(half)
+    shrunk = (tangent < between * (1 - 1e-12)) & (wanted > 0)
+    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), wishes.radius), 0.0)
+    length, error = radius * 2 * half, corner_error(radius, half)
+    drawn = bent & (tangent > 0)
+    blends = make_blends(
+        path.segments[corner[drawn]], path.segments[corner[drawn] + 1], tangent[drawn]
+    )
+    radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
+    full = blends.error >= wishes.error[drawn] * (1 - FULL)
+    shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
+    return _Found(
+        tangent=tangent,
+        radius=radius,
+        length=length,
+        error=error,
+        shrunk=shrunk,
+        bent=bent,
+        blends=blends,
+    )
+
+
+def _beside_arcs(path: Path, corner: IntArray) -> BoolArray:
+    """Mask of the corners of which a side is an arc, (n,)."""
+    return np.asarray((path.curvatures[corner] > 0) | (path.curvatures[corner + 1] > 0))
+
+
+def _stop_reasons(
+    path: Path, wishes: _Wishes, found: _Found, angle: float
+) -> npt.NDArray[np.object_]:
+    """Why the tool stops at each corner; None where it does not, (n,)."""
+    reasons = np.full(len(wishes.corner), NO_ROOM, dtype=object)
+    if angle == 0:
+        reasons[largest_tangent(path, wishes.corner, wishes.half, angle) == 0] = NO_ANGLE
+    reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
+    if path.orientation is not None and path.orientation.follows:
+        reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
+    reasons[np.pi - 2 * wishes.half <= TANGENT_TOLERANCE] = TURN_BACK
+    reasons[found.radius > 0] = None
+    return reasons
+
+
+def _in_plane(path: Path, corner: IntArray) -> BoolArray:
+    """Mask of the corners whose two segments lie in one plane, (n,)."""
+    if path.dimension == 2 or not len(corner):
+        return np.ones(len(corner), dtype=bool)
+    before, after = path.segments[corner], path.segments[corner + 1]
+    sides = [
+        np.cross(before.tangents, before.normals),
+        np.cross(after.tangents, after.normals),
+        np.cross(before.end_tangents, after.tangents),
+    ]
+    off = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
+    return np.asarray(np.max(off, axis=0) <= SAME_PLANE)
+
+
+def _assemble(
+    path: Path, wishes: _Wishes, found: _Found, reasons: npt.NDArray[np.object_]
+) -> tuple[RoundedPath, IntArray]:
+    """The rounded path without orientation, and the objective segment of each of its segments."""
+    table, source, ends = _replace_corners(path, wishes, found)
+    corner = wishes.corner
     rounded = RoundedPath(
         segments=table,
         merged=path.merged,
         # The arc does not pass the waypoint of its corner, so that all vertices become waypoints.
-        waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
+        waypoints=EVERY_VERTEX if (found.radius > 0).any() else path.waypoints,
         objective=path,
         corners=Corners(
             vertex=corner + 1,
             point=path.starts[corner + 1],
-            turn=2 * half,
-            radius=radius,
-            error=corner_error(radius, half),
-            tangent=tangent,
-            start=ends - radius * 2 * half,
+            turn=2 * wishes.half,
+            radius=found.radius,
+            error=found.error,
+            tangent=found.tangent,
+            start=ends - found.length,
             end=ends,
-            shrunk=shrunk,
-            speed=speed,
+            shrunk=found.shrunk,
+            speed=np.sqrt(wishes.acceleration * found.radius),
             angular_error=np.zeros(len(corner)),
+            reason=reasons,
         ),
     )
     return rounded, source
 
 
 def _tangent_lengths(
-    path: Path,
-    corner: IntArray,
-    kinked: IntArray,
-    half: FloatArray,
-    radius: FloatArray,
-    angle: float,
-) -> tuple[FloatArray, BoolArray]:
-    """Tangent lengths that keep the tolerances and fit the lines.
+    path: Path, wishes: _Wishes, kinked: IntArray, angle: float
+) -> tuple[FloatArray, FloatArray]:
+    """Tangent lengths that keep the tolerances and fit the segments.
 
     Args:
         path: The objective path.
-        corner: Segments after which there is a corner, (n,).
+        wishes: What is wanted of its corners, n of them.
         kinked: Segments after which only the angular rate jumps, (k,).
-        half: Half of the turn at each corner [rad], (n,).
-        radius: Required radius of each corner [m], (n,).
         angle: Angular tolerance [rad].
 
     Returns:
-        Tangent lengths of corners, then of kinks [m], (n + k,); 0 for sharp corners. And the mask
-        of corners whose arcs are smaller than required, (n,).
+        Tangent lengths of corners, then of kinks [m], (n + k,); 0 for sharp corners. And those that
+        the corners would take if their segments were long enough [m], (n,).
     """
-    straight_sides = (path.curvatures[corner] == 0) & (path.curvatures[corner + 1] == 0)
-    largest = np.minimum(radius * np.tan(half), largest_tangent(path, corner, half, angle))
-    wanted = np.where(straight_sides, largest, 0.0)
+    corner, half = wishes.corner, wishes.half
+    bent = _beside_arcs(path, corner)
+    wanted = np.minimum(wishes.radius * np.tan(half), largest_tangent(path, corner, half, angle))
+    if bent.any():
+        wanted[bent] = _wanted_blends(path, wishes, bent, angle)
+    wanted = np.minimum(wanted, wishes.most)
     # Arcs smaller than the resolution of a point are dropped; at a turn of 180° no radius is left.
     wanted[wanted <= REPEATED_POINT] = 0.0
     wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
@@ -245,20 +392,35 @@ def _tangent_lengths(
     order = np.argsort(which)
     tangents = np.empty(len(which))
     tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
-    tangent = tangents[: len(corner)]
     # A very short segment between two corners can leave an arc below that resolution, too.
+    tangent = tangents[: len(corner)]
     tangent[tangent <= REPEATED_POINT / 4] = 0.0
-    shrunk = tangent < radius * np.tan(half) * (1 - 1e-12)
-    return tangents, shrunk & straight_sides & (wanted > 0)
+    return tangents, wanted
 
 
-def _required_radius(
+def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -> FloatArray:
+    """Tangent lengths of corners beside arcs [m], if nothing else used their segments."""
+    corner = wishes.corner[bent]
+    bounds = Bounds(
+        error=wishes.error[bent],
+        radius=wishes.enough[bent],
+        turn=largest_blend(path, corner, angle),
+    )
+    found = widest_blends(path.segments[corner], path.segments[corner + 1], bounds)
+    free = (bounds.error > 0) & (bounds.radius > 0)
+    if path.orientation is not None and path.orientation.follows:
+        # A frame that follows the tangent out of the plane would come round turned about it.
+        free &= _in_plane(path, corner)
+    return np.where(free, found, 0.0)
+
+
+def _wishes(
     path: Path,
     corner: IntArray,
     half: FloatArray,
     given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
-) -> tuple[FloatArray, FloatArray]:
-    """Radii by case I or case II [m], and centripetal accelerations [m/s²] of the corners, (n,).
+) -> _Wishes:
+    """What is wanted of the corners, by case I or case II.
 
     Args:
         path: The objective path.
@@ -272,24 +434,32 @@ def _required_radius(
     tolerance, speed, acceleration = given
     vertices = len(path) - 1
     allowed = _per_vertex("corner error tolerance", tolerance, vertices, "m", np.inf)
-    slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.nan)
+    slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.inf)
     accelerations = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
     if acceleration is not None and vertices:
         _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))
-    radius = _largest_radius(allowed[corner], half)
+    allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))[corner]
+    enough = np.full(len(corner), np.inf)
     if speed is not None:
-        radius = np.minimum(radius, slowest[corner] ** 2 / accelerations[corner])
-    return radius, accelerations[corner]
+        enough = slowest[corner] ** 2 / accelerations[corner]
+    return _Wishes(
+        corner=corner,
+        half=half,
+        error=allowed,
+        enough=enough,
+        radius=np.minimum(_largest_radius(allowed, half), enough),
+        acceleration=accelerations[corner],
+        most=np.full(len(corner), np.inf),
+    )
 
 
 def _add_orientation(
     rounded: RoundedPath,
     source: IntArray,
     which: IntArray,
-    half: FloatArray,
     tangent: FloatArray,
+    length: FloatArray,
     angle: float,
 ) -> RoundedPath:
     """The rounded path with the rounded orientation of its objective path.
@@ -298,17 +468,19 @@ def _add_orientation(
         rounded: The rounded path without orientation.
         source: Index of the objective segment of each segment, from `_assemble`.
         which: Segments after which there is a corner, then those after which there is a kink, (k,).
-        half: Half of the turn at each of these vertices [rad], (k,).
         tangent: Tangent length of each of these vertices [m], (k,).
+        length: Length of what replaces them [m], (k,).
         angle: Angular tolerance [rad].
     """
     path = rounded.objective
     if path.orientation is None:
         return rounded
     if path.orientation.follows:
-        orientation = follow_rounded(rounded.segments, path, source, angle)
+        cut = np.zeros(len(path))
+        cut[which + 1] = tangent
+        orientation = follow_rounded(rounded.segments, path, source, cut, angle)
         return dataclasses.replace(rounded, orientation=orientation)
-    orientation, off = round_orientation(path, which, half, tangent)
+    orientation, off = round_orientation(path, which, tangent, length)
     corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
@@ -393,48 +565,66 @@ def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArra
 
 
 def _replace_corners(
-    path: Path, corner: IntArray, half: FloatArray, radius: FloatArray, tangent: FloatArray
+    path: Path, wishes: _Wishes, found: _Found
 ) -> tuple[Segments, IntArray, FloatArray]:
     """Segments of the rounded path.
 
     Args:
         path: The objective path.
-        corner: Segments after which there is a corner, (n,).
-        half: Half of the turn at each corner [rad], (n,).
-        radius: Radius of each arc [m], 0 for a sharp corner, (n,).
-        tangent: Tangent length of each arc [m], (n,).
+        wishes: What was wanted of its corners, n of them.
+        found: How they are rounded.
 
     Returns:
         The segments; for each, the index of its objective segment, or of the one before its
         corner; and the arc lengths at which the corners' arcs end [m], (n,).
     """
-    n, rounded = len(path), radius > 0
+    corner, n = wishes.corner, len(path)
     cut = np.zeros(n + 1)
-    cut[corner + 1] = tangent
-    # Only lines are shortened, as only corners between two lines are rounded.
-    lines = path.segments.replace(
-        starts=path.starts + cut[:-1, None] * path.tangents,
-        lengths=path.lengths - cut[:-1] - cut[1:],
-    )
-    which = corner[rounded]
-    before, after = path.segments[which], path.segments[which + 1]
+    cut[corner + 1] = found.tangent
+    kept = _cut(path.segments, cut)
+    plain = (found.radius > 0) & ~found.bent
+    blended = corner[(found.radius > 0) & found.bent]
+    arcs = _arcs(path, corner[plain], wishes.half[plain], found.radius[plain], found.tangent[plain])
+    # Each segment, and the arcs after it.
+    tables = [kept, arcs]
+    if len(blended):
+        tables += [found.blends.first, found.blends.second]
+    table = Segments.join(tables)
+    source = np.concatenate([np.arange(n), corner[plain], blended, blended])
+    # A remainder of an arc is left out only if the tangent jumps by no more than a rounding error.
+    used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
+    used[n:] = True
+    order = np.argsort(source, kind="stable")
+    order = order[used[order]]
+    source, lengths = source[order], table.lengths[order]
+    ends = np.append(0.0, np.cumsum(lengths))[np.searchsorted(source, corner, side="right")]
+    return table[order], source, ends
+
+
+def _cut(rows: Segments, cut: FloatArray) -> Segments:
+    """Segments shortened by the tangent lengths of their ends' corners [m], (n + 1,)."""
+    starts = rows.starts + cut[:-1, None] * rows.tangents
+    shorter = rows.replace(starts=starts, lengths=rows.lengths - cut[:-1] - cut[1:])
+    later = (rows.curvatures > 0) & (cut[:-1] > 0)
+    if not later.any():
+        return shorter
+    i, begin = np.flatnonzero(later), cut[:-1][later]
+    return shorter.put(later, rows.cut(i, begin, rows.lengths[later] - cut[1:][later]))
+
+
+def _arcs(
+    path: Path, corner: IntArray, half: FloatArray, radius: FloatArray, tangent: FloatArray
+) -> Segments:
+    """Arcs between two lines each, by half of their turn [rad], radius and tangent length [m]."""
+    before, after = path.segments[corner], path.segments[corner + 1]
     across = np.sum(before.tangents * after.tangents, axis=1, keepdims=True)
     normals = after.tangents - across * before.tangents
-    arcs = before.replace(
-        starts=after.starts - tangent[rounded, None] * before.tangents,
+    return before.replace(
+        starts=after.starts - tangent[:, None] * before.tangents,
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        curvatures=1 / radius[rounded],
-        lengths=radius[rounded] * 2 * half[rounded],
+        curvatures=1 / radius,
+        lengths=radius * 2 * half,
         # The arc replaces parts of both lines, so the lower speed and tolerance apply to it.
         speeds=np.fmin(before.speeds, after.speeds),
         tolerances=np.fmin(before.tolerances, after.tolerances),
     )
-    # Each segment, and the arc after it.
-    source = np.append(np.arange(n), which)
-    in_order = np.argsort(source, kind="stable")
-    source, table = source[in_order], Segments.join([lines, arcs])[in_order]
-    used = (table.lengths > SLIVER) | (in_order >= n)
-    ends = np.cumsum(np.where(used, table.lengths, 0.0))[
-        np.searchsorted(source, corner, side="right") - 1
-    ]
-    return table[used], source[used], ends
