@@ -338,7 +338,7 @@ FORMS: dict[str, tuple[str, ...]] = {
 TEXTS = {
     "--arm", "--base", "--cell", "--contour", "--export", "--interpolation", "--joint-limits",
     "--layer", "--limits", "--model", "--out", "--output", "--path", "--run", "--template",
-    "--skip", "--tip", "--units",
+    "--package", "--skip", "--tip", "--units", "--xacro-arg",
 }  # fmt: skip
 
 

@@ -82,7 +82,7 @@ def run_job(
             files = [*folder.files, "summary.json"]
             folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
-        _print_plans(plans, out)
+        _print_plans(job, plans, out)
         return
     report = (out / "report.html").resolve()
     _print_results(study, report)
@@ -116,7 +116,7 @@ def _write_exports(
             write_exports(folder, job, name, result, exports)
 
 
-def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
+def _print_plans(job: Job, plans: Mapping[str, RunPlan], out: FilePath) -> None:
     """Print duration and set-points of runs that are not simulated."""
     console = Console()
     for name, x in plans.items():
@@ -126,6 +126,8 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
         )
         for warning in x.warnings:
             console.say(f"Warning: {warning}")
+    for note in job.arm.notes:
+        console.say(f"Note: {note}")
     console.say(f"Taught data: {out.resolve()}")
 
 
@@ -157,6 +159,7 @@ def _print_results(study: Study, report: FilePath) -> None:
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
         lines += [f"Warning: {x}" for x in result.warnings]
+    lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")
     for text in (*lines, f"Report: {report.as_uri()}"):
