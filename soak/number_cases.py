@@ -340,7 +340,7 @@ TEXTS = {
     "--arm", "--base", "--cell", "--contour", "--export", "--format", "--interpolation", "--job",
     "--joint-limits",
     "--layer", "--limits", "--model", "--out", "--output", "--path", "--run", "--template",
-    "--skip", "--tip", "--units",
+    "--package", "--skip", "--tip", "--units", "--xacro-arg",
 }  # fmt: skip
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path as FilePath
 
 import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from armcontour._xacro.expanding import expand_xacro
 from armcontour.cli.commands import app
 from armcontour.errors import InvalidInput
 
@@ -75,6 +77,38 @@ def test_trust_is_given_by_the_option_alone(name: str, folder: FilePath) -> None
         assert LACKING[name] in str(done.exception)
     else:
         assert done.exit_code == 0, done.exception
+
+
+def test_check_takes_packages_and_arguments(folder: FilePath) -> None:
+    (folder / "parts").mkdir()
+    (folder / "robot.xacro").rename(folder / "parts" / "robot.xacro")
+    (folder / "robot.xacro").write_text(
+        '<robot name="six" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:include filename="$(find six)/$(arg kind).xacro"/></robot>'
+    )
+    given = ("--package", "six=parts", "--xacro-arg", "kind=robot")
+    done = armcontour(*LINES["check"], "--trust-xacro", *given)
+    assert done.exit_code == 0, done.exception
+    for arguments, words in (
+        (given[:2], "--xacro-arg kind=VALUE"),
+        (given[2:], "--package six=FOLDER"),
+        (("--package", "six"), "--package takes NAME=VALUE"),
+    ):
+        refused = armcontour(*LINES["check"], "--trust-xacro", *arguments)
+        assert isinstance(refused.exception, InvalidInput) and words in str(refused.exception)
+    (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "ur5e"}))
+    of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *given)
+    assert "--package and --xacro-arg go with --arm" in str(of_job.exception)
+
+
+def test_what_the_description_lacks_is_said_once(folder: FilePath) -> None:
+    (folder / "robot.urdf").write_text(expand_xacro(folder / "robot.xacro"))
+    (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "robot.urdf"}))
+    note = "Note: robot.urdf: no link has a mass, so limits of effort are left out"
+    for line in (LINES["run"], ("check", "q.csv", "--arm", "robot.urdf")):
+        assert armcontour(*line).output.count(note) == 1
+    (told,) = json.loads((folder / "out" / "summary.json").read_text())["arm"]["notes"]
+    assert told.startswith(note.removeprefix("Note: "))
 
 
 @pytest.mark.parametrize("command", ["run", "check", "certify", "sweep"])

@@ -15,6 +15,7 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job, read_job
 from armcontour.io.cell import cell_names, read_cell
+from armcontour.io.robots.loading import arm_names
 from armcontour.jobs import Job
 from armcontour.program import Program
 
@@ -153,7 +154,7 @@ def test_space_and_plane(folder: FilePath, refuses: Callable[..., None]) -> None
 
 
 def test_the_cells_of_the_package_take_a_drawing(folder: FilePath) -> None:
-    assert cell_names() == ("pmk3s", "ur5e")
+    assert cell_names() == arm_names()
     for name in cell_names():
         found = read_cell(name, folder / "two.csv")
         assert (found.name, found.title.split(" ")[0]) == ("two", "two.csv")
@@ -178,8 +179,10 @@ def test_a_job_file_is_a_cell_whose_own_path_gives_way(folder: FilePath) -> None
 
 def test_refuses_what_is_no_cell(folder: FilePath, refuses: Callable[..., None]) -> None:
     drawing = folder / "two.csv"
-    refuses(lambda: read_cell("lathe", drawing), InvalidInput, "'lathe'", "pmk3s, ur5e")
-    refuses(lambda: read_cell("", drawing), InvalidInput, "pmk3s, ur5e")
+    refuses(
+        lambda: read_cell("lathe", drawing), InvalidInput, "'lathe'", "panda, pmk3s, ur10e, ur5e"
+    )
+    refuses(lambda: read_cell("", drawing), InvalidInput, "panda, pmk3s, ur10e, ur5e")
     refuses(
         lambda: read_cell(folder / "no.yaml", drawing),
         InvalidInput,

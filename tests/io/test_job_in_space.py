@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path as FilePath
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -112,14 +113,40 @@ def test_a_xacro_file_is_expanded_once(folder: FilePath, monkeypatch: pytest.Mon
     (folder / "robot.urdf").rename(folder / "robot.xacro")
     expanded: list[FilePath] = []
 
-    def counting(file: FilePath) -> str:
+    def counting(file: FilePath, **options: Any) -> str:
         expanded.append(file)
-        return expand_xacro(file)
+        return expand_xacro(file, **options)
 
     monkeypatch.setattr("armcontour.io.robots.urdf.expand_xacro", counting)
     described = {"file": "robot.xacro", "tip": "tcp", "locked": {"lift": "100 mm"}}
     job(folder, arm=described, trust_xacro=True)
     assert expanded == [folder / "robot.xacro"]
+
+
+def test_packages_and_arguments_of_a_xacro_file(folder: FilePath) -> None:
+    pytest.importorskip("xacro")
+    (folder / "parts").mkdir()
+    (folder / "robot.urdf").rename(folder / "parts" / "robot.urdf")
+    (folder / "jobs").mkdir()
+    (folder / "jobs" / "robot.xacro").write_text(
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:include filename="$(find column)/$(arg kind).urdf"/></robot>'
+    )
+    described = {
+        "file": "robot.xacro",
+        "tip": "tcp",
+        "base": "base_link",
+        "packages": {"column": "../parts"},
+        "arguments": {"kind": "robot"},
+    }
+    found = job(folder / "jobs", arm=described, trust_xacro=True).arm
+    assert found.joint_names == ("pan", "tilt", "elbow", "roll")
+    for key, words in (("packages", "arm.packages"), ("arguments", "arm.arguments")):
+        lacking = {name: value for name, value in described.items() if name != key}
+        with pytest.raises(InvalidInput, match=words):
+            job(folder / "jobs", arm=lacking, trust_xacro=True)
+        with pytest.raises(InvalidInput, match="go with arm.file, a .xacro file"):
+            job(arm={"name": "ur5e", key: described[key]})
 
 
 @pytest.mark.parametrize(

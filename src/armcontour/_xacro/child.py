@@ -45,11 +45,13 @@ def _end_with_parent() -> None:
 
 
 def _answer(request: Mapping[str, Any]) -> dict[str, str]:
-    """The expanded description ("text"), or the reason why there is none ("refused", "failed")."""
-    from armcontour._xacro.expressions import Refused
+    """The expanded description ("text"), or why there is none ("lacking", "refused", "failed")."""
+    from armcontour._xacro.expressions import Lacking, Refused
 
     try:
         return {"text": _expand(request)}
+    except Lacking as error:
+        return {"lacking": str(error)}
     except Refused as error:
         return {"refused": str(error)}
     except MemoryError:
@@ -63,6 +65,7 @@ def _expand(request: Mapping[str, Any]) -> str:
     """The expanded text of a description.
 
     Raises:
+        Lacking: A package or an argument is lacking, or the description has no such argument.
         Refused: The description does something that is refused, or expands to too much text.
     """
     import xml.dom.expatbuilder  # noqa: F401
@@ -78,13 +81,15 @@ def _expand(request: Mapping[str, Any]) -> str:
     with contextlib.suppress(ImportError):
         import ament_index_python.packages  # type: ignore[import-not-found]  # noqa: F401
     file = request["file"]
-    reading = guard.Reading(file)
+    reading = guard.Reading(file, request["packages"])
+    arguments = guard.Arguments(request["arguments"])
     guard.guard(xacro, substitution_args, reading)
     xacro.verbosity = 0
     sys.setrecursionlimit(DEEPEST)
     _limit(request)
     guard.watch(reading)
-    found = str(xacro.process_file(file, verbosity=0).toxml())
+    found = str(xacro.process_file(file, verbosity=0, mappings=arguments).toxml())
+    arguments.refuse_unknown()
     if len(found) > request["most"]:
         raise Refused(f"it expands to more than {request['most'] / MEGABYTE:.0f} MB")
     return found

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import IO, Any
 
@@ -24,26 +25,40 @@ MOST_ANSWER = 6 * _files.SMALL
 # Environment variables that the interpreter may need to start, and ROS to find packages.
 KEPT = ("AMENT_PREFIX_PATH", "DYLD_LIBRARY_PATH", "LD_LIBRARY_PATH", "SYSTEMROOT")
 
+# Value of an argument of a xacro file.
+Value = str | int | float | bool
 
-def expand_xacro(file: FilePath, *, seconds: float = SECONDS) -> str:
+
+def expand_xacro(
+    file: FilePath,
+    *,
+    packages: Mapping[str, str | FilePath] | None = None,
+    arguments: Mapping[str, Value] | None = None,
+    seconds: float = SECONDS,
+) -> str:
     """Expand a trusted xacro file to the text of a robot description.
 
     Args:
         file: The xacro file.
+        packages: Folders of ROS packages by name; others are looked for.
+        arguments: Values of the file's arguments by name.
         seconds: Time limit [s].
 
     Raises:
-        InvalidInput: xacro is not installed, the file does something that is refused, or it cannot
-            be expanded within the time limit.
+        InvalidInput: xacro is not installed, a package or an argument is lacking, the file does
+            something that is refused, or it cannot be expanded within the time limit.
     """
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
             f"{file} needs the package xacro, which is not installed: install armcontour[ros], or "
             "expand it to a .urdf elsewhere."
         )
-    answer = _answer(file, seconds)
+    wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
+    answer = _answer(file, seconds, wishes)
     if "text" in answer:
         return str(answer["text"])
+    if "lacking" in answer:
+        raise InvalidInput(f"{file} is not expanded: {_printable(answer['lacking'])}.")
     if "refused" in answer:
         raise InvalidInput(
             f"{file} is not expanded: {_printable(answer['refused'])}; if that is intended, expand "
@@ -53,10 +68,31 @@ def expand_xacro(file: FilePath, *, seconds: float = SECONDS) -> str:
     raise InvalidInput(f"{file} cannot be expanded by xacro: {message}.")
 
 
-def _answer(file: FilePath, seconds: float) -> dict[str, Any]:
+def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
+    """The absolute folders of packages.
+
+    Raises:
+        InvalidInput: There is no such folder.
+    """
+    for name, folder in packages.items():
+        if not os.path.isdir(folder):
+            raise InvalidInput(f"The folder of the package {name}, {folder}, is not there.")
+    return {str(name): os.path.abspath(folder) for name, folder in packages.items()}
+
+
+def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
+    """The values of arguments as xacro reads them."""
+    return {
+        str(name): str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in arguments.items()
+    }
+
+
+def _answer(file: FilePath, seconds: float, wishes: Mapping[str, Any]) -> dict[str, Any]:
     """The answer of a child process that expands a file; empty if it gave none."""
     absolute = os.path.abspath(file)
     request = {
+        **wishes,
         "file": absolute,
         "path": _import_path(os.path.dirname(absolute)),
         "seconds": seconds,

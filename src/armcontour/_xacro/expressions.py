@@ -63,6 +63,10 @@ class Refused(BaseException):
     """The refusal of a description; a BaseException, so that xacro does not catch it."""
 
 
+class Lacking(Refused):
+    """The refusal of a description that needs a package or an argument that is not given."""
+
+
 def compile_expression(text: str) -> Any:
     """Compile an expression; the code must be evaluated with the names of `OPERATIONS`.
 

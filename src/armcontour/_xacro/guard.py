@@ -7,18 +7,20 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour import _files
 from armcontour._xacro.expressions import (
     OPERATIONS,
+    Lacking,
     Refused,
     bounded_factorial,
     bounded_range,
     compile_expression,
 )
+from armcontour._xacro.packages import find_near, own_package
 from armcontour.errors import InvalidInput
 
 # Largest depth of macros that call one another and of files that include one another; robot
@@ -38,6 +40,8 @@ TOUCHING |= {"urllib", "webbrowser", "winreg"}
 # Prefixes of modules that the interpreter loads at first use: codecs, and parts of the XML reader.
 LOADED_LATER = ("encodings.", "pyexpat", "xml.")
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+# Folder of the packages that are not found, which may be named, but not read.
+NOWHERE = FilePath(os.sep) / "package-not-found"
 
 
 class Reading:
@@ -45,16 +49,23 @@ class Reading:
 
     Args:
         file: The description.
+        packages: Folders of packages, by name.
 
     Attributes:
         file: Real path of the description.
+        folder: Folder of the description.
+        packages: Folders of packages, by name, with those that were found.
         folders: Folders below which files may be read.
-        looks_for_package: Whether ROS is searching a package, which may read any folder.
+        looks_for_package: Whether a package is being looked for, which may read any folder.
     """
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, packages: Mapping[str, str] | None = None) -> None:
         self.file = FilePath(os.path.realpath(file))
-        self.folders = [FilePath(os.path.realpath(os.path.dirname(file)))]
+        self.folder = FilePath(os.path.abspath(os.path.dirname(file)))
+        self.packages = dict(packages or {})
+        own = own_package(self.folder)
+        readable = [self.folder] if own is None else [self.folder, own]
+        self.folders = [FilePath(os.path.realpath(x)) for x in readable]
         self.looks_for_package = False
 
     def allows(self, name: str | bytes) -> bool:
@@ -66,12 +77,65 @@ class Reading:
         """Refuse a file that may not be read.
 
         Raises:
+            Lacking: The file belongs to a package that was not found.
             Refused: The file may not be read.
         """
+        place = FilePath(os.fsdecode(name))
+        if NOWHERE in place.parents:
+            package = place.relative_to(NOWHERE).parts[0]
+            raise Lacking(
+                f"it reads files of the package {package!r}, which no package.xml near it names, "
+                f"nor a sourced ROS: give its folder with packages={{{package!r}: ...}} (in a "
+                f"job, arm.packages; beside --arm, --package {package}=FOLDER)"
+            )
         if not self.allows(name):
             raise Refused(
                 f"it reads {os.fsdecode(name)!r}, which lies outside of the folder of the "
                 f"description, {str(self.folders[0])!r}"
+            )
+
+
+class Arguments(dict[str, str]):
+    """Values of the arguments of a description, by name; remembers which it declares.
+
+    Args:
+        given: The values that are given.
+    """
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self._unknown = dict.fromkeys(given)
+        self._declared: dict[str, None] = {}
+
+    def __contains__(self, name: object) -> bool:
+        """Whether an argument has a value; xacro asks this where it is declared."""
+        self._declared[str(name)] = None
+        self._unknown.pop(str(name), None)
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        """The value of an argument.
+
+        Raises:
+            Lacking: It has none.
+        """
+        if name not in self:
+            raise Lacking(
+                f"it needs a value of its argument {name!r}: give it with "
+                f"arguments={{{name!r}: ...}} (in a job, arm.arguments; beside --arm, "
+                f"--xacro-arg {name}=VALUE)"
+            )
+        return super().__getitem__(name)
+
+    def refuse_unknown(self) -> None:
+        """Refuse a given argument that the description neither declared nor used.
+
+        Raises:
+            Lacking: There is one.
+        """
+        for name in self._unknown:
+            raise Lacking(
+                f"it has no argument {name!r}: it takes {', '.join(self._declared) or 'none'}"
             )
 
 
@@ -183,7 +247,8 @@ def _evaluator(substitution: Any) -> Callable[[str, dict[str, Any]], str]:
         def dirname() -> Any:
             return substitution._eval_dirname(context["filename"])
 
-        names = substitution._DictWrapper(args, {"arg": arg, "dirname": dirname} | symbols)
+        # A plain copy: a name that is no argument may be one of Python.
+        names = substitution._DictWrapper(dict(args), {"arg": arg, "dirname": dirname} | symbols)
         return str(_safe_eval(text, names))
 
     return evaluate
@@ -208,26 +273,40 @@ BOUNDED: dict[str, Callable[..., Any]] = {
 
 
 def _finder(substitution: Any, reading: Reading) -> Callable[[str], str]:
-    """A function that returns the folder of a package, whose files may then be read."""
-    find = substitution._eval_find
+    """A function that returns the folder of a package, whose files may then be read.
+
+    A package is searched among those that are named, then in a sourced ROS, then by the
+    `package.xml` near the description. One that is not found has a folder that cannot be read:
+    many descriptions name packages of which they need no file, for simulators.
+    """
+    ros = substitution._eval_find
 
     def found(name: str) -> str:
         if not isinstance(name, str) or not PACKAGE.fullmatch(name):
             raise Refused(f"$(find ...) names {name!r}, which is not the name of a package")
-        if "ament_index_python.packages" not in sys.modules:
-            raise Refused(
-                f"it needs the folder of the package {name!r}, and ament_index_python, which finds "
-                "packages in a sourced ROS, is not installed"
-            )
-        reading.looks_for_package = True
-        try:
-            folder = str(find(name))
-        finally:
-            reading.looks_for_package = False
-        reading.folders.append(FilePath(os.path.realpath(folder)))
-        return folder
+        if name not in reading.packages:
+            reading.looks_for_package = True
+            try:
+                folder = _in_ros(ros, name) or find_near(reading.folder, name)
+            finally:
+                reading.looks_for_package = False
+            reading.packages[name] = str(NOWHERE / name if folder is None else folder)
+        place = FilePath(reading.packages[name])
+        if NOWHERE not in place.parents:
+            reading.folders.append(FilePath(os.path.realpath(place)))
+        return str(place)
 
     return found
+
+
+def _in_ros(find: Callable[[str], str], name: str) -> str | None:
+    """The folder of a package in a sourced ROS; None without ROS or such a package."""
+    if "ament_index_python.packages" not in sys.modules:
+        return None
+    try:
+        return str(find(name))
+    except LookupError:
+        return None
 
 
 def _opener(xacro: Any, reading: Reading) -> Callable[[str], io.BytesIO]:

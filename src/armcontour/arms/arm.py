@@ -36,6 +36,7 @@ class Arm(Locked, ABC):
         source: Where the data of the arm come from.
         chain: The joints and links as data; None if the arm has no such data.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+        notes: Sentences on what was left out or chosen when the arm was read from a file.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Arm(Locked, ABC):
     source: str
     chain: Chain | None = None
     limits_hint: str = ""
+    notes: tuple[str, ...] = ()
     _instead = "with_limits, with_name, with_tool and with_work give another arm"
 
     @property

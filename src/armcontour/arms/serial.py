@@ -32,6 +32,7 @@ class SerialArm(Arm):
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+        notes: Sentences on what was left out or chosen when the arm was read.
 
     Attributes:
         arrays: The chain as arrays for the compiled kinematics: rotations, positions and axes of
@@ -50,6 +51,7 @@ class SerialArm(Arm):
         limits: Limits,
         source: str = "",
         limits_hint: str = "",
+        notes: tuple[str, ...] = (),
     ) -> None:
         self.name = name
         self.chain: Chain = chain
@@ -57,6 +59,7 @@ class SerialArm(Arm):
         self.limits = limits.for_joints(len(chain))
         self.source = source
         self.limits_hint = limits_hint
+        self.notes = notes
         self.arrays: Arrays = (
             chain.rotations,
             chain.positions,
@@ -209,6 +212,7 @@ class SerialArm(Arm):
             limits=self.limits,
             source=self.source,
             limits_hint=self.limits_hint,
+            notes=self.notes,
         )
 
     def _places(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

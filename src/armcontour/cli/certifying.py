@@ -88,6 +88,8 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     if len(found.contours) > 1:
         console.show_table(CONTOURS, contour_rows(found), title="Contours")
     console.say(f"Holds for: {found.model}.")
+    for note in found.job.arm.notes:
+        console.say(f"Note: {note}")
     if report is not None:
         console.say(f"Report: {report.resolve().as_uri()}")
 

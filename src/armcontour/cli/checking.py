@@ -65,7 +65,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     if x.as_json:
         print(json.dumps(_plain(found), indent=2, allow_nan=False))
     else:
-        _print(found)
+        _print(found, arm)
     return EXIT_CODES[found.verdict]
 
 
@@ -80,15 +80,31 @@ def _arm(x: CheckOptions, job: Job | None) -> Arm:
             tip=x.tip,
             base=x.base,
             joint_limits=x.joint_limits,
+            packages=_pairs("--package", x.package),
+            arguments=_pairs("--xacro-arg", x.xacro_arg),
             trust_xacro=x.trust_xacro,
         )
     if job is None:
         raise InvalidInput("Name the arm with --arm, or with --path a job that has one.")
-    if any(y is not None for y in (x.tip, x.base, x.joint_limits)):
+    if any(y is not None for y in (x.tip, x.base, x.joint_limits, x.package, x.xacro_arg)):
         raise InvalidInput(
-            "--tip, --base and --joint-limits go with --arm: the job's arm has its own."
+            "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
+            "has its own."
         )
     return job.arm
+
+
+def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
+    """The values of an option that is given as NAME=VALUE, by name."""
+    from armcontour.errors import InvalidInput
+
+    found = {}
+    for text in given or []:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise InvalidInput(f"{option} takes NAME=VALUE, such as {option} a=b, not {text!r}.")
+        found[name.strip()] = value.strip()
+    return found
 
 
 def _samples(trajectory: FilePath, arm: Arm) -> TrajectoryFile:
@@ -179,8 +195,8 @@ def _cells(name: str, x: Occurrence) -> tuple[str, ...]:
     )
 
 
-def _print(found: Check) -> None:
-    """Print a table of the limits, and sentences on the result."""
+def _print(found: Check, arm: Arm) -> None:
+    """Print a table of the limits, and sentences on the result and on the arm's file."""
     rows = []
     for x in found.uses:
         rows.append((x.name.replace("_", " "), *_cells(x.name, x), x.verdict))
@@ -208,5 +224,6 @@ def _print(found: Check) -> None:
     if found.not_judged:
         names = ", ".join(found.not_judged)
         lines.append(f"Not judged, since a limit or the necessary samples are missing: {names}.")
+    lines += [f"Note: {x}" for x in arm.notes]
     for line in lines:
         console.say(line)

@@ -178,6 +178,23 @@ def arms() -> None:
 
 
 @app.command()
+def init(
+    cell: Annotated[
+        str, typer.Argument(help="Built-in cell, by the name of its arm: see `armcontour arms`.")
+    ] = "ur5e",
+    out: Annotated[
+        FilePath | None,
+        typer.Option("--out", "-o", help="File for the cell (.yaml); by default CELL.yaml."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False,
+) -> None:
+    """Write a work cell as a job file to start from, with an arm, limits, a servo and comments."""
+    from armcontour.cli.starting import write_cell
+
+    write_cell(cell, out, force=force)
+
+
+@app.command()
 def schema() -> None:
     """Print the JSON Schema of job files."""
     import json

@@ -83,7 +83,7 @@ class JobOptions:
     cell: Annotated[
         str | None,
         typer.Option(
-            "--cell", help="Where a drawing is run: pmk3s, ur5e, or a job file without a path."
+            "--cell", help="Where a drawing is run: a built-in arm, or a job file without a path."
         ),
     ] = None
     units: Annotated[
@@ -237,6 +237,16 @@ class CheckOptions:
     joint_limits: Annotated[
         FilePath | None,
         typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
+    ] = None
+    package: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--package", help="Folder of a ROS package of a .xacro: NAME=FOLDER; may be repeated."
+        ),
+    ] = None
+    xacro_arg: Annotated[
+        list[str] | None,
+        typer.Option("--xacro-arg", help="Argument of a .xacro: NAME=VALUE; may be repeated."),
     ] = None
     as_json: AsJson = False
     trust_xacro: TrustXacro = False

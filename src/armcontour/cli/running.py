@@ -86,7 +86,7 @@ def run_job(
             files = [*folder.files, "summary.json"]
             folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
-        _print_plans(plans, out, notes)
+        _print_plans(job, plans, out, notes)
         return
     report = (out / "report.html").resolve()
     _print_results(study, report, notes)
@@ -124,7 +124,9 @@ def _write_exports(
     return [warning for of_run in found for warning in of_run]
 
 
-def _print_plans(plans: Mapping[str, RunPlan], out: FilePath, notes: Sequence[str]) -> None:
+def _print_plans(
+    job: Job, plans: Mapping[str, RunPlan], out: FilePath, notes: Sequence[str]
+) -> None:
     """Print duration and set-points of runs that are not simulated."""
     console = Console()
     for name, x in plans.items():
@@ -136,6 +138,8 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath, notes: Sequence[st
             console.say(f"Warning: {warning}")
     for note in notes:
         console.say(f"Warning: {note}")
+    for note in job.arm.notes:
+        console.say(f"Note: {note}")
     console.say(f"Taught data: {out.resolve()}")
 
 
@@ -168,6 +172,7 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
             lines.append(f"Run {name}: {result.failure}")
         lines += [f"Warning: {x}" for x in result.warnings]
     lines += [f"Warning: {x}" for x in notes]
+    lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")
     for text in (*lines, f"Report: {report.as_uri()}"):

@@ -65,6 +65,8 @@ def _print(found: Sweep, report: FilePath) -> None:
     for x in points:
         if x.refusal is not None:
             console.say(f"{', '.join(cells(x)[:2])}: {x.refusal}")
+    for note in found.job.arm.notes:
+        console.say(f"Note: {note}")
     console.say(f"Report: {report.as_uri()}")
 
 

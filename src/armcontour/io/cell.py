@@ -30,6 +30,24 @@ def cell_names() -> tuple[str, ...]:
     return tuple(sorted(x.name.removesuffix(".yaml") for x in files if x.name.endswith(".yaml")))
 
 
+def cell_text(name: str) -> str:
+    """The text of a built-in cell: a job file without a path, with comments.
+
+    Args:
+        name: Name of the cell, which is that of its arm.
+
+    Raises:
+        InvalidInput: No such cell.
+    """
+    names = cell_names()
+    if name not in names:
+        raise InvalidInput(
+            f"There is no cell {name!r}: name a job file (.yaml), or one of {', '.join(names)}."
+        )
+    found = resources.files("armcontour.io") / "cells" / f"{name}.yaml"
+    return found.read_text(encoding="utf-8")
+
+
 def read_cell(
     cell: str | FilePath,
     drawing: str | FilePath,
@@ -75,13 +93,7 @@ def _text(cell: str) -> tuple[str, str, FilePath]:
     file = FilePath(cell)
     if file.suffix.lower() in YAML:
         return job_text(file), file.name, file.parent
-    names = cell_names()
-    if cell not in names:
-        raise InvalidInput(
-            f"There is no cell {cell!r}: name a job file (.yaml), or one of {', '.join(names)}."
-        )
-    found = resources.files("armcontour.io") / "cells" / f"{cell}.yaml"
-    return found.read_text(encoding="utf-8"), f"the cell {cell}", FilePath()
+    return cell_text(cell), f"the cell {cell}", FilePath()
 
 
 def _fit(text: str, most: int) -> str:

@@ -52,12 +52,19 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
     if model.file is not None and is_description(model.file):
         # Read once: units of locked joints depend on the joints, and a xacro file is a program.
-        tree = read_description(folder / model.file, trust_xacro=trust_xacro)
+        tree = read_description(
+            folder / model.file,
+            trust_xacro=trust_xacro,
+            packages={name: folder / x for name, x in (model.packages or {}).items()},
+            arguments=model.arguments,
+        )
         return equip(arm_of_tree(tree, locked=_locked(model, tree), **options), **equipment)
     if model.locked:
         raise InvalidInput(
             f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
         )
+    if model.packages or model.arguments:
+        raise InvalidInput("arm.packages and arm.arguments go with arm.file, a .xacro file.")
     name = str(model.name) if model.file is None else folder / model.file
     return load_arm(name, **options, **equipment, trust_xacro=trust_xacro)
 

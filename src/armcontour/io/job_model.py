@@ -98,13 +98,16 @@ class ArmModel:
     Args:
         name: A built-in arm: `armcontour arms` lists them.
         file: A .urdf, .xacro or .yaml file; .xacro only if `--trust-xacro` allows it.
-        tip: Link at the end of the arm; .urdf and .xacro only.
+        tip: Link at the end of the arm; .urdf and .xacro only. By default the end of the only
+            chain of moving joints.
         base: Fixed link at the start of the arm; .urdf and .xacro only.
         joint_limits: A joint_limits.yaml of MoveIt; replaces limits of the arm's file.
         tool: The tool frame relative to the tip.
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
         locked: Positions of locked joints, by name; .urdf and .xacro only.
+        packages: Folders of ROS packages, by name; .xacro only. Others are looked for nearby.
+        arguments: Values of the arguments of a .xacro file, by name.
     """
 
     name: str | None = None
@@ -116,6 +119,8 @@ class ArmModel:
     work: FrameModel | None = None
     payload: Payload | None = None
     locked: dict[str, JointPosition] | None = None
+    packages: dict[str, str] | None = None
+    arguments: dict[str, bool | int | float | str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

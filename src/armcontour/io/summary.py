@@ -107,6 +107,7 @@ def _of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str
             "joints": job.arm.joint_names,
             "masses_known": job.arm.has_bodies,
             "assumed": assumed_numbers(job.arm) or None,
+            "notes": job.arm.notes,
         },
         "units": UNITS,
         "runs": runs,

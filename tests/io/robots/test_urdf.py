@@ -134,7 +134,7 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path, refuses):
     refuses(lambda: arm.dynamics, ac.InvalidInput, "masses of the arm lifter")
     # Efforts mean nothing then, and must not keep the arm from being planned for.
     assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
-    assert "limits of effort are left out" in arm.source
+    assert any("limits of effort are left out" in note for note in arm.notes)
 
 
 def test_tool_and_work_frames_go_with_it():
@@ -168,25 +168,14 @@ NO_MASS = '<mass value="2"/>'
         (('name="elbow" type="revolute"', 'name="elbow" type="floating"'), ("is floating",)),
         (('<limit lower="-2.5"', '<mimic joint="tilt"/><limit lower="-2.5"'),
          ("elbow", "mimics another", "locked=")),
-        (('<limit effort="80" velocity="2"/>', ""), ("pan", "no limit element", "joint_limits")),
-        (('effort="40" velocity="2.5"', 'velocity="2.5"'), ("elbow", "no effort")),
-        (('effort="40" velocity="2.5"', 'effort="0" velocity="2.5"'),
-         ("joint_torque of joint elbow", "above zero", "0 N m")),
         (('effort="40" velocity="2.5"', 'effort="40" velocity="fast"'),
          ("velocity", "joint elbow", "'fast'")),
         (('lower="-2.5" upper="2.5"', ""), ("range of joint elbow is empty",)),
-        ((NO_MASS, '<mass value="0"/>'), ("link lower of", "mass 0 kg")),
         ((NO_MASS, "<mass/>"), ("link lower of", "value of its mass")),
-        ((NO_MASS, '<mass value="-2"/>'), ("link lower of", "-2 kg")),
-        (('iyy="0.02" iyz="0" izz="0.02"', 'iyy="0.02" iyz="0" izz="0.2"'),
-         ("inertia of the link lower of", "No body")),
         (('<axis xyz="0 1 1"/>', '<axis xyz="0 0 0"/>'), ("Joint tilt of", "axis of length 0")),
         (('<axis xyz="0 1 1"/>', '<axis xyz="0 1"/>'), ("Joint tilt of", "three numbers", "'0 1'")),
         (('<origin xyz="0.4 0 0.02"/>', '<origin xyz="0.4 0 a"/>'), ("elbow", "three numbers")),
         (('<dynamics damping="0.1"/>', '<dynamics damping="-0.1"/>'), ("elbow", "damping -0.1")),
-        (('lower="-1" upper="1" effort="1"', 'lower="0.5" upper="1" effort="1"'),
-         ("hinge", "locked at 0", "from 0.5 to 1", "locked={'hinge': ...}")),
-        (('<mimic joint="left"', '<mimic joint="roll"'), ("right", "mimics roll of the arm")),
         (('<mimic joint="left"', '<mimic joint="right"'), ("right", "mimics no joint")),
         (('<mimic joint="left"', '<mimic joint="lost"'), ("right", "mimics no joint")),
     ],
@@ -195,12 +184,108 @@ def test_descriptions_of_no_arm_are_refused(tmp_path, change, words, refuses):
     refuses(lambda: load(tmp_path, change), ac.InvalidInput, "robot.urdf", *words)
 
 
+LIMITS = """joint_limits:
+  elbow: {has_effort_limits: true, max_effort: 33, has_velocity_limits: true, max_velocity: 1.25}
+"""
+
+
+def test_zero_and_less_count_as_not_given(tmp_path):
+    elbow = 'effort="40" velocity="2.5"'
+    for given, lacking in (
+        ('effort="0" velocity="2.5"', "effort"),
+        ('velocity="2.5"', "effort"),
+        ('effort="40" velocity="0"', "velocity"),
+        ('effort="40" velocity="-1"', "velocity"),
+        ('effort="0" velocity="0"', "velocity of elbow and no effort"),
+    ):
+        arm = load(tmp_path, (elbow, given))
+        (note,) = (x for x in arm.notes if "count as not given" in x)
+        assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
+        for key in ("effort", "velocity"):
+            limit = {"effort": "joint_torque", "velocity": "joint_velocity"}[key]
+            assert (getattr(arm.limits, limit) is None) == (f"no {key}" in note)
+            assert (f"has_{key}_limits and max_{key}" in note) == (f"no {key}" in note)
+    # With the values from elsewhere nothing is lacking.
+    (tmp_path / "joint_limits.yaml").write_text(LIMITS)
+    arm = load(tmp_path, (elbow, given), joint_limits=tmp_path / "joint_limits.yaml")
+    np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, 33, 15])
+    np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, 1.25, 4])
+    assert not any("not given" in x for x in arm.notes)
+
+
+def test_joint_limits_of_some_joints_are_not_enough(tmp_path, refuses):
+    (tmp_path / "joint_limits.yaml").write_text(LIMITS)
+    change = ('effort="80" velocity="2"', 'effort="0" velocity="2"')
+    refuses(
+        lambda: load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml"),
+        ac.InvalidInput, "joint pan has no joint_torque", "joint_limits",
+    )  # fmt: skip
+
+
+def test_joints_without_a_limit_element(tmp_path):
+    arm = load(tmp_path, ('<limit effort="80" velocity="2"/>', ""))
+    assert arm.limits.joint_velocity is None and arm.limits.joint_torque is None
+    assert arm.limits.joint_upper[0] == np.inf
+    limit = '<limit lower="-2.5" upper="2.5" effort="40" velocity="2.5"/>'
+    arm = load(tmp_path, (limit, ""))
+    assert arm.limits.joint_upper[2] == np.inf and arm.limits.joint_upper[1] == 1.5
+    assert any("no range of elbow" in note for note in arm.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ((NO_MASS, '<mass value="0"/>'), "link lower, which a joint moves, has the mass 0 kg"),
+        ((NO_MASS, '<mass value="-2"/>'), "link lower has the mass -2 kg"),
+        (('iyy="0.02" iyz="0" izz="0.02"', 'iyy="0.02" iyz="0" izz="0.2"'),
+         "no body can have the inertia of the link lower"),
+        (('<mimic joint="left"', '<mimic joint="roll"'),
+         "joint right moves a mass along with joint roll"),
+        (("upper", None), "the link upper has no mass"),
+    ],
+)  # fmt: skip
+def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path, change, words, refuses):
+    if change[1] is None:
+        start = TEXT.index("<inertial>", TEXT.index('<link name="upper">'))
+        change = (TEXT[start : TEXT.index("</inertial>", start) + 11], "")
+    arm, whole = load(tmp_path, change), ac.load_arm(ROBOT, base="base_link", tip="tcp")
+    assert not arm.has_bodies and arm.limits.joint_torque is None
+    assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
+    q = np.random.default_rng(3).normal(size=(20, 4))
+    np.testing.assert_array_equal(arm.forward(q), whole.forward(q))
+    refuses(lambda: arm.dynamics, ac.InvalidInput, "masses of the arm lifter")
+
+
+def test_what_weighs_nothing_may_move_along_with_the_arm(tmp_path):
+    start = TEXT.index("<inertial>", TEXT.index('<link name="right_finger">'))
+    inertial = TEXT[start : TEXT.index("</inertial>", start) + 11]
+    mimic = ('<mimic joint="left"', '<mimic joint="roll"')
+    arm, bare = load(tmp_path, (inertial, ""), mimic), load(tmp_path, (inertial, ""))
+    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 20, 4))
+    np.testing.assert_array_equal(arm.torque(q, dq, ddq), bare.torque(q, dq, ddq))
+    assert arm.has_bodies and not any("right" in note for note in arm.notes)
+    # Locked, it is a body like any other.
+    held = load(tmp_path, mimic, locked={"right": 0.01})
+    assert held.has_bodies
+
+
+def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path):
+    ranges = 'lower="-1" upper="1" effort="1"'
+    for given, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
+        arm = load(tmp_path, (ranges, given + ' effort="1"'))
+        same = load(tmp_path, (ranges, given + ' effort="1"'), locked={"hinge": end})
+        assert any(f"hinge at {end:g} rad" in note for note in arm.notes)
+        assert not any("hinge" in note for note in same.notes)
+        q, dq, ddq = np.random.default_rng(5).normal(size=(3, 20, 4))
+        np.testing.assert_array_equal(arm.torque(q, dq, ddq), same.torque(q, dq, ddq))
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"tip": "gripper"}, ("no link 'gripper' to be the tip", "left_finger", "tcp")),
         ({"base": "floor"}, ("no link 'floor' to be the base", "base_link")),
-        ({"tip": None}, ("4 links that could be the tip", "cover", "tcp")),
+        ({"tip": None}, ("4 links that could be the tip", "cover", "tcp", "(in a job, arm: {tip:")),
         ({"tip": "base_link", "base": "upper"}, ("base upper does not carry the tip base_link",)),
         ({"tip": "base_link", "base": "base_link"}, ("No joint turns",)),
         ({"tip": "tcp", "base": "wrist"}, ("No joint turns",)),
@@ -213,15 +298,6 @@ def test_descriptions_of_no_arm_are_refused(tmp_path, change, words, refuses):
 )
 def test_choices_that_a_description_does_not_have(tmp_path, options, words, refuses):
     refuses(lambda: load(tmp_path, **options), ac.InvalidInput, *words)
-
-
-def test_a_link_without_mass_is_named(tmp_path, refuses):
-    start = TEXT.index("<inertial>", TEXT.index('<link name="upper">'))
-    inertial = TEXT[start : TEXT.index("</inertial>", start) + 11]
-    refuses(
-        lambda: load(tmp_path, (inertial, "")), ac.InvalidInput, "link upper of", "no mass",
-        "robot.urdf",
-    )  # fmt: skip
 
 
 def test_files_that_are_not_there_are_refused(tmp_path, refuses):
@@ -250,7 +326,7 @@ def test_xacro_is_expanded(tmp_path):
     ("wrong", "words"),
     [
         ("${lost}", "robot.xacro cannot be expanded by xacro: name 'lost' is not defined"),
-        ("$(find nowhere)", "robot.xacro is not expanded: it needs the folder of the package"),
+        ("$(arg size)", "robot.xacro is not expanded: it needs a value of its argument 'size'"),
         ("${1 +}", "robot.xacro cannot be expanded by xacro: invalid syntax"),
     ],
 )
@@ -264,6 +340,18 @@ def test_xacro_that_cannot_be_expanded_is_refused(tmp_path, wrong, words, refuse
         ac.InvalidInput,
         words,
     )
+
+
+def test_a_file_of_macros_is_no_robot(tmp_path, refuses):
+    pytest.importorskip("xacro")
+    macro = '<xacro:macro name="arm" params=""><link name="base"/></xacro:macro>'
+    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    (tmp_path / "arm_macro.xacro").write_text(f"{head}{macro}</robot>")
+    file = tmp_path / "arm_macro.xacro"
+    refuses(
+        lambda: ac.load_arm(file, trust_xacro=True),
+        ac.InvalidInput, "arm_macro.xacro makes no links", "it only defines macros",
+    )  # fmt: skip
 
 
 def test_xacro_missing_is_said(tmp_path, monkeypatch, refuses):

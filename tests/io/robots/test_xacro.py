@@ -189,6 +189,117 @@ def test_files_of_packages_that_are_found_are_read(tmp_path, monkeypatch, refuse
     )
 
 
+INCLUDE = '<xacro:include filename="$(find {})/arm.xacro"/>'
+
+
+def package(folder: FilePath, name: str, body: str = ARM) -> FilePath:
+    """A package with a file arm.xacro."""
+    folder.mkdir(parents=True)
+    # The name in a comment is none.
+    (folder / "package.xml").write_text(
+        f"<package><!-- <name>x</name> --><name>{name}</name></package>"
+    )
+    write(folder, body, "arm.xacro")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("own", "other"),
+    [
+        ("ws/arms", "ws/arms"),
+        ("ws/arms", "ws/shared"),
+        ("ws/arms", "ws/arms/inner"),
+        ("src/repository/arms", "src/shared"),
+        ("src/repository/arms", "src/other/shared"),
+    ],
+)
+def test_packages_are_found_by_their_package_file(own, other, tmp_path):
+    package(tmp_path / own, "arms")
+    if other != own:
+        package(tmp_path / other, "shared_parts")
+    name = "arms" if other == own else "shared_parts"
+    (tmp_path / own / "urdf").mkdir()
+    assert load(write(tmp_path / own / "urdf", INCLUDE.format(name))).dof == 1
+
+
+def test_of_packages_of_one_name_the_named_one_is_read_then_the_nearest(tmp_path):
+    two = ARM.replace('name="turn"', 'name="twist"')
+    package(tmp_path / "ws" / "arms", "arms")
+    package(tmp_path / "ws" / "shared", "shared")
+    package(tmp_path / "far" / "shared", "shared", two)
+    file = write(tmp_path / "ws" / "arms", INCLUDE.format("shared"))
+    assert load(file).joint_names == ("turn",)
+    named = {"shared": tmp_path / "far" / "shared"}
+    arm = ac.load_arm(file, trust_xacro=True, packages=named)
+    assert arm.joint_names == ("twist",)
+
+
+def test_a_package_that_is_not_found_is_named_where_it_is_read(tmp_path, refuses):
+    words = ("it reads files of the package 'far'", "packages={'far': ...}", "--package far=")
+    for body in (INCLUDE.format("far"), INCLUDE.format("far").replace("arm.xacro", "*.xacro"),
+                 INCLUDE.format("far").replace("<xacro:include", '<xacro:include optional="true"'),
+                 link("${xacro.load_yaml('$(find far)/a.yaml')}")):  # fmt: skip
+        refuses(lambda x=body: load(write(tmp_path, x)), ac.InvalidInput, *words)
+    # Only named, as by controllers of a simulator, it does no harm.
+    assert load(write(tmp_path, f"<gazebo><p>$(find far)/c.yaml</p></gazebo>{ARM}")).dof == 1
+    refuses(
+        lambda: ac.load_arm(
+            write(tmp_path, ARM), trust_xacro=True, packages={"far": tmp_path / "none"}
+        ),
+        ac.InvalidInput, "The folder of the package far,", "is not there",
+    )  # fmt: skip
+
+
+def test_files_outside_of_packages_stay_unread(tmp_path, refuses):
+    package(tmp_path / "ws" / "arms", "arms")
+    (tmp_path / "ws" / "secret.yaml").write_text("a: 1")
+    (tmp_path / "ws" / "plain").mkdir()
+    write(tmp_path / "ws" / "plain", ARM, "arm.xacro")
+    package(tmp_path / "ws" / "shared", "shared")
+    # A folder without a package file, a file beside the packages, a package that is not named.
+    for body, words in (
+        (link("${xacro.load_yaml('../secret.yaml')}"), "outside of the folder"),
+        (INCLUDE.replace("$(find {})", "../plain"), "outside of the folder"),
+        (INCLUDE.replace("$(find {})", "../shared"), "outside of the folder"),
+        (INCLUDE.replace("$(find {})", "$(find shared)/../plain"), "outside of the folder"),
+        (INCLUDE.format("plain"), "it reads files of the package 'plain'"),
+    ):
+        refuses(lambda x=body: load(write(tmp_path / "ws" / "arms", x)), ac.InvalidInput, words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [({"size": "3"}, "l3_no"), ({"size": 4, "soft": True}, "l4_true"), ({"size": 0.5}, "l0.5_no")],
+)
+def test_arguments_are_given(arguments, name, tmp_path):
+    body = '<xacro:arg name="soft" default="no"/>' + ARM.replace(
+        '"hand"', '"l$(arg size)_$(arg soft)"'
+    )
+    file = write(tmp_path, body)
+    arm = ac.load_arm(file, trust_xacro=True, arguments=arguments, tip=name)
+    assert arm.dof == 1
+
+
+def test_arguments_that_lack_or_are_too_many_are_named(tmp_path, refuses):
+    file = write(tmp_path, '<xacro:arg name="soft" default="no"/>' + ARM)
+    refuses(
+        lambda: ac.load_arm(file, trust_xacro=True, arguments={"sofd": True}),
+        ac.InvalidInput, "it has no argument 'sofd': it takes soft",
+    )  # fmt: skip
+    for text in ("$(arg size)", "${xacro.arg('size')}", r"$(eval arg('size'${'\x29'})"):
+        refuses(
+            lambda x=text: load(write(tmp_path, link(x))),
+            ac.InvalidInput, "it needs a value of its argument 'size'", "--xacro-arg size=VALUE",
+        )  # fmt: skip
+    (tmp_path / "robot.urdf").write_text(f"{HEAD}{ARM}</robot>")
+    for given in ({"arguments": {"a": 1}}, {"packages": {"a": tmp_path}}):
+        refuses(
+            lambda x=given: ac.load_arm(tmp_path / "robot.urdf", **x),
+            ac.InvalidInput, "takes no packages and no arguments", "not opened",
+        )  # fmt: skip
+        refuses(lambda x=given: ac.load_arm("ur5e", **x), ac.InvalidInput, "packages or arguments")
+
+
 def test_time_is_limited(tmp_path, refuses):
     file = write(tmp_path, ENDLESS)
     started = time.monotonic()

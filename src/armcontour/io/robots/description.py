@@ -11,7 +11,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._numbers import plain_number
-from armcontour._text import show
+from armcontour._text import list_some, show
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
 from armcontour.errors import InvalidInput
@@ -20,6 +20,8 @@ from armcontour.io.robots.tree import Joint, Tree
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
 MOST_MIMICS = 50
+# Largest number of held joints in a note.
+MOST_HELD = 8
 # Largest position, axis component, mass or inertia [SI]: products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -34,6 +36,9 @@ class Description:
         moving: The joints of the route that move.
         locked: Positions of locked joints [rad or m].
         base: Fixed link at the start of the arm.
+
+    Attributes:
+        notes: What is left out of the chain or held still beside it; filled by `chain`.
     """
 
     def __init__(
@@ -50,18 +55,20 @@ class Description:
         self.base = base
         self.tip = route[-1].child
         self.below = tree.below(base)
+        self.notes: list[str] = []
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
         """The chain of the moving joints, with the bodies that move with each joint.
 
         Raises:
-            InvalidInput: An impossible body, or a joint that cannot be locked.
+            InvalidInput: A number that is none, or a joint that cannot be locked.
         """
-        heavy = self._check_bodies()
-        pin = pinocchio()
+        heavy = self._has_bodies()
+        self._note_held_joints()
+        pin, text = pinocchio(), self._rewrite(heavy)
         try:
-            model = pin.buildModelFromXML(self._rewrite(heavy))
+            model = pin.buildModelFromXML(text)
         except (RuntimeError, ValueError) as error:
             raise InvalidInput(f"{self.tree.file} cannot be read: {error}.") from None
         ids = range(1, model.njoints)
@@ -135,7 +142,7 @@ class Description:
         return xyz, _rpy(place.rotation @ exp(along))
 
     def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a locked joint: as given, as the mimicked joint requires, or 0.
+        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0.
 
         Args:
             joint: The joint.
@@ -148,14 +155,15 @@ class Description:
                     f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a value."
                 )
             return 0.0
-        mimic = joint.element.find("mimic")
-        if mimic is not None and given is None:
+        if joint.master is not None and given is None:
             return self._mimicking_position(joint, (*mimics, joint.name))
         value = 0.0 if given is None else _checks.number(f"position of {joint.name}", given)
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
-            if not lower <= value <= upper:
-                unit = "m" if joint.kind == "prismatic" else "rad"
+            if given is None and lower <= upper:
+                return min(max(value, lower), upper)
+            if given is not None and not lower <= value <= upper:
+                unit = _unit(joint)
                 raise InvalidInput(
                     f"Joint {joint.name} of {file} is locked at {value:g} {unit}, outside its "
                     f"range from {lower:g} to {upper:g} {unit}: give its position, with "
@@ -164,27 +172,66 @@ class Description:
         return value
 
     def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a joint that mimics another joint."""
-        master = self.tree.joints.get(joint.element.find("mimic").get("joint", ""))  # type: ignore[union-attr]
+        """Position of a joint that mimics another joint; joints of the arm count as being at 0."""
+        master = self.tree.joints.get(joint.master or "")
         if master is None or master.name in mimics or len(mimics) > MOST_MIMICS:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
             )
-        if master.name in self._names:
-            raise InvalidInput(
-                f"Joint {joint.name} of {self.tree.file} mimics {master.name} of the arm: "
-                "an arm cannot carry a joint that moves along with its own joints; lock it with "
-                f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
-            )
         file = self.tree.file
         factor = joint.number("mimic", "multiplier", file)
         offset = joint.number("mimic", "offset", file) or 0.0
-        position = self._locked_position(master, mimics)
+        position = 0.0
+        if master.name not in self._names:
+            position = self._locked_position(master, mimics)
         return (1.0 if factor is None else factor) * position + offset
 
-    def _check_bodies(self) -> bool:
-        """Check masses and inertias of all links; returns whether the links have masses."""
-        file = self.tree.file
+    def _note_held_joints(self) -> None:
+        """Note where joints beside the chain stand; joints that were locked are not named."""
+        held = [
+            f"{joint.name} at {self._locked_position(joint, ()):.6g} {_unit(joint)}"
+            for joint in self.below
+            if joint.kind not in ("fixed", "planar", "floating")
+            and joint.name not in {*self._names, *self.locked}
+            and not self._follows_arm(joint)
+        ]
+        if held:
+            self.notes.append(
+                f"joints beside the arm are held still, {list_some(held, MOST_HELD)}: other "
+                "positions are given with locked= (in a job, arm.locked)"
+            )
+
+    def _follows_arm(self, joint: Joint) -> bool:
+        """Whether a joint mimics a joint of the arm, directly or through other joints."""
+        for _ in range(MOST_MIMICS):
+            master = None if joint.name in self.locked else self.tree.joints.get(joint.master or "")
+            if master is None:
+                return False
+            if master.name in self._names:
+                return True
+            joint = master
+        return False
+
+    def _has_bodies(self) -> bool:
+        """Whether the links that the arm moves have masses; notes why not, if some have."""
+        faults, heavy = self._faults()
+        if heavy and faults:
+            others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+            self.notes.append(
+                f"masses, torques and limits of effort are left out, since {faults[0]}{others}; "
+                "only kinematics are known"
+            )
+        elif not heavy and any(
+            joint.number("limit", "effort", self.tree.file) is not None for joint in self.moving
+        ):
+            self.notes.append(
+                "no link has a mass, so limits of effort are left out; only kinematics are known"
+            )
+        return heavy and not faults
+
+    def _faults(self) -> tuple[list[str], bool]:
+        """What keeps the links from being bodies, and whether any link has inertial data."""
+        faults: list[str] = []
         after: dict[str, str] = {}
         weight: dict[str, float] = {joint.child: 0.0 for joint in self.moving}
         known = False
@@ -197,33 +244,35 @@ class Description:
             inertial = self.tree.links[joint.child].find("inertial")
             if inertial is not None:
                 known = True
-                mass = self._mass(joint.child, inertial)
+                mass = self._mass(joint.child, inertial, faults)
                 # A link on a fixed joint, such as a mere frame, may have the mass 0.
                 if moves and mass == 0:
-                    raise InvalidInput(
-                        f"The link {joint.child} of {file} has the mass 0 kg: it must be above "
-                        "zero, as a joint moves it."
-                    )
+                    faults.append(f"the link {joint.child}, which a joint moves, has the mass 0 kg")
                 weight[carrier] += mass
-        for link, mass in weight.items():
-            if known and mass <= 0:
-                raise InvalidInput(
-                    f"The link {link} of {file} has no mass, but other links have: give it an "
-                    "inertial element with a mass above zero, or leave all of them out."
-                )
-        return known
+            if self._follows_arm(joint) and self._weighs(joint.child):
+                faults.append(f"joint {joint.name} moves a mass along with joint {joint.master}")
+        bare = [f"the link {link} has no mass" for link, mass in weight.items() if mass <= 0]
+        return faults or bare, known
 
-    def _mass(self, link: str, inertial: ET.Element) -> float:
-        """Mass of a link [kg]; checks its inertia and its centre of mass, too."""
+    def _weighs(self, link: str) -> bool:
+        """Whether a link, or one that hangs on it, has a mass other than 0."""
+        links = [link, *(joint.child for joint in self.tree.below(link))]
+        masses = [self.tree.links[x].find("inertial/mass") for x in links]
+        return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
+
+    def _mass(self, link: str, inertial: ET.Element, faults: list[str]) -> float:
+        """Mass of a link [kg]; adds to `faults` why no body can have its mass and inertia."""
         where = f"The link {link} of {self.tree.file}"
         mass = _attribute(where, inertial.find("mass"), "mass", "value")
         if mass < 0:
-            raise InvalidInput(f"{where} has the mass {mass:g} kg: it must be above zero.")
+            faults.append(f"the link {link} has the mass {mass:g} kg")
         tensor = inertial.find("inertia")
         xx, xy, xz, yy, yz, zz = (_attribute(where, tensor, "inertia", key) for key in TENSOR)
-        refuse_inertia(
-            f"the link {link} of {self.tree.file}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-        )
+        try:
+            refuse_inertia(f"the link {link}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        except InvalidInput as error:
+            text = str(error).rstrip(".")
+            faults.append(text[0].lower() + text[1:])
         origin = inertial.find("origin")
         for key in ("xyz", "rpy"):
             _three(where, key, "0 0 0" if origin is None else origin.get(key, "0 0 0"))
@@ -255,6 +304,11 @@ class Description:
                 "negative."
             )
         return value
+
+
+def _unit(joint: Joint) -> str:
+    """The unit of a joint's position."""
+    return "m" if joint.kind == "prismatic" else "rad"
 
 
 def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path as FilePath
 
 from armcontour import _files
+from armcontour._xacro.expanding import Value
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
@@ -33,20 +34,27 @@ def load_arm(
     work: Frame | None = None,
     payload: Payload | None = None,
     locked: Mapping[str, float] | None = None,
+    packages: Mapping[str, str | FilePath] | None = None,
+    arguments: Mapping[str, Value] | None = None,
     trust_xacro: bool = False,
 ) -> Arm:
     """Load an arm by its built-in name, such as "ur5e", or from a file.
 
     Args:
         name: Built-in name, arm file (.yaml), or robot description (.urdf, .xacro).
-        tip: Link at the end of the arm, for a robot description; by default its only end.
+        tip: Link at the end of the arm, for a robot description; by default the end of its only
+            chain of moving joints.
         base: Fixed link at the start of the arm, for a robot description; by default the root.
         joint_limits: A `joint_limits.yaml` of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
         tool: The tool frame relative to the tip.
         work: The frame of tool points relative to the base.
         payload: Payload at the tip.
-        locked: Positions of locked joints by name, for a robot description [rad or m].
+        locked: Positions of locked joints by name, for a robot description [rad or m]; by default
+            joints beside the arm stand at 0, or at the end of their range that is nearest to 0.
+        packages: Folders of ROS packages by name, for a .xacro file. Other packages are looked for
+            in a sourced ROS, then by their `package.xml` near the file.
+        arguments: Values of the arguments of a .xacro file, by name.
         trust_xacro: Whether a .xacro file may be expanded. Such a file is a program and its guard
             is no security boundary: trust only files that you would run.
 
@@ -58,13 +66,15 @@ def load_arm(
     file = FilePath(name)
     limits_file = None if joint_limits is None else FilePath(joint_limits)
     if is_description(file):
-        tree = read_description(file, trust_xacro=trust_xacro)
+        tree = read_description(
+            file, trust_xacro=trust_xacro, packages=packages, arguments=arguments
+        )
         arm: Arm = arm_of_tree(tree, tip=tip, base=base, joint_limits=limits_file, locked=locked)
     else:
-        if tip is not None or base is not None or locked:
+        if tip is not None or base is not None or locked or packages or arguments:
             raise InvalidInput(
-                f"The arm {name} has no other tip, base or joints to be locked: these are chosen "
-                "of a .urdf or .xacro file."
+                f"The arm {name} has no other tip, base, joints to be locked, packages or "
+                "arguments: these are chosen of a .urdf or .xacro file."
             )
         arm = _read(str(name), payload)
         if limits_file is not None:

@@ -42,6 +42,12 @@ class Joint:
     child: str
     element: ET.Element
 
+    @property
+    def master(self) -> str | None:
+        """Name of the joint that this joint mimics; None if it moves by itself."""
+        found = self.element.find("mimic")
+        return None if found is None else found.get("joint", "")
+
     def number(self, tag: str, key: str, where: str) -> float | None:
         """The number in attribute `key` of the joint's element `tag`; None without one."""
         found = self.element.find(tag)
@@ -72,46 +78,38 @@ class Tree:
     links: Mapping[str, ET.Element]
     joints: Mapping[str, Joint]
     above: Mapping[str, Joint] = field(default_factory=dict)
+    _carried: dict[str, list[Joint]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for joint in self.joints.values():
+            self._carried.setdefault(joint.parent, []).append(joint)
 
     @property
     def root(self) -> str:
         """The link that no joint moves."""
         return next(link for link in self.links if link not in self.above)
 
+    def from_link(self, link: str) -> list[Joint]:
+        """The joints that hang on a link."""
+        return self._carried.get(link, [])
+
     def below(self, link: str) -> list[Joint]:
         """All joints below a link, parents before children."""
-        children: dict[str, list[Joint]] = {}
-        for joint in self.joints.values():
-            children.setdefault(joint.parent, []).append(joint)
         found: list[Joint] = []
         waiting = [link]
         while waiting:
-            nearest = children.get(waiting.pop(), [])
+            nearest = self.from_link(waiting.pop())
             found += nearest
             waiting += [joint.child for joint in nearest]
         return found
 
-    def between(self, base: str | None, tip: str | None) -> list[Joint]:
+    def between(self, base: str, tip: str) -> list[Joint]:
         """The joints from the link `base` to the link `tip`.
 
-        Args:
-            base: The first link; by default the root.
-            tip: The last link; by default the only link below the base that carries no other link.
-
         Raises:
-            InvalidInput: No such link, no single end, or no chain of joints from base to tip.
+            InvalidInput: No such link, or no chain of joints from base to tip.
         """
-        start = self._link("base", self.root if base is None else base)
-        if tip is None:
-            parents = {joint.parent for joint in self.joints.values()}
-            ends = [x.child for x in self.below(start) if x.child not in parents]
-            if len(ends) != 1:
-                raise InvalidInput(
-                    f"{self.file} has {len(ends) or 'no'} links that could be the tip: say which "
-                    f"with tip=, one of {list_some(ends or list(self.links), MOST_NAMED)}."
-                )
-            tip = ends[0]
-        link = self._link("tip", tip)
+        link, start = self.link("tip", tip), self.link("base", base)
         found: list[Joint] = []
         # From the tip up to the base; reversed at the end.
         while link != start:
@@ -124,8 +122,16 @@ class Tree:
             link = found[-1].parent
         return found[::-1]
 
-    def _link(self, what: str, name: str) -> str:
-        """The name of a link, which must exist."""
+    def link(self, what: str, name: str) -> str:
+        """The name of a link, which must exist.
+
+        Args:
+            what: What the link is, for messages.
+            name: The name.
+
+        Raises:
+            InvalidInput: There is no such link.
+        """
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {what}: its links are "

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path as FilePath
 
 from armcontour import _files
 from armcontour._text import list_some
-from armcontour._xacro.expanding import expand_xacro
+from armcontour._xacro.expanding import Value, expand_xacro
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.io.robots.description import Description
-from armcontour.io.robots.joint_limits import Table, limits_of, override
+from armcontour.io.robots.joint_limits import KINDS, Table, limits_of, override
+from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
 
+LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
     "give load_arm a joint_limits.yaml of MoveIt, joint_limits=..., with has_acceleration_limits "
     "and max_acceleration for every joint, or set joint_acceleration with limits.replace"
 )
+# Limits that a description gives in its limit elements; attribute of the element and kind in
+# joint_limits.yaml.
+GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
 
 
 def arm_of_tree(
@@ -33,52 +40,56 @@ def arm_of_tree(
 
     Args:
         tree: The description, from `read_description`.
-        tip: Link at the end of the arm, whose frame is the tip; by default the only end.
+        tip: Link at the end of the arm, whose frame is the tip; by default the end of its only
+            chain of moving joints.
         base: Fixed link at the start of the arm; by default the root.
         joint_limits: MoveIt file whose values replace those of the description.
         locked: Positions of locked joints, by name [rad or m]. Joints that are not between base
-            and tip are locked at 0 by default.
+            and tip are locked by default, at 0 or at the end of their range that is nearest to 0.
 
     Raises:
         InvalidInput: A description that gives no serial arm.
     """
-    file = tree.file
-    route = tree.between(base, tip)
-    positions = dict(locked or {})
+    file, positions = tree.file, dict(locked or {})
     for name in positions:
         if name not in tree.joints:
             raise InvalidInput(
                 f"{file} has no joint {name!r} to be locked: its joints are "
                 f"{list_some(list(tree.joints), MOST_NAMED)}."
             )
+    start = tree.root if base is None else tree.link("base", base)
+    end, chosen = (tip, "") if tip is not None else choose_tip(tree, start, positions)
+    route = tree.between(start, end)
     moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
     _refuse_joints(tree, moving)
-    description = Description(tree, route, moving, positions, tree.root if base is None else base)
+    description = Description(tree, route, moving, positions, start)
     chain = description.chain()
-    table = _limits(tree, moving, checked=joint_limits is None)
-    if joint_limits is not None:
-        override(table, chain.joints, joint_limits)
-    limits = limits_of(table, chain.joints, file)
-    source = file
-    if chain.masses is None and limits.joint_torque is not None:
-        # Descriptions give effort limits, but without masses no torque can be computed.
-        limits = limits.replace(joint_torque=None)
-        source += " (no link has a mass, so limits of effort are left out)"
+    limits, lacking = _limits(tree, moving, joint_limits, heavy=chain.masses is not None)
+    notes = (chosen, *description.notes, lacking)
     return SerialArm(
         name=tree.name,
         chain=chain,
         limits=limits,
-        source=source,
+        source=file,
         limits_hint=HINT if limits.joint_acceleration is None else "",
+        notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
     )
 
 
-def read_description(file: FilePath, *, trust_xacro: bool = False) -> Tree:
+def read_description(
+    file: FilePath,
+    *,
+    trust_xacro: bool = False,
+    packages: Mapping[str, str | FilePath] | None = None,
+    arguments: Mapping[str, Value] | None = None,
+) -> Tree:
     """Read the links and joints of a robot description.
 
     Args:
         file: A .urdf file, or a .xacro file, which the package xacro expands.
         trust_xacro: Whether a .xacro file may be expanded: such a file is a program.
+        packages: Folders of ROS packages by name, for a .xacro file.
+        arguments: Values of the arguments of a .xacro file by name.
 
     Raises:
         InvalidInput: No such file, a .xacro file that is not trusted, or no description.
@@ -91,7 +102,17 @@ def read_description(file: FilePath, *, trust_xacro: bool = False) -> Tree:
                 "this computer: if you trust it, say so with --trust-xacro (in Python, "
                 "trust_xacro=True)."
             )
-        content = expand_xacro(file)
+        content = expand_xacro(file, packages=packages, arguments=arguments)
+        if LINK.search(content) is None:
+            raise InvalidInput(
+                f"{file} makes no links: it only defines macros, or properties, for other files; "
+                "name the .xacro file that uses them."
+            )
+    elif packages or arguments:
+        raise InvalidInput(
+            f"{file} takes no packages and no arguments: these are of .xacro files. Meshes, which "
+            "a .urdf may name by package://, are not opened."
+        )
     return read_tree(str(file), content)
 
 
@@ -113,44 +134,79 @@ def _refuse_joints(tree: Tree, moving: list[Joint]) -> None:
         if joint.kind not in TURNING:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, and an arm takes joints that "
-                "turn: choose a base and a tip without it between them, or lock it with "
-                f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
+                f"turn: choose a base and a tip without it between them{_or_lock(joint)}."
             )
-        if joint.element.find("mimic") is not None:
+        if joint.master is not None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} mimics another, and the joints of an arm move "
-                "by themselves: choose a base and a tip without it between them, or lock it "
-                f"with locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
+                f"by themselves: choose a base and a tip without it between them{_or_lock(joint)}."
             )
 
 
-def _limits(tree: Tree, moving: list[Joint], *, checked: bool) -> Table:
-    """Limits of the moving joints in the description.
+def _or_lock(joint: Joint) -> str:
+    """The end of a message: that a joint may be locked; empty if it has no single position."""
+    if joint.kind in ("planar", "floating"):
+        return ""
+    return f", or lock it with locked={{{joint.name!r}: ...}} (in a job, arm.locked)"
 
-    With `checked` every joint must have velocity and effort limits, because no other file adds
-    them.
+
+def _limits(
+    tree: Tree, moving: list[Joint], file: FilePath | None, *, heavy: bool
+) -> tuple[Limits, str]:
+    """Limits of the moving joints, and a note of those that are not given.
+
+    Args:
+        tree: The description.
+        moving: The joints.
+        file: MoveIt file whose values replace those of the description.
+        heavy: Whether the links have masses. Without masses no torque can be computed, and limits
+            of torque are left out.
     """
-    table: Table = {
-        name: [None] * len(moving)
-        for name in ("joint_acceleration", "joint_deceleration", "joint_jerk")
-    }
-    for name in ("joint_velocity", "joint_torque", "joint_lower", "joint_upper"):
-        table[name] = []
+    names = [joint.name for joint in moving]
+    table = _table(tree, moving)
+    own = {name: list(table[name]) for name in GIVEN}
+    if file is not None:
+        override(table, names, file)
+    lacking = {}
+    for name, key in GIVEN.items():
+        of = [x for x, value in zip(names, table[name], strict=True) if value is None]
+        # What a file of joint limits gives to some joints only is refused by `limits_of`.
+        if of and table[name] == own[name]:
+            table[name] = [None] * len(moving)
+            lacking[key] = f"no {key} of {list_some(of, MOST_NAMED)}"
+    if not heavy:
+        table["joint_torque"] = [None] * len(moving)
+        lacking.pop("effort", None)
+    return limits_of(table, names, tree.file), _note(lacking, moving)
+
+
+def _table(tree: Tree, moving: list[Joint]) -> Table:
+    """Limits of the moving joints in the description; velocity and effort not above 0 are none."""
+    table: Table = {name: [] for name in (*JOINT_LIMITS, *JOINT_RANGE)}
     for joint in moving:
-        limit = joint.element.find("limit")
-        for name, key in (("joint_velocity", "velocity"), ("joint_torque", "effort")):
-            value = joint.number("limit", key, tree.file)
-            if value is None and checked:
-                lacking = "limit element" if limit is None else f"{key} in its limit element"
-                raise InvalidInput(
-                    f"Joint {joint.name} of {tree.file} has no {lacking}: add it, or give "
-                    "joint_limits."
-                )
-            table[name].append(value)
-        for name, key in (("joint_lower", "lower"), ("joint_upper", "upper")):
+        for name in JOINT_LIMITS:
+            key = GIVEN.get(name)
+            value = None if key is None else joint.number("limit", key, tree.file)
+            table[name].append(None if value is None or value <= 0 else value)
+        for name, key in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
             value = None
-            if limit is not None and joint.kind != "continuous":
+            if joint.kind != "continuous" and joint.element.find("limit") is not None:
                 # By the format, a missing attribute of a limit element means 0.
                 value = joint.number("limit", key, tree.file) or 0.0
             table[name].append(value)
     return table
+
+
+def _note(lacking: dict[str, str], moving: list[Joint]) -> str:
+    """A note of the kinds of limits that a description does not give; empty if it gives all."""
+    endless = [x.name for x in moving if x.kind == "revolute" and x.element.find("limit") is None]
+    if endless:
+        lacking = {**lacking, "position": f"no range of {list_some(endless, MOST_NAMED)}"}
+    if not lacking:
+        return ""
+    keys = ", ".join(f"has_{kind}_limits and {'/'.join(KINDS[kind])}" for kind in lacking)
+    return (
+        f"it gives {' and '.join(lacking.values())} (0 and less count as not given), so "
+        f"{' and '.join(lacking)} of the joints have no limits: give them for every joint with "
+        f"joint_limits ({keys}) or with limits"
+    )
