@@ -76,7 +76,7 @@ def distance(points: FloatArray, first: Segments, second: Segments) -> FloatArra
         first: First arcs of the biarcs.
         second: Second arcs of the biarcs.
     """
-    after = np.sum((points - second.starts[:, None]) * second.tangents[:, None], axis=2) > 0
+    after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
     return np.where(np.isfinite(worst) & _finite(first) & _finite(second), worst, np.inf)
@@ -85,9 +85,9 @@ def distance(points: FloatArray, first: Segments, second: Segments) -> FloatArra
 def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
     """Distances of points, (n, k, dimension), from the full circles or lines of arcs, (n, k)."""
     v = points - arcs.starts[:, None]
-    x = np.sum(v * arcs.tangents[:, None], axis=2)
-    y = np.sum(v * arcs.normals[:, None], axis=2)
-    rest = np.sum(v * v, axis=2) - x * x - y * y
+    x = dot(v, arcs.tangents[:, None])
+    y = dot(v, arcs.normals[:, None])
+    rest = dot(v, v) - x * x - y * y
     k = arcs.curvatures[:, None]
     # |p - c| - r, without cancellation if the radius is very large.
     power = k * (x * x + y * y) - 2 * y
@@ -106,14 +106,15 @@ def _finite(arcs: Segments) -> BoolArray:
 
 def unit(v: FloatArray) -> FloatArray:
     """Unit vectors along the last axis; not finite for zero vectors."""
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+    return np.asarray(v / length(v)[..., None])
 
 
 def length(v: FloatArray) -> FloatArray:
     """Lengths of vectors along the last axis."""
-    return np.asarray(np.linalg.norm(v, axis=-1))
+    return np.asarray(np.sqrt(dot(v, v)))
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Scalar products of vectors along the last axis."""
-    return np.asarray(np.sum(a * b, axis=-1))
+    # For arrays of short vectors faster than a sum along an axis.
+    return np.asarray(np.einsum("...k,...k->...", a, b))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.geometry.biarcs import biarcs, distance, length, unit
+from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.cusps import split_at_cusps
 from armcontour.geometry.segments import (
     EVERY,
@@ -23,6 +23,8 @@ from armcontour.geometry.segments import (
 )
 
 Curve = Callable[[FloatArray, int], FloatArray]
+# Many curves at once: `curves(row, t, order)` gives curve `row[k]` at `t[k]`.
+Curves = Callable[[IntArray, FloatArray, int], FloatArray]
 
 # Fractions of an interval at which its arcs are compared with the curve.
 PLACES = np.linspace(0, 1, 17)
@@ -78,12 +80,30 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
     at = _checks.numbers("breaks of a curve", breaks)
     if at.ndim != 1 or len(at) < 2 or (np.diff(at) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
-    if _checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
-        raise InvalidInput(
-            f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
-            f"{tolerance:g} m."
-        )
-    return _fit(curve, at, tolerance, through=False)[0]
+    _refuse_fine(tolerance)
+    row = np.zeros(len(at), dtype=np.intp)
+    return _fit(_single(curve), at, row, tolerance, through=False)[0]
+
+
+def fit_many(
+    curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float
+) -> list[Segments]:
+    """Lines and tangent arcs along many curves, each as by `fit_arcs`, in one go.
+
+    Args:
+        curves: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
+            in `fit_arcs`.
+        breaks: Breaks of all curves one after the other, (n,).
+        rows: Curve of each break, ascending from 0, (n,).
+        tolerance: As in `fit_arcs` [m].
+
+    Raises:
+        InvalidInput: As `fit_arcs`, for any of the curves.
+    """
+    _refuse_fine(tolerance)
+    arcs, vertices = _fit(curves, breaks, rows, tolerance, through=False)
+    ends = np.flatnonzero(np.diff(rows, append=-1))
+    return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
 
 
 def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
@@ -97,34 +117,62 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
     Returns:
         The arcs, and the index of the vertex at each break, (n,).
     """
-    return _fit(curve, breaks, tolerance, through=True)
+    row = np.zeros(len(breaks), dtype=np.intp)
+    return _fit(_single(curve), breaks, row, tolerance, through=True)
+
+
+def _refuse_fine(tolerance: float) -> None:
+    """Refuse a tolerance that points cannot be compared with.
+
+    Raises:
+        InvalidInput: The tolerance is below a nanometre.
+    """
+    if _checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
+        raise InvalidInput(
+            f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
+            f"{tolerance:g} m."
+        )
+
+
+def _single(curve: Curve) -> Curves:
+    """A single curve as many curves of one row."""
+    return lambda row, t, order: np.asarray(curve(t, order))
 
 
 def _fit(
-    curve: Curve, at: FloatArray, tolerance: float, *, through: bool
+    curves: Curves, at: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments, and the vertices that are never merged away.
+    """The segments of all curves in sequence, and the vertices that are never merged away.
 
     Args:
-        curve: As in `fit_arcs`.
+        curves: As in `fit_many`.
         at: The breaks, (n,).
+        row: Curve of each break, (n,).
         tolerance: As in `fit_arcs` [m].
-        through: Keep a vertex at every break, and use no lines; else only the end vertices stay.
+        through: Keep a vertex at every break, and use no lines; else only the start of each curve
+            stays.
+
+    Returns:
+        The segments, and the indices of the kept vertices, then the number of segments.
     """
     with np.errstate(all="ignore"):
-        intervals = _split(curve, _intervals_of(curve, at), tolerance, lines=not through)
+        intervals = _split(curves, _intervals_of(curves, at, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
-        arcs, row = _arcs(intervals)
-        kept = row[np.searchsorted(intervals.begin, at[:-1] if through else at[:1])]
+        arcs, first = _arcs(intervals)
+        if through:
+            kept = first[np.searchsorted(intervals.begin, at[:-1])]
+        else:
+            kept = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
         merged, rows = _merge(arcs, kept)
     return merged, np.append(np.searchsorted(rows, kept), len(merged))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Intervals:
-    """The n intervals of a curve.
+    """The n intervals of all curves.
 
     Args:
+        row: Curve of each interval, (n,).
         begin: Parameter at the start of each interval, (n,).
         end: Parameter at the end of each interval, (n,).
         p0: Points at the starts [m], (n, dimension).
@@ -134,6 +182,7 @@ class _Intervals:
         line: Whether each interval is a line, (n,).
     """
 
+    row: IntArray
     begin: FloatArray
     end: FloatArray
     p0: FloatArray
@@ -148,29 +197,38 @@ class _Intervals:
         return _Intervals(**{**kept, **changed})
 
 
-def _intervals_of(curve: Curve, at: FloatArray) -> _Intervals:
-    """The intervals between the breaks and cusps of a curve."""
-    at, cusp = split_at_cusps(curve, at)
-    points = np.array(curve(at, 0), dtype=np.float64)
+def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
+    """The intervals between the breaks and cusps of curves."""
+    at, row, cusp = split_at_cusps(curves, at, row)
+    points = np.array(curves(row, at, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
-    (t0, slack0), (t1, slack1) = _tangents(curve, at, points, cusp)
-    closed = length(points[-1] - points[0]) <= REPEATED_POINT
-    if closed:
-        points[-1] = points[0]
+    first = np.flatnonzero(np.diff(row, prepend=-1))
+    last = np.append(first[1:], len(row)) - 1
+    closed = length(points[last] - points[first]) <= REPEATED_POINT
+    points[last[closed]] = points[first[closed]]
+    size = np.maximum.reduceat(np.abs(points).max(axis=1), first)[row]
+    # Every break but the last of a curve begins an interval; interval k ends at break k + 1.
+    starts = np.delete(np.arange(len(row)), last)
+    (t0, slack0), (t1, slack1) = _tangents(curves, at, row, starts, size[starts], cusp)
+    # The interval that follows each one: of the last one the first, if the curve is closed.
+    n, curve = len(starts), row[starts]
+    begin = np.flatnonzero(np.diff(curve, prepend=-1))
+    end = np.append(begin[1:], n) - 1
+    after = np.arange(1, n + 1)
+    after[end] = np.where(closed, begin, -1)
+    before = np.flatnonzero(after >= 0)
     # Tangents that differ by rounding errors become one tangent.
-    last, first = (t1, np.roll(t0, -1, axis=0)) if closed else (t1[:-1], t0[1:])
-    slack = np.maximum(slack1, np.roll(slack0, -1))[: len(last)]
-    same = length(first - last) <= slack
-    common = unit(first + last)
-    n = len(t0)
-    before = np.flatnonzero(same)
-    t1[before], t0[(before + 1) % n] = common[same], common[same]
+    into, out = t1[before], t0[after[before]]
+    same = length(out - into) <= np.maximum(slack1[before], slack0[after[before]])
+    common, before = unit(out + into)[same], before[same]
+    t1[before], t0[after[before]] = common, common
     return _Intervals(
-        begin=at[:-1],
-        end=at[1:],
-        p0=points[:-1],
-        p1=points[1:],
+        row=curve,
+        begin=at[starts],
+        end=at[starts + 1],
+        p0=points[starts],
+        p1=points[starts + 1],
         t0=t0,
         t1=t1,
         line=np.zeros(n, dtype=bool),
@@ -178,39 +236,57 @@ def _intervals_of(curve: Curve, at: FloatArray) -> _Intervals:
 
 
 def _tangents(
-    curve: Curve, at: FloatArray, points: FloatArray, cusp: BoolArray
+    curves: Curves,
+    at: FloatArray,
+    row: IntArray,
+    starts: IntArray,
+    size: FloatArray,
+    cusp: BoolArray,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """One-sided unit tangents of intervals and their uncertainty, at the starts and at the ends.
 
     Args:
-        curve: The curve.
-        at: Parameters of the ends of the intervals, (n + 1,).
-        points: Points there [m], (n + 1, dimension).
-        cusp: Mask of the parameters at which the derivative vanishes, (n + 1,).
+        curves: The curves.
+        at: Parameters of the breaks, (m,).
+        row: Curve of each break, (m,).
+        starts: The break at which each interval starts; it ends at the next one, (n,).
+        size: Largest coordinate of the curve of each interval [m], (n,).
+        cusp: Mask of the breaks at which the derivative vanishes, (m,).
 
     Returns:
         Two pairs of tangents, (n, dimension), and uncertainties [rad], (n,).
     """
-    begin, end = at[:-1], at[1:]
+    row, begin, end = row[starts], at[starts], at[starts + 1]
     span = end - begin
     places = begin[:, None] + span[:, None] * PLACES[1:-1]
-    speed = length(curve(places.ravel(), 1)).reshape(places.shape).max(axis=1)
-    size = np.abs(points).max()
+    speed = length(_at(curves, row, places, 1)).max(axis=1)
     still = STILL * speed + ROUNDING * size / span
     found = []
-    for here, sign, vanishes in ((begin, 1.0, cusp[:-1]), (end, -1.0, cusp[1:])):
+    for here, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
         # The derivative may jump at a break, so it is taken at the next number inside.
-        derivative = curve(np.nextafter(here, here + sign * span), 1)
+        derivative = curves(row, np.nextafter(here, here + sign * span), 1)
         weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
         if weak.any():
             near = here[weak, None] + sign * span[weak, None] * NEAR_END
-            nearby = unit(curve(near.ravel(), 1)).reshape(*near.shape, -1)
-            direction[weak] = unit(_extrapolate_to_zero(nearby))
+            direction[weak] = unit(_extrapolate_to_zero(unit(_at(curves, row[weak], near, 1))))
         slack = ROUGH * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
         found.append((direction, np.where(weak, SAME_LIMIT, slack)))
     return found
+
+
+def _at(curves: Curves, row: IntArray, places: FloatArray, order: int) -> FloatArray:
+    """Points or derivatives at k places of each interval, (n, k, dimension).
+
+    Args:
+        curves: The curves.
+        row: Curve of each interval, (n,).
+        places: Parameters, (n, k).
+        order: 0 for points, 1 for derivatives.
+    """
+    every = np.repeat(row, places.shape[1])
+    return np.asarray(curves(every, places.ravel(), order)).reshape(*places.shape, -1)
 
 
 def _extrapolate_to_zero(values: FloatArray) -> FloatArray:
@@ -220,7 +296,7 @@ def _extrapolate_to_zero(values: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("k,nkd->nd", np.array(weights), values))
 
 
-def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
+def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
     """Split intervals until each is within the tolerance as a biarc or as a line.
 
     A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
@@ -230,7 +306,7 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
     count = 0
     while len(todo.begin):
         places = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
-        points = np.asarray(curve(places.ravel(), 0)).reshape(*places.shape, -1)
+        points = _at(curves, todo.row, places, 0)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
         distances = _distances_from_arcs(todo, points)
@@ -245,7 +321,7 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
         ready = line | (distances <= SHARE * tolerance)
         done.append(todo.select(ready, line=line[ready]))
         rest = ~ready
-        todo = _divide(curve, todo.select(rest), distances[rest] / (SHARE * tolerance))
+        todo = _divide(curves, todo.select(rest), distances[rest] / (SHARE * tolerance))
         count += int(ready.sum())
         if count + len(todo.begin) > MOST_INTERVALS:
             raise InvalidInput(
@@ -254,7 +330,7 @@ def _split(curve: Curve, todo: _Intervals, tolerance: float, *, lines: bool) -> 
             )
     names = _Intervals.__slots__
     whole = _Intervals(**{x: np.concatenate([getattr(part, x) for part in done]) for x in names})
-    return whole.select(np.argsort(whole.begin, kind="stable"))
+    return whole.select(np.lexsort([whole.begin, whole.row]))
 
 
 def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArray:
@@ -268,7 +344,7 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
     # Beyond the ends of the biarc, the nearest point is the end.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
-        outside = np.sum(v * tangent[:, None], axis=2) < 0
+        outside = dot(v, tangent[:, None]) < 0
         distances = np.maximum(distances, np.where(outside, length(v), 0.0).max(axis=1))
     # Arcs of at most a quarter circle do not overlap between the planes at their ends.
     quarter = np.pi / 2 * (1 + 1e-9)
@@ -282,7 +358,7 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
     size = length(chord)
     along = unit(chord)
     v = points - intervals.p0[:, None]
-    x = np.sum(v * along[:, None], axis=2)
+    x = dot(v, along[:, None])
     across = length(v - x[..., None] * along[:, None]).max(axis=1)
     scale = np.abs(intervals.p0).max(axis=1)
     allowed = ON_CHORD * size + np.minimum(ROUNDING * scale, TANGENT_TOLERANCE * size / 16)
@@ -290,13 +366,13 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
     return np.asarray((across <= allowed) & onward.all(axis=1))
 
 
-def _divide(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Intervals:
+def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
     """Divide intervals into equal parts, as many as their distances need.
 
     The distance between curve and biarc falls with the cube of the interval's length.
 
     Args:
-        curve: The curve.
+        curves: The curves.
         intervals: Intervals out of tolerance, n of them.
         excess: Their distances over the allowed distance, (n,).
     """
@@ -313,25 +389,31 @@ def _divide(curve: Curve, intervals: _Intervals, excess: FloatArray) -> _Interva
         point = tuple(np.round(old.p0[int(np.argmax(begin >= end))], 6).tolist())
         raise InvalidInput(f"A curve jumps near {point} m, or its derivative does not fit it.")
     inner = np.flatnonzero(~first)
-    points, tangents = curve(begin[inner], 0), unit(curve(begin[inner], 1))
+    row, at = old.row[inner], begin[inner]
+    points, tangents = curves(row, at, 0), unit(curves(row, at, 1))
     p0, p1, t0, t1 = old.p0, old.p1, old.t0, old.t1
     p0[inner], t0[inner] = points, tangents
     p1[inner - 1], t1[inner - 1] = points, tangents
-    return _Intervals(begin=begin, end=end, p0=p0, p1=p1, t0=t0, t1=t1, line=old.line)
+    return _Intervals(row=old.row, begin=begin, end=end, p0=p0, p1=p1, t0=t0, t1=t1, line=old.line)
 
 
 def _drop_points(intervals: _Intervals) -> _Intervals:
     """Intervals without lines shorter than a repeated point; the remaining intervals still meet."""
     x = intervals
-    p0, kept = close_up(x.p0, x.p1, ~x.line, REPEATED_POINT)
-    if kept.all():
+    short = x.line & (length(x.p1 - x.p0) <= REPEATED_POINT)
+    if not short.any():
         return x
-    if not kept.any():
-        raise InvalidInput(f"A curve has no length at {tuple(x.p0[0].tolist())} m.")
-    left = x.select(kept, p0=p0[kept])
-    if length(x.p1[-1] - x.p0[0]) <= REPEATED_POINT:
-        left.p1[-1] = left.p0[0]
-    return left
+    p0, p1, kept = x.p0.copy(), x.p1.copy(), np.ones(len(short), dtype=bool)
+    for row in np.unique(x.row[short]).tolist():
+        a, b = np.searchsorted(x.row, [row, row + 1]).tolist()
+        one = slice(a, b)
+        p0[one], kept[one] = close_up(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
+        left = a + np.flatnonzero(kept[one])
+        if len(left) == 0:
+            raise InvalidInput(f"A curve has no length at {tuple(x.p0[a].tolist())} m.")
+        if length(x.p1[b - 1] - x.p0[a]) <= REPEATED_POINT:
+            p1[left[-1]] = p0[left[0]]
+    return x.select(kept, p0=p0[kept], p1=p1[kept])
 
 
 def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:

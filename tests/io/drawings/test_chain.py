@@ -8,7 +8,8 @@ import pytest
 import armcontour as ac
 from armcontour.io.drawings.affine import WITHOUT_Z, Affine
 from armcontour.io.drawings.chain import Chain
-from armcontour.io.drawings.shapes import Outline, Spline
+from armcontour.io.drawings.shapes import Outline, paths_of
+from armcontour.io.drawings.splines import Spline
 
 
 def arc(a, b, angle, centre=(0.0, 0.0)):
@@ -37,7 +38,7 @@ def test_an_arc_that_is_nearly_round_is_one_arc_through_its_ends(angle):
 
 @pytest.mark.parametrize(("b", "angle"), [(0.01, 1.0), (0.01, 2 * np.pi), (0.02 + 5e-8, 5.5)])
 def test_other_arcs_are_tangent_arcs_within_the_tolerance(b, angle):
-    path = Outline([arc(0.02, b, angle)]).to_path(1e-5)
+    (path,) = paths_of([Outline([arc(0.02, b, angle)])], 1e-5)
     t = np.linspace(0, angle, 2001)
     wanted = np.column_stack([0.02 * np.cos(t), b * np.sin(t)])
     assert path.project(wanted).distance.max() <= 1e-5
@@ -79,7 +80,7 @@ def test_maps_follow_each_other():
 
 def test_beziers_in_a_row_are_one_spline():
     points = np.array([(0, 0), (1, 2), (2, 2), (3, 0), (4, -2), (5, 1), (6, 0)]) * 1e-2
-    path = Outline([Spline.beziers(points)]).to_path(1e-6)
+    (path,) = paths_of([Outline([Spline(points=points)])], 1e-6)
     t = np.linspace(0, 1, 500)[:, None]
     for a, b, c, d in (points[:4], points[3:]):
         wanted = (1 - t) ** 3 * a + 3 * (1 - t) ** 2 * t * b + 3 * (1 - t) * t**2 * c + t**3 * d
@@ -89,4 +90,4 @@ def test_beziers_in_a_row_are_one_spline():
 
 def test_a_shape_of_no_length_is_no_path():
     point = np.zeros((2, 2))
-    assert Outline([Chain.straight(point), arc(1e-12, 1e-12, 3.0)]).to_path(1e-5) is None
+    assert paths_of([Outline([Chain.straight(point), arc(1e-12, 1e-12, 3.0)])], 1e-5) == [None]

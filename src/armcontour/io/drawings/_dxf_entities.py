@@ -10,7 +10,8 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chain import Chain
-from armcontour.io.drawings.shapes import Shape, Spline
+from armcontour.io.drawings.shapes import Shape
+from armcontour.io.drawings.splines import Spline
 
 # An arc with a smaller swept angle [rad] is a full circle with rounded angles.
 NO_SWEEP = 1e-8
@@ -166,19 +167,15 @@ def spline(entity: Any) -> Shape | None:
         )
     if (np.diff(knots) < 0).any() or knots[n] <= knots[degree]:
         raise Unreadable("has knots that do not increase")
-    inner = knots[(knots > knots[degree]) & (knots < knots[n])]
-    if len(inner) and np.unique(inner, return_counts=True)[1].max() > degree:
-        raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
     weights = _numbers("weights", list(entity.weights) or np.ones(n))
     if len(weights) != n or not (weights > 0).all() or weights.max() > 1e9 * weights.min():
         raise Unreadable(f"must have {n} weights above zero, of similar size")
     # Parameters from 0 to 1, so that very small or large knots do not cost precision.
-    return Spline(
-        points=points,
-        weights=weights,
-        knots=(knots - knots[degree]) / (knots[n] - knots[degree]),
-        degree=degree,
-    )
+    knots = (knots - knots[degree]) / (knots[n] - knots[degree])
+    found = Spline.from_knots(points, weights, knots, degree)
+    if found is None:
+        raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
+    return found
 
 
 def _fit_spline(entity: Any) -> Shape | None:
@@ -213,8 +210,7 @@ def _fit_spline(entity: Any) -> Shape | None:
             raise Unreadable("has an end tangent of zero")
         ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
     found = make_interp_spline(at / at[-1], points, k=3, bc_type=_scale_ends(ends, at[-1]))
-    n = len(found.c)
-    return Spline(points=found.c, weights=np.ones(n), knots=found.t, degree=3)
+    return Spline.from_knots(found.c, np.ones(len(found.c)), found.t, 3)
 
 
 def _scale_ends(ends: Any, by: float) -> Any:

@@ -20,7 +20,7 @@ from armcontour.io.drawings._dxf_entities import (
     refuse_missing,
 )
 from armcontour.io.drawings.affine import Affine
-from armcontour.io.drawings.reading import FARTHEST, SKIP, Labels
+from armcontour.io.drawings.reading import FARTHEST, SKIP, WALKED, Labels, Tell
 from armcontour.io.drawings.shapes import Shape
 
 # Largest depth of blocks in blocks, and largest number of copied entities: a document with more
@@ -86,11 +86,12 @@ class Walk:
     _sizes: dict[str, int] = field(default_factory=dict)
     _layers: dict[str, tuple[str, str]] = field(default_factory=dict)
 
-    def shapes(self, unit: float) -> Iterator[Found]:
+    def shapes(self, unit: float, tell: Tell) -> Iterator[Found]:
         """Yield the shapes of all entities of the model space, in the order of the document.
 
         Args:
             unit: Length of the drawing's unit [m].
+            tell: Called from time to time with the share of the drawing that is read.
 
         Raises:
             InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
@@ -104,7 +105,9 @@ class Walk:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = _Block(name="", affine=world, layer="0", inside=())
-        yield from self._shapes_in(entities, drawing)
+        for k, entity in enumerate(entities):
+            tell(WALKED * k / len(entities))
+            yield from self._shapes_in([entity], drawing)
 
     def _shapes_in(self, entities: Iterable[Any], block: _Block) -> Iterator[Found]:
         """Yield the shapes of the entities of a block or of the drawing."""

@@ -20,7 +20,8 @@ from armcontour.io.drawings._svg_units import (
     limit_matches,
 )
 from armcontour.io.drawings.chain import WELL_KNOWN, Chain
-from armcontour.io.drawings.shapes import Outline, Shape, Spline
+from armcontour.io.drawings.shapes import Outline, Shape
+from armcontour.io.drawings.splines import Spline
 
 # Number of arguments of each command.
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
@@ -219,7 +220,7 @@ class _Pen:
         """Make a shape of the points in `drawn`."""
         if len(self.drawn) > 1:
             points = _plane(self.drawn)
-            self.shapes.append(Spline.beziers(points) if self.curved else Chain.straight(points))
+            self.shapes.append(Spline(points=points) if self.curved else Chain.straight(points))
         self.drawn = []
 
     def _arc(self, numbers: Sequence[float], end: complex) -> None:

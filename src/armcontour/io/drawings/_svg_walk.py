@@ -107,6 +107,13 @@ class Walk:
     labels: Labels = field(default_factory=Labels)
     _ids: dict[str, Element] = field(default_factory=dict)
     _repeated: int = 0
+    _seen: int = 0
+    _all: int = 1
+
+    @property
+    def share(self) -> float:
+        """Share of the drawing's elements that were looked at."""
+        return min(self._seen / self._all, 1.0)
 
     def shapes(self, to: Affine, view: Box | None) -> Iterator[Shape]:
         """Yield the shapes in the order in which they are drawn.
@@ -118,12 +125,13 @@ class Walk:
         Raises:
             InvalidInput: An element is unknown or invalid, or references have no end.
         """
-        self._ids = _by_id(self.root)
+        self._ids, self._all = _by_id(self.root)
         counts = dict.fromkeys(SHAPES, 0)
         place = _Place(to, view)
         todo = [(x, place) for x in reversed(self.root.children)]
         while todo:
             element, around = todo.pop()
+            self._seen += 1
             self._repeated += bool(around.uses)
             if self._repeated > MOST_REPEATED:
                 element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
@@ -304,13 +312,14 @@ def _layer(element: Element, around: _Place) -> _Place:
     return around if around.inkscape or not own else dataclasses.replace(around, layer=own)
 
 
-def _by_id(root: Element) -> dict[str, Element]:
-    """All elements by their ids; the first one if several have the same id."""
+def _by_id(root: Element) -> tuple[dict[str, Element], int]:
+    """All elements by their ids, the first one if several have the same id; and their number."""
     found: dict[str, Element] = {}
-    todo = [root]
+    todo, count = [root], 0
     while todo:
         element = todo.pop()
+        count += 1
         found.setdefault(element.attributes.get("id", ""), element)
         todo.extend(reversed(element.children))
     found.pop("", None)
-    return found
+    return found, count

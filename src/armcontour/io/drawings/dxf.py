@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings._dxf_document import open_document, silence_log
 from armcontour.io.drawings._dxf_walk import Found, Walk
 from armcontour.io.drawings.affine import WITHOUT_Z
 from armcontour.io.drawings.chaining import Piece, chain_pieces
-from armcontour.io.drawings.reading import Reading
-from armcontour.io.drawings.shapes import Outline
+from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
+from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
 # Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
@@ -41,7 +42,9 @@ UNITS = {
 }
 
 
-def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
+def read_dxf(
+    data: bytes, *, source: str, reading: Reading, progress: Progress | None = None
+) -> Program:
     """Read the contours of a DXF drawing.
 
     Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
@@ -52,6 +55,8 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
         data: Content of the file, ASCII or binary.
         source: Name of the file.
         reading: Settings of the reader.
+        progress: Called from time to time with the name of the source and the share of it that is
+            read.
 
     Raises:
         InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
@@ -62,8 +67,9 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
         walk = Walk(
             document=document, source=source, skip=reading.unknown == "skip", wanted=reading.layers
         )
-        found = list(walk.shapes(_unit(document, source, reading)))
-        pieces = _pieces(found, walk, source, reading)
+        tell = tell_share(progress, source)
+        found = list(walk.shapes(_unit(document, source, reading), tell))
+        pieces = _pieces(found, walk, source, reading, tell)
     if not pieces:
         left_out = f" ({' '.join(walk.notes).rstrip('.')})" if walk.notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
@@ -92,26 +98,32 @@ def _unit(document: Any, source: str, reading: Reading) -> float:
     raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm`.")
 
 
-def _pieces(found: list[Found], walk: Walk, source: str, reading: Reading) -> list[Piece]:
+def _pieces(
+    found: list[Found], walk: Walk, source: str, reading: Reading, tell: Tell
+) -> list[Piece]:
     """Paths of the shapes, in the plane if all z are 0, otherwise in space.
 
     Raises:
         InvalidInput: A shape makes no path.
     """
     flat = all(np.abs(x.shape.reach[:, 2]).max() <= REPEATED_POINT for x in found)
-    pieces = []
-    for x in found:
-        shape = x.shape.place(WITHOUT_Z) if flat else x.shape
-        try:
-            path = Outline([shape]).to_path(reading.chord_tolerance)
-        except InvalidInput as error:
-            reason = str(error)
-            raise InvalidInput(
-                f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
-                f"{reason[:1].lower()}{reason[1:]}"
-            ) from None
-        if path is None:
-            walk.empty.append(x.name)
-        else:
-            pieces.append(Piece(path=path, name=x.name, layer=x.layer))
-    return pieces
+    outlines = [Outline([x.shape.place(WITHOUT_Z) if flat else x.shape]) for x in found]
+    try:
+        paths = paths_of(
+            outlines,
+            reading.chord_tolerance,
+            tell=lambda share: tell(WALKED + (1 - WALKED) * share),
+        )
+    except InvalidInput as error:
+        assert error.index is not None
+        x, reason = found[error.index], str(error)
+        raise InvalidInput(
+            f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
+            f"{reason[:1].lower()}{reason[1:]}"
+        ) from None
+    walk.empty += [x.name for x, path in zip(found, paths, strict=True) if path is None]
+    return [
+        Piece(path=path, name=x.name, layer=x.layer)
+        for x, path in zip(found, paths, strict=True)
+        if path is not None
+    ]

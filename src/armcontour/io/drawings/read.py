@@ -29,8 +29,8 @@ READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
     ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
     ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
 }
-# Modules whose readers report their progress, and read files with subprograms from the folder.
-WITH_PROGRESS = ("gcode",)
+# Modules whose readers report their progress.
+WITH_PROGRESS = ("gcode", "dxf", "svg")
 # Codes and letters of G-code that may be left out by name.
 WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
@@ -91,7 +91,10 @@ def read_path(
     module, name, options = READERS[suffix]
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:
-        read = partial(read, progress=progress, folder=location.parent)
+        read = partial(read, progress=progress)
+    if module == "gcode":
+        # Files with subprograms are looked for beside it.
+        read = partial(read, folder=location.parent)
     program: Program = read(bytes_of(location), source=location.name, reading=reading, **options)
     program = _select(program, layers, names)
     if flat:

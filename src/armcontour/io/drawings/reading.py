@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
 from armcontour import _checks
 from armcontour._checks import LONGEST_NAME
 from armcontour._files import SMALL, read_bytes
+from armcontour._progress import Progress, Step, under
 from armcontour._text import make_printable, show
 
 # Largest file that is read [bytes]: the data structures made from it take many times its size.
@@ -58,6 +60,32 @@ class Reading:
         _checks.positive("join tolerance", self.join_tolerance, "m")
         _checks.choice("unknown", self.unknown, UNKNOWN)
         _checks.choice("offsets", self.offsets, OFFSETS)
+
+
+Tell = Callable[[float], None]
+# Share of the reading of a drawing after which its entities are known and their curves are fitted.
+WALKED = 0.4
+
+
+def tell_share(progress: Progress | None, source: str) -> Tell:
+    """A function that passes the share of a file that is read on to `progress`, by whole percents.
+
+    Args:
+        progress: Called with the steps; None ignores them.
+        source: Name of the file.
+    """
+    if progress is None:
+        return lambda share: None
+    say, shown = under(progress, source), -1
+
+    def tell(share: float) -> None:
+        nonlocal shown
+        percent = int(100 * min(share, 1.0))
+        if percent > shown:
+            shown = percent
+            say(Step((), percent / 100))
+
+    return tell
 
 
 @dataclass(slots=True)

@@ -1,110 +1,23 @@
-"""Splines, and outlines of splines and chains, which become paths."""
+"""Outlines of chains and splines, which become paths."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
 from armcontour.geometry import Path, Segments
-from armcontour.geometry.fit import fit_arcs
-from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.splines import Spline, fit_splines
 
 # The gap of a closed outline is closed by moving the end only if it is at most this fraction of
 # the length of the last line, arc or curve; otherwise a line closes it.
 SMALL_GAP = 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spline:
-    """A rational B-spline.
-
-    Args:
-        points: Control points, (n, dimension).
-        weights: Weights of the control points, (n,).
-        knots: Knots in ascending order, (n + degree + 1,).
-        degree: Degree of the polynomials.
-    """
-
-    points: FloatArray
-    weights: FloatArray
-    knots: FloatArray
-    degree: int
-
-    @classmethod
-    def beziers(cls, points: FloatArray) -> Spline:
-        """The spline of cubic Bézier curves in sequence, with control points (3 n + 1, dimension).
-
-        The end point of each curve is the start point of the next one.
-        """
-        n = len(points) // 3
-        knots = np.repeat(np.arange(n + 1.0), 3)
-        knots = np.concatenate([[0.0], knots, [n]])
-        return cls(points=points, weights=np.ones(len(points)), knots=knots, degree=3)
-
-    def place(self, to: Affine) -> Spline:
-        """The image of the spline under an affine map."""
-        return dataclasses.replace(self, points=to(self.points))
-
-    @property
-    def starts(self) -> FloatArray:
-        """The first point, (1, dimension)."""
-        return self.points[:1]
-
-    @property
-    def last(self) -> FloatArray:
-        """Start and end point of the last polynomial if it is a Bézier curve, (2, dimension)."""
-        return self.points[[-1 - self.degree, -1]]
-
-    def start_at(self, point: FloatArray) -> Spline:
-        """A copy of the spline with another start point, (dimension,)."""
-        return dataclasses.replace(self, points=np.concatenate([point[None], self.points[1:]]))
-
-    def end_at(self, point: FloatArray) -> Spline:
-        """A copy of the spline with another end point, (dimension,), and the same end tangent."""
-        moved = [self.points[-2] + point - self.points[-1], point]
-        return dataclasses.replace(self, points=np.concatenate([self.points[:-2], moved]))
-
-    @property
-    def reach(self) -> FloatArray:
-        """Points whose bounding box contains the spline, (n, dimension)."""
-        return self.points
-
-    def to_segments(self, tolerance: float) -> Segments | None:
-        """Tangent arcs within a tolerance [m] of the spline; None if the spline has no length.
-
-        Raises:
-            InvalidInput: The spline is too large for the tolerance.
-        """
-        from scipy.interpolate import BSpline
-
-        if np.ptp(self.points, axis=0).max() <= REPEATED_POINT:
-            return None
-        if self.degree == 1:
-            # Straight between the points, whatever the weights.
-            return Path.polyline(self.points).segments
-        inner = np.unique(self.knots[self.degree : len(self.points) + 1])
-        if np.ptp(self.weights) == 0:
-            plain = BSpline(self.knots, self.points, self.degree)
-            return fit_arcs(lambda t, order: plain(t, order), inner, tolerance)
-        weights = (self.weights / self.weights.max())[:, None]
-        whole = BSpline(self.knots, np.hstack([weights * self.points, weights]), self.degree)
-
-        def curve(t: FloatArray, order: int) -> FloatArray:
-            value = whole(t)
-            w, p = value[:, -1:], value[:, :-1] / value[:, -1:]
-            if order == 0:
-                return np.asarray(p)
-            change = whole(t, 1)
-            return np.asarray((change[:, :-1] - p * change[:, -1:]) / w)
-
-        return fit_arcs(curve, inner, tolerance)
-
 
 Shape = Chain | Spline
 
@@ -130,24 +43,27 @@ class Outline:
         """Points whose largest coordinates tell how far the outline extends, (m, dimension)."""
         return np.concatenate([x.reach for x in self.shapes])
 
-    def to_path(self, tolerance: float, join: float = 0.0) -> Path | None:
-        """The path of the outline; None if it has no length.
-
-        Lines stay lines, and arcs of circles arcs; other curves become tangent arcs.
+    def parts(self, tolerance: float, join: float) -> list[Segments | Spline]:
+        """Segments of its chains, and its splines, each from the end of the part before.
 
         Args:
-            tolerance: Largest distance between a curve and its arcs [m].
-            join: Largest gap of a closed outline that is closed by moving its end [m].
+            tolerance: As in `paths_of` [m].
+            join: As in `paths_of` [m].
 
         Raises:
-            InvalidInput: A curve is too large for the tolerance.
+            InvalidInput: An arc is too large for the tolerance.
         """
-        tables: list[Segments] = []
-        for x in self._closed(join):
-            table = (x.start_at(tables[-1][-1:].ends[0]) if tables else x).to_segments(tolerance)
-            if table is not None:
-                tables.append(table)
-        return Path(segments=Segments.join(tables)) if tables else None
+        parts: list[Segments | Spline] = []
+        for shape in self._closed(join):
+            x = shape
+            if parts:
+                before = parts[-1]
+                at = before.points[-1] if isinstance(before, Spline) else before[-1:].ends[0]
+                x = x.start_at(at)
+            part = x.to_segments(tolerance) if isinstance(x, Chain) else x if x.has_length else None
+            if part is not None:
+                parts.append(part)
+        return parts
 
     def _closed(self, join: float) -> Sequence[Shape]:
         """The shapes, of a closed outline with its gap closed: by moving the end, or by a line."""
@@ -159,3 +75,55 @@ class Outline:
         if gap > min(join, SMALL_GAP * size):
             return [*self.shapes, Chain.straight(np.stack([end, start]))]
         return [*others, last.end_at(start)]
+
+
+def paths_of(
+    outlines: Sequence[Outline],
+    tolerance: float,
+    join: float = 0.0,
+    tell: Callable[[float], None] = lambda done: None,
+) -> list[Path | None]:
+    """The paths of outlines; None for an outline that has no length.
+
+    Lines stay lines, and arcs of circles arcs; other curves become tangent arcs.
+
+    Args:
+        outlines: The outlines. The curves of all of them are fitted together, which is faster.
+        tolerance: Largest distance between a curve and its arcs [m].
+        join: Largest gap of a closed outline that is closed by moving its end [m].
+        tell: Called from time to time with the fraction that is done.
+
+    Raises:
+        InvalidInput: A curve is too large for the tolerance; with the index of its outline.
+    """
+    parts: list[list[Segments | Spline]] = []
+    for i, outline in enumerate(outlines):
+        with _indexed(i):
+            parts.append(outline.parts(tolerance, join))
+    places = [
+        (i, k) for i, x in enumerate(parts) for k, part in enumerate(x) if isinstance(part, Spline)
+    ]
+    splines = [x for row in parts for x in row if isinstance(x, Spline)]
+    try:
+        for done, (n, segments) in enumerate(fit_splines(splines, tolerance)):
+            i, k = places[n]
+            parts[i][k] = segments
+            tell((done + 1) / len(splines))
+    except InvalidInput as error:
+        assert error.index is not None
+        raise InvalidInput(str(error), index=places[error.index][0]) from None
+    paths: list[Path | None] = []
+    for i, row in enumerate(parts):
+        tables = [x for x in row if isinstance(x, Segments)]
+        with _indexed(i):
+            paths.append(Path(segments=Segments.join(tables)) if tables else None)
+    return paths
+
+
+@contextmanager
+def _indexed(i: int) -> Iterator[None]:
+    """Give an error the index of the outline that it comes from."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(str(error), index=i) from None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+import itertools
 
 import numpy as np
 
+from armcontour._progress import Progress
 from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._svg_shapes import shape_of
@@ -22,8 +22,8 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
-from armcontour.io.drawings.reading import FARTHEST, Reading
-from armcontour.io.drawings.shapes import Outline
+from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, tell_share
+from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
@@ -32,7 +32,9 @@ MOST_SEGMENTS = 500_000
 NAMED = 6
 
 
-def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
+def read_svg(
+    data: bytes, *, source: str, reading: Reading, progress: Progress | None = None
+) -> Program:
     """Read the outlines of an SVG drawing.
 
     Shapes become contours in drawing order, placed by their groups, transforms and references;
@@ -50,6 +52,8 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
         data: Content of the file.
         source: Name of the file.
         reading: Settings of the reader.
+        progress: Called from time to time with the name of the source and the share of it that is
+            read.
 
     Raises:
         InvalidInput: The file is not SVG, or has content that is not read; the message names the
@@ -58,7 +62,8 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
     walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
-    pieces = _pieces(walk, page, view, reading)
+    tell = tell_share(progress, source)
+    pieces = _pieces(walk, page, view, reading, tell)
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
@@ -69,7 +74,9 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     return Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
 
 
-def _pieces(walk: Walk, page: Affine, view: Box | None, reading: Reading) -> list[Piece]:
+def _pieces(
+    walk: Walk, page: Affine, view: Box | None, reading: Reading, tell: Tell
+) -> list[Piece]:
     """The outlines of all shapes as pieces, in metres.
 
     Args:
@@ -77,19 +84,44 @@ def _pieces(walk: Walk, page: Affine, view: Box | None, reading: Reading) -> lis
         page: Map from user units to the page [m].
         view: Viewport in user units.
         reading: Settings of the reader.
+        tell: Called from time to time with the fraction that is done.
 
     Raises:
         InvalidInput: A shape is invalid, too far away or too large.
     """
-    pieces: list[Piece] = []
+    found: list[tuple[Shape, Outline]] = []
     budget = _Budget()
     for shape in walk.shapes(page, view):
+        tell(WALKED * walk.share)
         budget.element = shape.element
-        outlines = shape_of(shape.element, budget)
-        found = [x for x in (_piece(shape, x, reading) for x in outlines) if x is not None]
-        if not found:
+        outlines = [_placed(shape, x) for x in shape_of(shape.element, budget)]
+        found += [(shape, x) for x in outlines]
+        if not outlines:
             walk.leave_out(NO_SIZE, shape.element)
-        pieces += found if len(found) == 1 else _keep_apart(found, len(pieces))
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            paths = paths_of(
+                [x for _, x in found],
+                reading.chord_tolerance,
+                reading.join_tolerance,
+                lambda share: tell(WALKED + (1 - WALKED) * share),
+            )
+    except InvalidInput as error:
+        assert error.index is not None
+        found[error.index][0].element.refuse(str(error).rstrip("."))
+    pieces: list[Piece] = []
+    # Subpaths of one element have different numbers, so that they are never chained.
+    for _, group in itertools.groupby(zip(found, paths, strict=True), lambda x: id(x[0][0])):
+        drawn = list(group)
+        shape = drawn[0][0][0]
+        kept = [path for _, path in drawn if path is not None]
+        if not kept:
+            walk.leave_out(NO_SIZE, shape.element)
+        apart = range(len(pieces) + 1, len(pieces) + 1 + len(kept)) if len(kept) > 1 else [0]
+        pieces += [
+            Piece(path=path, name=shape.name, layer=shape.layer, apart=number)
+            for path, number in zip(kept, apart, strict=False)
+        ]
     return pieces
 
 
@@ -152,37 +184,17 @@ def _up(height: float, unit: float) -> Affine:
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
 
-def _piece(shape: Shape, outline: Outline, reading: Reading) -> Piece | None:
-    """The piece of one outline, in metres; None if the outline has no length.
+def _placed(shape: Shape, outline: Outline) -> Outline:
+    """An outline in metres.
 
     Raises:
-        InvalidInput: The outline is too far away or too large.
+        InvalidInput: The outline is too far away.
     """
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            placed = outline.place(shape.to)
-            _check_size(shape, placed)
-            path = placed.to_path(reading.chord_tolerance, reading.join_tolerance)
-    except InvalidInput as error:
-        if shape.element.name in str(error):
-            raise
-        shape.element.refuse(str(error).rstrip("."))
-    return None if path is None else Piece(path=path, name=shape.name, layer=shape.layer)
-
-
-def _check_size(shape: Shape, placed: Outline) -> None:
-    """Refuse an outline with points beyond `FARTHEST`.
-
-    Raises:
-        InvalidInput: A coordinate is too large.
-    """
-    reach = float(np.abs(placed.reach).max())
+    with np.errstate(over="ignore", invalid="ignore"):
+        placed = outline.place(shape.to)
+        reach = float(np.abs(placed.reach).max())
     if not reach <= FARTHEST:
         shape.element.refuse(
             f"it reaches {reach:.3g} m far, more than {FARTHEST:g} m: is the unit right?"
         )
-
-
-def _keep_apart(pieces: Sequence[Piece], offset: int) -> list[Piece]:
-    """Subpaths of one element with different numbers, so that they are never chained."""
-    return [dataclasses.replace(x, apart=offset + k + 1) for k, x in enumerate(pieces)]
+    return placed
