@@ -86,3 +86,23 @@ def test_nearest_points_are_those_of_the_table_however_the_path_is_held():
     plain, held = path.project(queries), path.pointing((0, 1, 0)).project(queries)
     np.testing.assert_array_equal(plain.s, held.s)
     np.testing.assert_array_equal(plain.distance, held.distance)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
+    rng = np.random.default_rng(dimension)
+    for _ in range(50):
+        arcs = []
+        start = rng.normal(size=dimension)
+        for _ in range(4):
+            center = start + rng.normal(size=dimension)
+            normal = np.cross(center - start, rng.normal(size=3)) if dimension == 3 else None
+            arc = ac.Arc(start=start, center=center, angle=rng.uniform(0.1, 6.2), normal=normal)
+            arcs.append(arc)
+            start = ac.Path.from_segments([arc]).vertices[-1]
+        path = ac.Path.from_segments(arcs)
+        low, high = path.segments.extent
+        points = path(np.union1d(np.linspace(0, path.length, 20_000), path.breaks))
+        assert (points >= low - 1e-12).all() and (points <= high + 1e-12).all()
+        # A chord of 1/20000 of the length is off by less than its square over eight radii.
+        np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1e-5)

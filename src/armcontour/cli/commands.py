@@ -11,6 +11,7 @@ from armcontour._version import __version__
 from armcontour.cli.options import (
     CertifyOptions,
     CheckOptions,
+    DrawingOptions,
     ExportOptions,
     Force,
     IdentifyOptions,
@@ -18,6 +19,7 @@ from armcontour.cli.options import (
     Open,
     Out,
     RunOptions,
+    ShowOptions,
     StoredExportOptions,
     SweepOptions,
     grouped,
@@ -97,6 +99,24 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
     from armcontour.cli.running import built_in_job, run_job
 
     run_job(lambda progress: built_in_job(), out, force=force, open_report=open_report)
+
+
+@app.command()
+@grouped
+def show(
+    drawing: Annotated[
+        FilePath,
+        typer.Argument(
+            help="Drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints (.csv, .parquet)."
+        ),
+    ],
+    drawing_options: DrawingOptions,
+    options: ShowOptions,
+) -> None:
+    """Show layers, contours, sizes and nesting of a drawing, before any arm."""
+    from armcontour.cli.showing import show_file
+
+    show_file(drawing, drawing_options, options)
 
 
 @app.command()

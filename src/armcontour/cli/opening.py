@@ -39,7 +39,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         names=None if x.contour is None else tuple(x.contour),
         flat=x.flat,
         skip_unknown=x.skip_unknown,
-        skip_words=_split_words(x.skip),
+        skip_words=split_words(x.skip),
         speed=read_option("--speed", x.speed, kinds.Speed),
         corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
         from_s=read_option("--from-s", x.from_s, kinds.Distance),
@@ -77,7 +77,7 @@ def open_job(file: FilePath, x: JobOptions, progress: Progress) -> Job:
     return read_cell(x.cell, file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)
 
 
-def _split_words(given: list[str] | None) -> tuple[str, ...] | None:
+def split_words(given: list[str] | None) -> tuple[str, ...] | None:
     """Words separated by commas, in one option or several; None without the option."""
     if given is None:
         return None

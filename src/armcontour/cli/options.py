@@ -77,27 +77,14 @@ class RunOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JobOptions:
-    """Options that replace values of a job, and that place a drawing."""
+class DrawingOptions:
+    """Options for reading a drawing."""
 
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell", help="Where a drawing is run: a built-in arm, or a job file without a path."
-        ),
-    ] = None
     units: Annotated[
         str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
     ] = None
     scale: Annotated[
         float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
-    ] = None
-    at: Annotated[
-        str | None,
-        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
-    ] = None
-    turn: Annotated[
-        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
     ] = None
     layer: Annotated[
         list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
@@ -113,6 +100,25 @@ class JobOptions:
         list[str] | None,
         typer.Option("--skip", help="Leave out these words of G-code, such as 'T,M6'."),
     ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobOptions(DrawingOptions):
+    """Options that replace values of a job, and that place a drawing."""
+
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            "--cell", help="Where a drawing is run: a built-in arm, or a job file without a path."
+        ),
+    ] = None
+    at: Annotated[
+        str | None,
+        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
+    ] = None
+    turn: Annotated[
+        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
+    ] = None
     speed: Annotated[
         str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
     ] = None
@@ -125,6 +131,20 @@ class JobOptions:
     ] = None
     memory: Memory = None
     trust_xacro: TrustXacro = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowOptions:
+    """Options of the command `show`."""
+
+    out: Annotated[
+        FilePath | None, typer.Option("--out", "-o", help="HTML file for a preview; else none.")
+    ] = None
+    force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False
+    open_page: Annotated[bool, typer.Option("--open", help="Open the preview in a browser.")] = (
+        False
+    )
+    as_json: AsJson = False
 
 
 Output = Annotated[

@@ -135,6 +135,23 @@ class Segments:
         """Unit tangents at the segments' ends, (n, dimension)."""
         return self.at(EVERY, self.lengths, 1)
 
+    @property
+    def extent(self) -> FloatArray:
+        """Smallest and largest coordinates [m], (2, dimension); those of arcs are exact."""
+        points = [self.starts, self.ends]
+        bent = np.flatnonzero(self.curvatures > 0)
+        sweeps = self.curvatures[bent] * self.lengths[bent]
+        for axis in range(self.dimension):
+            # A coordinate of an arc is extreme where the tangent has no part along its axis.
+            along, across = self.tangents[bent, axis], self.normals[bent, axis]
+            for turn in (0.0, np.pi):
+                angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
+                on = angle < sweeps
+                i = bent[on]
+                points.append(self.at(i, angle[on] / self.curvatures[i]))
+        everything = np.concatenate(points)
+        return np.stack([everything.min(axis=0), everything.max(axis=0)])
+
     def at(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`."""
         k = self.curvatures[i]

@@ -10,6 +10,7 @@ from armcontour._version import __version__
 from armcontour.certification import Certificate, Sweep
 from armcontour.errors import InvalidInput
 from armcontour.jobs import Job, Study
+from armcontour.program import Program
 from armcontour.report import sections
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
@@ -63,8 +64,21 @@ def render_sweep(sweep: Sweep) -> str:
     return _page(sweep.job, [sections.sweep(sweep)])
 
 
-def _page(job: Job, found: Sequence[Section]) -> str:
-    """Render sections as one HTML page."""
+def render_drawing(program: Program, title: str) -> str:
+    """Render a preview of a drawing as one HTML page without other files.
+
+    Args:
+        program: The contours of the drawing.
+        title: Title of the page.
+    """
+    about = f"{len(program.contours)} contours, {program.length:.4g} m of path"
+    return _page(None, [sections.drawing(program)], title=title, about=about)
+
+
+def _page(
+    job: Job | None, found: Sequence[Section], *, title: str | None = None, about: str = ""
+) -> str:
+    """Render sections as one HTML page, of a job or with another title."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
@@ -87,6 +101,8 @@ def _page(job: Job, found: Sequence[Section]) -> str:
 
     return environment.get_template("report.html").render(
         job=job,
+        title=title if job is None else job.title,
+        about=about,
         version=__version__,
         sections=found,
         drawing=drawing,

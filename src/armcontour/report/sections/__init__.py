@@ -2,6 +2,7 @@
 
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate
+from armcontour.report.sections.drawing import drawing
 from armcontour.report.sections.joints import joints, torques
 from armcontour.report.sections.motion import (
     accelerations,
@@ -22,6 +23,7 @@ __all__ = [
     "bindings",
     "certificate",
     "contour_error",
+    "drawing",
     "joint_space",
     "joints",
     "overview",

@@ -45,7 +45,7 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
     program = result.path
     figure, notes = go.Figure(), []
     flat = program.dimension == 2
-    draw = _in_plane if flat else _in_space
+    draw = draw_in_plane if flat else draw_in_space
     rapids = _rapids(result)
     if rapids is not None:
         # In space, plotly restarts dashes at every point.
@@ -55,50 +55,60 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
     if leads is not None:
         width = 1.8 if flat else 4
         figure.add_trace(draw(leads, "leads, tool off", LEAD_COLOUR, width=width))
-    for name, colour, points in _layers(program):
+    for name, colour, points in split_layers(program):
         figure.add_trace(draw(points, name, colour, width=2.2 if flat else 5))
     if figure.data:
-        everywhere = np.concatenate([_coordinates(x, program.dimension) for x in figure.data])
+        everywhere = np.concatenate([coordinates_of(x, program.dimension) for x in figure.data])
     starts, note = _starts(result, program)
     if note:
         notes.append(note)
-    for trace in (_arrows_in_plane if flat else _arrows_in_space)(starts, everywhere):
+    for trace in (arrows_in_plane if flat else arrows_in_space)(starts, everywhere):
         figure.add_trace(trace)
     events, note = mark_events(result.trajectory.events, flat)
     if note:
         notes.append(note)
     for trace in events:
         figure.add_trace(trace)
-    if flat:
-        figure.update_xaxes(title="x [mm]")
-        figure.update_yaxes(title="y [mm]", scaleanchor="x")
-        finish(figure, title="The program in the plane, as planned", height=640)
-    else:
-        in_space(figure, title="The program in space, as planned", height=680)
-        figure.update_layout(box(everywhere))
-        figure.update_layout(
-            updatemenus=[view_buttons(0.06)], annotations=[view_label("view", 0.0)]
-        )
+    lay_out(figure, everywhere, flat=flat, title="The program {}, as planned")
     return figure, tuple(notes)
 
 
-def _in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:
+    """Set axes and views of the picture of a program.
+
+    Args:
+        figure: The figure.
+        points: All points that are drawn [mm], (n, 2) or (n, 3).
+        flat: Whether the program is in the plane.
+        title: Title with a place for "in the plane" or "in space".
+    """
+    if flat:
+        figure.update_xaxes(title="x [mm]")
+        figure.update_yaxes(title="y [mm]", scaleanchor="x")
+        finish(figure, title=title.format("in the plane"), height=640)
+        return
+    in_space(figure, title=title.format("in space"), height=680)
+    figure.update_layout(box(points))
+    figure.update_layout(updatemenus=[view_buttons(0.06)], annotations=[view_label("view", 0.0)])
+
+
+def draw_in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
     """A curve in the plane, from points in m."""
     mm = points * 1e3
     return line(mm[:, 0], mm[:, 1], name, colour, hoverinfo="skip", **look)
 
 
-def _in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+def draw_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
     """A curve in space, from points in m."""
     return line_in_space(points * 1e3, name, colour, **look)
 
 
-def _coordinates(trace: Any, dimension: int) -> FloatArray:
+def coordinates_of(trace: Any, dimension: int) -> FloatArray:
     """Points of a curve, (n, dimension) [mm]."""
     return np.stack([trace.x, trace.y] + ([trace.z] if dimension == 3 else []), axis=1)
 
 
-def _layers(program: Program) -> list[tuple[str, str, FloatArray]]:
+def split_layers(program: Program) -> list[tuple[str, str, FloatArray]]:
     """Name, colour and points [m] of the contours of every layer, without leads."""
     lengths: dict[str, float] = {}
     for x in program.contours:
@@ -169,7 +179,7 @@ def _starts(
     return found, f"In the picture every {ordinal(every)} contour has an arrow at its start."
 
 
-def _arrows_in_plane(
+def arrows_in_plane(
     starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
 ) -> list[Any]:
     """Arrows in the plane, as markers."""
@@ -197,7 +207,7 @@ def _arrows_in_plane(
     ]
 
 
-def _arrows_in_space(
+def arrows_in_space(
     starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
 ) -> list[Any]:
     """Arrows in space, as lines."""

@@ -1,0 +1,56 @@
+"""The command `show`: what a drawing consists of, before any arm."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+
+import pytest
+from typer.testing import CliRunner
+
+from armcontour.cli.commands import app
+from armcontour.errors import InvalidInput
+
+GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
+
+
+def show(*arguments: object) -> str:
+    done = CliRunner().invoke(app, ["show", *map(str, arguments)])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_prints_layers_contours_and_size() -> None:
+    said = show(GASKET)
+    assert "140.00 x 122.50 mm" in said
+    words = {x.strip() for line in said.splitlines() for x in line.split("│")}
+    assert {"MARK", "CUT", "895.06", "7: handle 37", "52.00 x 52.00", "closed, cw"} <= words
+
+
+def test_options_of_drawings_choose_and_scale() -> None:
+    data = json.loads(show(GASKET, "--layer", "CUT", "--scale", 2, "--json"))
+    assert list(data["layers"]) == ["CUT"] and len(data["contours"]) == 8
+    assert data["layers"]["CUT"]["length"] == pytest.approx(2 * 0.89506, abs=1e-4)
+    assert [x["inside"] for x in data["contours"]] == [8] * 7 + [None]
+    size = [b - a for a, b in zip(*data["extent"], strict=True)]
+    assert size == pytest.approx([0.28, 0.245], abs=1e-12)
+
+
+def test_writes_a_preview_once(tmp_path: FilePath) -> None:
+    file = tmp_path / "gasket.html"
+    assert file.as_uri() in show(GASKET, "--out", file)
+    page = file.read_text(encoding="utf-8")
+    assert "<h1>gasket.dxf</h1>" in page and "layer MARK" in page and "10: handle 3A" in page
+    assert "the servo is simulated" not in page
+    with pytest.raises(InvalidInput, match="gasket.html exists already"):
+        show(GASKET, "--out", file)
+    show(GASKET, "--out", file, "--force")
+
+
+def test_refuses_what_is_no_drawing(tmp_path: FilePath) -> None:
+    with pytest.raises(InvalidInput, match="There is no file"):
+        show(tmp_path / "none.dxf")
+    with pytest.raises(InvalidInput, match="--open opens the preview"):
+        show(GASKET, "--open")
