@@ -81,7 +81,17 @@ def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
 
 
 def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
-    """The values of arguments as xacro reads them."""
+    """The values of arguments as xacro reads them.
+
+    Raises:
+        InvalidInput: A value that is neither text, a number, nor true or false.
+    """
+    for name, value in arguments.items():
+        if not isinstance(value, Value):
+            raise InvalidInput(
+                f"The argument {name} of a xacro file must be text, a number, or true or false, "
+                f"not {type(value).__name__}."
+            )
     return {
         str(name): str(value).lower() if isinstance(value, bool) else str(value)
         for name, value in arguments.items()

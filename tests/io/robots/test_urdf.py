@@ -205,6 +205,8 @@ def test_zero_and_less_count_as_not_given(tmp_path):
             limit = {"effort": "joint_torque", "velocity": "joint_velocity"}[key]
             assert (getattr(arm.limits, limit) is None) == (f"no {key}" in note)
             assert (f"has_{key}_limits and max_{key}" in note) == (f"no {key}" in note)
+        # Planning needs one of the two, and then says so.
+        assert ("max_effort do as well" in arm.limits_hint) == (arm.limits.joint_torque is None)
     # With the values from elsewhere nothing is lacking.
     (tmp_path / "joint_limits.yaml").write_text(LIMITS)
     arm = load(tmp_path, (elbow, given), joint_limits=tmp_path / "joint_limits.yaml")

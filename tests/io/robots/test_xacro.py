@@ -291,6 +291,11 @@ def test_arguments_that_lack_or_are_too_many_are_named(tmp_path, refuses):
             lambda x=text: load(write(tmp_path, link(x))),
             ac.InvalidInput, "it needs a value of its argument 'size'", "--xacro-arg size=VALUE",
         )  # fmt: skip
+    refuses(
+        lambda: ac.load_arm(file, trust_xacro=True, arguments={"soft": [1]}),
+        ac.InvalidInput,
+        "The argument soft of a xacro file must be text",
+    )
     (tmp_path / "robot.urdf").write_text(f"{HEAD}{ARM}</robot>")
     for given in ({"arguments": {"a": 1}}, {"packages": {"a": tmp_path}}):
         refuses(

@@ -71,7 +71,7 @@ def arm_of_tree(
         chain=chain,
         limits=limits,
         source=file,
-        limits_hint=HINT if limits.joint_acceleration is None else "",
+        limits_hint=_hint(limits, heavy=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
     )
 
@@ -180,6 +180,15 @@ def _limits(
     return limits_of(table, names, tree.file), _note(lacking, moving)
 
 
+def _hint(limits: Limits, *, heavy: bool) -> str:
+    """What the user can do to limit accelerations; empty if they are limited."""
+    if limits.joint_acceleration is not None:
+        return ""
+    if not heavy or limits.joint_torque is not None:
+        return HINT
+    return f"{HINT}; has_effort_limits and max_effort do as well, since the masses are known"
+
+
 def _table(tree: Tree, moving: list[Joint]) -> Table:
     """Limits of the moving joints in the description; velocity and effort not above 0 are none."""
     table: Table = {name: [] for name in (*JOINT_LIMITS, *JOINT_RANGE)}
@@ -206,7 +215,7 @@ def _note(lacking: dict[str, str], moving: list[Joint]) -> str:
         return ""
     keys = ", ".join(f"has_{kind}_limits and {'/'.join(KINDS[kind])}" for kind in lacking)
     return (
-        f"it gives {' and '.join(lacking.values())} (0 and less count as not given), so "
-        f"{' and '.join(lacking)} of the joints have no limits: give them for every joint with "
+        f"it gives {' and '.join(lacking.values())} (0 and less count as not given), so the "
+        f"joints have no limits of {' and '.join(lacking)}: give them for every joint with "
         f"joint_limits ({keys}) or with limits"
     )
