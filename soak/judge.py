@@ -18,9 +18,6 @@ PLACES = 8
 STEP = 1e-9
 # A tool this slow [m/s] has no direction, so no centripetal acceleration either.
 SLOWEST = 1e-6
-# An honest refusal of a speed: this part of what is said to be allowed can be had. Not all of it,
-# because on a coarse grid the margins, and with them what is allowed, change with the speed.
-ALLOWED = 0.99
 # Nearer than this to the edge of the reach [m] a path may be refused.
 EDGE = 2e-9
 
@@ -70,8 +67,8 @@ def run(seed: int) -> Outcome:
 def _answer(problem: Problem) -> tuple[str, str, float]:
     options = dict(problem.options)
     refused = ""
-    # Each end's speed may be refused once or twice (the one depends on the other), never more.
-    for _ in range(4):
+    # Each end's speed may be refused once, and what is then said to be allowed can be had.
+    for _ in range(3):
         try:
             planned = ac.plan(problem.path, problem.arm, problem.limits, **options)
         except ac.NotRealizable as error:
@@ -79,7 +76,7 @@ def _answer(problem: Problem) -> tuple[str, str, float]:
             name = (error.limit or "").replace(" ", "_")
             if not options.get(name) or not error.allowed < options[name]:
                 return "dishonest", refused, 0.0
-            options[name] = ALLOWED * error.allowed
+            options[name] = error.allowed
             continue
         except ac.Unreachable as error:
             result = "refused" if _leaves_reach(problem) else "dishonest"

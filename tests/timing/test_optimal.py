@@ -190,9 +190,9 @@ def test_start_and_end_speeds(begin, end, worst_ratios):
 
 SPEEDS = {
     "start, too long to stop": ({"start_speed": 2.1}, "start speed", 0.0, 2.1, 2.0),
-    "start, above a velocity limit": ({"start_speed": 5.5}, "start speed", 0.0, 5.5, 5.0),
+    "start, above a velocity limit": ({"start_speed": 5.5}, "start speed", 0.0, 5.5, 2.0),
     "end, cannot be reached": ({"end_speed": 2.1}, "end speed", 2.0, 2.1, 2.0),
-    "end, above a velocity limit": ({"end_speed": 5.5}, "end speed", 2.0, 5.5, 5.0),
+    "end, above a velocity limit": ({"end_speed": 5.5}, "end speed", 2.0, 5.5, 2.0),
 }
 
 
@@ -537,3 +537,30 @@ def test_any_size_of_s_will_do(size, worst_ratios):
     planned = ac.plan(ac.JointPath.spline(points, s * size), robot(3), limits)
     assert planned.duration == pytest.approx(usual.duration, rel=1e-9)
     assert_kept(worst_ratios(planned, limits, places=5))
+
+
+def plan_what_is_allowed(path, arm, limits, **options):
+    """Plan with the speeds that refusals name; the number of refusals, and the plan."""
+    for refusals in range(3):
+        try:
+            return refusals, ac.plan(path, arm, limits, **options)
+        except ac.NotRealizable as error:
+            name = error.limit.replace(" ", "_")
+            assert error.allowed < options[name]
+            options[name] = error.allowed
+    raise AssertionError("what was allowed was refused")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_speed_that_a_refusal_names_is_had(seed, worst_ratios):
+    """Coarse grids, whose margins change with the speed; each end depends on the other."""
+    rng = np.random.default_rng([seed, 700035892])
+    points = np.cumsum(rng.normal(size=(int(rng.integers(3, 8)), 4)), axis=0)
+    limits = ac.Limits(
+        joint_acceleration=rng.uniform(0.3, 3, 4), joint_deceleration=rng.uniform(0.1, 0.5, 4)
+    )
+    speeds = {"start_speed": 10 ** rng.uniform(-1, 1), "end_speed": 10 ** rng.uniform(-1, 1)}
+    path, intervals = ac.JointPath.spline(points), int(rng.integers(5, 20))
+    refusals, planned = plan_what_is_allowed(path, robot(4), limits, intervals=intervals, **speeds)
+    assert refusals <= 2
+    assert_kept(worst_ratios(planned, limits))

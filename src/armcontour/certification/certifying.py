@@ -72,6 +72,11 @@ def certify(
     """
     goal = goal_of(job, overrides)
     this = run_of(job, goal.run if run is None else run)
+    if this.duration is not None:
+        raise InvalidInput(
+            f"Run {this.name} has a duration of {this.duration:g} s, which a certified plan does "
+            "not take: leave duration out."
+        )
     refuse_jerk(this.limits, this.ignore_jerk)
     search = _Certifying(job, this, goal, under(progress))
     return search.certificate()

@@ -159,7 +159,8 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
             f"{e.duration:.4f}",
             f"{e.settled:.3f}",
             *_errors(e),
-            f"{e.demand_ratio.max():.4f}",
+            # Without limits of acceleration there is nothing to compare with.
+            "-" if result.run.limits.joint_acceleration is None else f"{e.demand_ratio.max():.4f}",
         ]
         if has_experiment:
             cells += _experiment_errors(result)

@@ -199,6 +199,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         timing_options={key: value for key, value in options.items() if value is not None},
         compensation_options={} if poles is None else {"poles": poles},
         until=model.until,
+        duration=model.duration,
         reserve=timing.reserve,
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
         experiment=_experiment(name, job.experiment),

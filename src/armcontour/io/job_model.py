@@ -298,6 +298,7 @@ class RunModel:
         compensation: How the servo's delay is compensated.
         limits, corners, command_interval, ignore_jerk: As the keys of the job, for this run only.
         until: End of the time over which errors are evaluated [s]; by default when the tool rests.
+        duration: Time of the motion from start to end [s]; by default the shortest.
     """
 
     timing: TimingModel = TimingModel()
@@ -307,6 +308,7 @@ class RunModel:
     command_interval: Interval | None = None
     ignore_jerk: bool | None = None
     until: Interval | None = None
+    duration: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

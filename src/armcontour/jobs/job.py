@@ -91,10 +91,11 @@ class Run:
         until: End of the time over which errors are evaluated [s]; None is when the tool rests.
         ignore_jerk: Whether to plan although the limits include jerk, which no method keeps.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
+        duration: Time of the motion from start to end [s]; None is the shortest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
 
     Raises:
-        InvalidInput: A command interval out of range, or an end that is not above zero.
+        InvalidInput: A command interval out of range, or a time that is not above zero.
     """
 
     name: str
@@ -108,10 +109,13 @@ class Run:
     until: float | None = None
     ignore_jerk: bool = False
     reserve: float = 0.0
+    duration: float | None = None
     experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
         check_interval(self.period)
+        if self.duration is not None:
+            _checks.positive("duration", self.duration, "s")
         if self.until is not None:
             _checks.positive("until", self.until, "s")
 

@@ -180,8 +180,21 @@ def trace_run(job: Job, this: Run, program: Program, progress: Progress | None =
     )
 
 
-def time_run(job: Job, this: Run, traced: Tracing, progress: Progress | None = None) -> Trajectory:
-    """Time a traced program under the limits and the options of a run."""
+def time_run(
+    job: Job,
+    this: Run,
+    traced: Tracing,
+    progress: Progress | None = None,
+    *,
+    duration: float | None = None,
+) -> Trajectory:
+    """Time a traced program under the limits and the options of a run, in a given time if any."""
     return plan(
-        traced, job.arm, this.limits, progress=progress, memory=job.memory, **this.plan_options
+        traced,
+        job.arm,
+        this.limits,
+        duration=duration,
+        progress=progress,
+        memory=job.memory,
+        **this.plan_options,
     )

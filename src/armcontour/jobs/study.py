@@ -20,6 +20,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
 from armcontour.jobs.slow_ends import slow_ends
+from armcontour.jobs.weak_points import capped, overloaded
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -91,7 +92,10 @@ class RunPlan:
                 f"the command interval of {period:g} s is more than a tenth of the motion of "
                 f"{duration:.3g} s, so the set-points hardly represent the plan."
             )
-        found += [*self.path.notes, *slow_ends(self.path, self.trajectory, self.run)]
+        found += [*self.path.notes, *capped(self.objective, self.run)]
+        # In a given duration contours are slower than assigned on purpose.
+        if self.run.duration is None:
+            found += slow_ends(self.path, self.trajectory, self.run)
         return tuple(f"Run {self.run.name}: {x}" for x in found)
 
 
@@ -112,6 +116,14 @@ class RunResult(RunPlan):
     evaluation: Evaluation
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on weak points of the plan, and on joints that are asked for too much."""
+        # `super` without arguments does not work in a dataclass with slots.
+        found = overloaded(self.execution, self.evaluation, self.run)
+        planned = super(RunResult, self).warnings
+        return (*planned, *(f"Run {self.run.name}: {x}" for x in found))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -243,7 +255,7 @@ def _teach(
     refuse_too_large(job, this, least, done_before, simulated)
     objective, path, traced = _trace(job, this, progress, earlier)
     progress(Step(("timing",)))
-    trajectory = time_run(job, this, traced, progress)
+    trajectory = time_run(job, this, traced, progress, duration=this.duration)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     progress(Step(("compensation",)))
     taught = compensate(

@@ -39,6 +39,7 @@ from armcontour.timing.constraints import (
     turning_of,
 )
 from armcontour.timing.constraints._rows import margin_lost
+from armcontour.timing.end_speeds import END, START, Ends
 from armcontour.timing.grid import (
     AT_AN_INTERVAL,
     Grid,
@@ -127,7 +128,16 @@ def plan_optimal(
         placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
-    law = _solve(placed, _Task(tuple(active), start_speed, end_speed, arm), most)
+
+    def solve(start: float, end: float) -> PathLaw:
+        return _solve(placed, _Task(tuple(active), start, end, arm), most)
+
+    try:
+        law = solve(start_speed, end_speed)
+    except NotRealizable as error:
+        if error.limit not in (START, END):
+            raise
+        raise Ends(solve, start_speed, end_speed).refuse(error) from None
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 

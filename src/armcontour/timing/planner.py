@@ -16,6 +16,7 @@ from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
+from armcontour.timing.given_duration import time_in
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import METHODS, OPTIONS, Timing
 from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
@@ -45,6 +46,7 @@ def plan(
     start: npt.ArrayLike | None = None,
     ignore_jerk: bool = False,
     reserve: float = 0.0,
+    duration: float | None = None,
     progress: Progress | None = None,
     memory: float = _memory.DEFAULT,
     **options: Any,
@@ -64,6 +66,8 @@ def plan(
             default the configuration that is fastest along the path.
         ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
+        duration: Time from start to end [s], for the method "optimal": contours are slowed down by
+            one factor, rapids and dwells are not. By default the motion is the fastest.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
@@ -75,7 +79,8 @@ def plan(
         InvalidInput: An unknown method or option, a limit that the method needs is missing, more
             intervals than fit in memory, or a speed at which the motion takes too long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
-        NotRealizable: The method cannot keep the limits on this path, or there are limits of jerk.
+        NotRealizable: The method cannot keep the limits on this path, or not in so short a
+            duration, or there are limits of jerk.
     """
     _checks.choice("method", method, METHODS)
     arm = _arm_of(path, arm, limits)
@@ -83,11 +88,18 @@ def plan(
     refuse_jerk(bounds, ignore_jerk)
     _refuse_options(method, options, arm, memory)
     timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
+    if duration is not None:
+        _refuse_duration(duration, method, options)
     traced = _trace(path, arm, bounds, branch, start)
-    if isinstance(traced, JointPath):
-        return _refuse_endless_motion(timing.contour(traced))
-    timing = replace(timing, options=_fit_options(traced.program, method, options))
-    return _refuse_endless_motion(time_program(traced, timing, progress))
+    if isinstance(traced, Tracing):
+        timing = replace(timing, options=_fit_options(traced.program, method, options))
+    if duration is not None:
+        found = time_in(duration, traced, timing, progress)
+    elif isinstance(traced, JointPath):
+        found = timing.contour(traced)
+    else:
+        found = time_program(traced, timing, progress)
+    return _refuse_endless_motion(found)
 
 
 def _trace(
@@ -185,6 +197,24 @@ def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: f
                 wanted * AT_AN_INTERVAL * arm.dof,
                 f"A plan of {wanted:g} {name}",
                 "take fewer",
+            )
+
+
+def _refuse_duration(duration: float, method: str, options: Mapping[str, Any]) -> None:
+    """Refuse a duration that cannot be planned for, whatever the path.
+
+    Raises:
+        InvalidInput: It is no time, the method is not "optimal", or the path is entered or left at
+            a speed.
+    """
+    _checks.between("duration", _checks.positive("duration", duration, "s"), 0, LONGEST_MOTION, "s")
+    if method != Method.OPTIMAL:
+        raise InvalidInput(f"A duration is planned by the method optimal only, not by {method}.")
+    for name in ("start_speed", "end_speed"):
+        if options.get(name):
+            raise InvalidInput(
+                f"A motion of a given duration starts and ends at rest: leave out {name}, or "
+                "duration."
             )
 
 

@@ -1,0 +1,97 @@
+"""What was capped, and joints that are asked for too much: said once, with the values."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.jobs import Rounding, Run, teach
+from armcontour.program import Contour, Program
+
+LINES = [(0.3, 0.1), (0.36, 0.1), (0.36, 0.14)]
+
+
+def job(path, **values):
+    arm = ac.load_arm("pmk3s")
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    asked = {
+        "name": "one",
+        "timing": "optimal",
+        "compensation": "inverse",
+        "limits": arm.limits.replace(speed=0.1, centripetal_acceleration=0.09),
+        "rounding": Rounding(tolerance=0.25e-3),
+        "period": 4e-3,
+        "reserve": 0.1,
+        **values,
+    }
+    return ac.Job(
+        name="j",
+        title="j",
+        arm=arm,
+        path=path,
+        servo=servo,
+        plant_servo=servo,
+        runs=(Run(**asked),),
+    )
+
+
+def drawn(speed, tolerance, lift=0.0):
+    """Two lines with a speed and a tolerance of their own."""
+    points = np.array(LINES) + [0.0, lift]
+    return ac.Path.polyline(points, demand=ac.Demand(speed=speed, tolerance=tolerance))
+
+
+def warnings_of(asked):
+    return teach(asked)["one"].warnings
+
+
+def test_a_speed_and_a_tolerance_above_the_runs_are_said_once():
+    path = Program(
+        moves=(
+            Contour(path=drawn(0.15, 0.5e-3), name="MARK 1"),
+            Contour(path=drawn(0.05, 0.1e-3, 0.05), name="CUT 1"),
+            Contour(path=drawn(0.12, 0.5e-3, 0.1), name="MARK 2"),
+        )
+    )
+    speed, tolerance = warnings_of(job(path))
+    assert speed == (
+        "Run one: the speed of up to 150 mm/s of contour MARK 1, contour MARK 2 is capped at "
+        "100 mm/s by limits.speed: raise limits.speed to have it."
+    )
+    assert tolerance == (
+        "Run one: the corner tolerance of up to 0.5 mm of contour MARK 1, contour MARK 2 is capped "
+        "at 0.25 mm by corners.tolerance: raise corners.tolerance to have it."
+    )
+
+
+def test_segments_of_a_single_path_are_named():
+    (speed,) = warnings_of(job(drawn(0.15, 0.1e-3)))
+    assert "of segment 1, segment 2 is capped" in speed
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.02])
+def test_what_is_not_capped_is_not_said(speed):
+    assert warnings_of(job(drawn(speed, 0.25e-3))) == ()
+
+
+def test_a_demand_far_above_the_limit_is_said_and_by_whom():
+    asked = job(drawn(0.1, 0.25e-3))
+    assert ac.run(asked).runs["one"].warnings == ()
+    lost = dataclasses.replace(asked, servo=ac.ServoModel(kp=15.0, kv=40.0))
+    found = ac.run(lost).runs["one"]
+    ratio = found.evaluation.demand_ratio
+    assert ratio.max() > 1.5
+    (warning,) = found.warnings
+    joint = int(ratio.argmax())
+    assert warning.startswith(f"Run one: joint {joint + 1} is asked for ")
+    assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
+    assert f"{found.evaluation.contour_error.max * 1e3:.3g} mm off" in warning
+    assert "a larger reserve" in warning
+
+
+def test_a_run_takes_its_duration():
+    asked = job(drawn(0.1, 0.25e-3), duration=4.0)
+    assert teach(asked)["one"].trajectory.duration == pytest.approx(4.0, rel=1e-12)
