@@ -135,7 +135,9 @@ def _print_results(study: Study, report: FilePath) -> None:
 
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
-
+    misses = any(_misses(x.evaluation) for x in study.runs.values())
+    if misses:
+        headings.append("path missed [mm]")
     if has_experiment:
         headings += ["experiment: RMS error [mm]", "largest [mm]"]
     rows = []
@@ -147,6 +149,8 @@ def _print_results(study: Study, report: FilePath) -> None:
             *_errors(e),
             f"{e.demand_ratio.max():.4f}",
         ]
+        if misses:
+            cells.append(f"{e.missed.max * 1e3:.4f}")
         if has_experiment:
             cells += _experiment_errors(result)
         rows.append([name, *cells])
@@ -161,6 +165,11 @@ def _print_results(study: Study, report: FilePath) -> None:
         lines.append(f"Masses: {assumed}")
     for text in (*lines, f"Report: {report.as_uri()}"):
         console.say(text)
+
+
+def _misses(e: Evaluation) -> bool:
+    """Whether the tool misses parts of the path by more than it is off the path anywhere."""
+    return e.missed.max > e.contour_error.max * (1 + 1e-3)
 
 
 def _experiment_errors(result: RunResult) -> list[str]:
