@@ -149,7 +149,9 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
 
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
-
+    misses = any(_misses(x.evaluation) for x in study.runs.values())
+    if misses:
+        headings.append("path missed [mm]")
     if has_experiment:
         headings += ["experiment: RMS error [mm]", "largest [mm]"]
     rows = []
@@ -162,6 +164,8 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
             # Without limits of acceleration there is nothing to compare with.
             "-" if result.run.limits.joint_acceleration is None else f"{e.demand_ratio.max():.4f}",
         ]
+        if misses:
+            cells.append(f"{e.missed.max * 1e3:.4f}")
         if has_experiment:
             cells += _experiment_errors(result)
         rows.append([name, *cells])
@@ -178,6 +182,11 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
         lines.append(f"Masses: {assumed}")
     for text in (*lines, f"Report: {report.as_uri()}"):
         console.say(text)
+
+
+def _misses(e: Evaluation) -> bool:
+    """Whether the tool misses parts of the path by more than it is off the path anywhere."""
+    return e.missed.max > e.contour_error.max * (1 + 1e-3)
 
 
 def _experiment_errors(result: RunResult) -> list[str]:

@@ -2,7 +2,7 @@
 
 from armcontour.evaluation.checking import Check, PathDeviation, check
 from armcontour.evaluation.cornering_deviations import CornerDeviation
-from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.evaluation import Evaluation, evaluate
 from armcontour.evaluation.tally import LimitUse
 
@@ -12,6 +12,7 @@ __all__ = [
     "ErrorProfile",
     "Evaluation",
     "LimitUse",
+    "Missed",
     "PathDeviation",
     "check",
     "evaluate",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from armcontour._checks import FloatArray
 from armcontour.frames import log
 from armcontour.geometry import Orientation, Path, Projection, angle_between
+from armcontour.geometry.nearest import pack
 
-# Samples of the path in the search for other points of it near the tool.
-PLACES = 5000
+# So many of the largest angles are looked at first, and four times as many in each round after it.
+FIRST = 100
 
 
 def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
@@ -30,43 +30,34 @@ def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> Fl
 
 
 def least_off(
-    path: Path,
-    tool: FloatArray,
-    nearest: Projection,
-    turned: FloatArray,
-    allowed: float,
-    reach: float,
+    path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
 ) -> FloatArray:
     """Angle between the tool and the required tool orientation nearby on the path [rad], (n,).
 
-    Where the path crosses itself or closes, the tool may follow another point of the path than the
-    nearest one. So the smallest angle to all points within `reach` counts. Angles that cannot be
-    the largest one are not reduced in this way.
+    Where the path crosses itself, turns back or closes, the tool may follow another point of the
+    path than the nearest one. So the smallest angle at the nearest points of all segments within
+    `reach` counts, and at the ends of segments within it. Angles that cannot be the largest one are
+    not reduced in this way.
 
     Args:
         path: The path, with a tool orientation.
         tool: Tool points [m], (n, 3).
         nearest: Nearest points of the path.
         turned: The tool's axes as columns, (n, 3, 3).
-        allowed: Angles up to this one are returned as they are [rad].
         reach: Largest distance of the tool from the point of the path that it follows [m].
     """
+    from armcontour.evaluation._following import find_places
+
     assert path.orientation is not None
     angle = angle_off(path.orientation, nearest.s, turned)
-    if not (angle > allowed).any():
-        return angle
-    s = np.linspace(0.0, path.length, PLACES)
-    tree, gap = cKDTree(path(s)), float(s[1])
-    worst = allowed
-    for i in np.argsort(-angle).tolist():
-        if angle[i] <= worst:
-            break
-        near = s[tree.query_ball_point(tool[i], max(reach, nearest.distance[i]) + gap)]
-        others = near[np.abs(near - nearest.s[i]) > 2 * gap]
-        if len(others):
-            fits = angle_off(path.orientation, others, np.tile(turned[i], (len(others), 1, 1)))
-            # Between two samples the angle may be smaller by the rotation along the gap.
-            fits -= gap * np.linalg.norm(path.orientation.rates(others)[0], axis=1)
-            angle[i] = min(angle[i], max(0.0, float(fits.min())))
-        worst = max(worst, float(angle[i]))
+    geometry, order = pack(path.segments), np.argsort(-angle)
+    size, done, worst = FIRST, 0, -np.inf
+    while done < len(order) and angle[order[done]] > worst:
+        these = order[done : done + size]
+        far = np.maximum(reach, nearest.distance[these])
+        of, places = find_places(tool[these], geometry, far)
+        fits = angle_off(path.orientation, np.minimum(places, path.length), turned[these[of]])
+        np.minimum.at(angle, these[of], fits)
+        worst = max(worst, float(angle[these].max()))
+        done, size = done + size, size * 4
     return angle

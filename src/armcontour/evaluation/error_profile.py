@@ -11,6 +11,21 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missed:
+    """The largest distance from a place of the path to the tool.
+
+    Args:
+        max: The distance [m].
+        t_max: Time at which the tool passes that place [s].
+        s_max: Arc length of the place [m].
+    """
+
+    max: float
+    t_max: float
+    s_max: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorProfile:
     """An error over time: a distance [m], or an angle [rad].

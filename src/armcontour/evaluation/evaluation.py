@@ -18,7 +18,7 @@ from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
 from armcontour.evaluation.cornering_deviations import CornerDeviation
-from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
 from armcontour.geometry import Path
@@ -43,17 +43,20 @@ class Evaluation:
         duration: Planned time of the motion [s].
         settled: Time after which the tool stays below 1 mm/s [s].
         until: End of the time that the errors cover [s].
-        contour_error: Distance from the tool to the path [m].
+        contour_error: Distance from the tool to its place on the path [m].
+        missed: Largest distance from a place of the path to the tool: a part of the path that the
+            tool does not reach counts.
         tracking_error: Distance from the tool to its planned position at the same time [m].
         objective_error: Distance from the tool to the objective path [m]; None without one.
         orientation_error: Angle between the tool orientation (or its axis, where only the axis is
-            required) and the required one at the nearest point of the path [rad]; None if no
-            orientation is required.
+            required) and the required one at its place on the path [rad]; None if no orientation is
+            required.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
-        speed_ratio: Largest tool speed over the assigned velocity; NaN without one.
-        speed_overshoot: Largest excess of the tool speed over the assigned velocity at the nearest
-            point, which may be that of a segment [m/s]; 0 without one.
+        speed_ratio: Largest ratio of the tool speed to the velocity assigned at its place, which
+            may be that of a segment; NaN without one.
+        speed_overshoot: Largest excess of the tool speed over the velocity assigned at its place
+            [m/s]; 0 without one.
         path_velocity: Mean tool speed over the planned time of the motion [m/s].
         utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
             acceleration, velocity or torque.
@@ -70,6 +73,7 @@ class Evaluation:
     settled: float
     until: float
     contour_error: ErrorProfile
+    missed: Missed
     tracking_error: ErrorProfile
     objective_error: ErrorProfile | None
     orientation_error: ErrorProfile | None
@@ -130,20 +134,24 @@ def evaluate(
         end = _checks.positive("until", until, "s")
     pieces = pieces_of(executed, program, before, end)
     contours = tuple(x.contour_error for x in pieces)
-    fastest = max(float(x.speed.max()) for x in pieces)
+    shares = [x.speed_shares(bounds.speed) for x in pieces]
+    ratio = max(float(x.max()) for x in shares)
     return Evaluation(
         duration=duration,
         settled=settled,
         until=end,
         contour_error=ErrorProfile.join(contours),
+        missed=max((x.missed for x in pieces), key=lambda x: x.max),
         tracking_error=ErrorProfile.join([x.tracking_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
         corners=_collect_corners(pieces, program),
         contours=contours,
-        speed=fastest,
-        speed_ratio=fastest / (np.nan if bounds.speed is None else bounds.speed),
-        speed_overshoot=max(_overshoot(x, bounds) for x in pieces),
+        speed=max(float(x.speed.max()) for x in pieces),
+        speed_ratio=ratio if ratio > 0 else np.nan,
+        speed_overshoot=max(
+            _overshoot(piece.speed, share) for piece, share in zip(pieces, shares, strict=True)
+        ),
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
         **_compute_demands(executed, bounds, end),
     )
@@ -198,13 +206,10 @@ def _collect_corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerD
     )
 
 
-def _overshoot(piece: Piece, limits: Limits) -> float:
-    """Largest excess of the tool speed over the assigned velocity at the nearest point [m/s]."""
-    path, s = piece.path, piece.found.s
-    assigned = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    # At a vertex between segments the larger assigned velocity counts.
-    here = np.fmax(assigned[path.locate(s)], assigned[path.locate(s, side="left")])
-    return max(0.0, float(np.nanmax(piece.speed - np.where(np.isnan(here), np.inf, here))))
+def _overshoot(speed: FloatArray, share: FloatArray) -> float:
+    """Largest excess of tool speeds [m/s] over the assigned velocity, from their shares of it."""
+    over = share > 1
+    return float((speed[over] * (1 - 1 / share[over])).max(initial=0.0))
 
 
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:

@@ -12,8 +12,10 @@ from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.angular_deviation import angle_off
 from armcontour.evaluation.cornering_deviations import CornerDeviation, corner_deviations
-from armcontour.evaluation.error_profile import ErrorProfile
-from armcontour.geometry import Path, Projection
+from armcontour.evaluation.error_profile import ErrorProfile, Missed
+from armcontour.evaluation.following import Followed, follow_path
+from armcontour.evaluation.speed_shares import measure_shares
+from armcontour.geometry import Path
 from armcontour.motion import Execution, Span
 from armcontour.program import Program
 
@@ -28,6 +30,9 @@ class Piece:
         objective: The path before rounding, or None if unknown.
         which: The samples of the piece.
         until: End of the piece [s].
+        beyond: Index after the last sample at which the tool may still be on the path.
+        work: Places between which parts of the path count that the tool leaves out [m].
+        before_work: The same on the objective path, or None if unknown.
         offset: Length of the contours before the piece [m], added to arc lengths.
     """
 
@@ -36,6 +41,9 @@ class Piece:
     objective: Path | None
     which: slice
     until: float
+    beyond: int
+    work: tuple[float, float]
+    before_work: tuple[float, float] | None = None
     offset: float = 0.0
 
     @cached_property
@@ -49,9 +57,18 @@ class Piece:
         return self.executed.q[self.which]
 
     @cached_property
+    def _around(self) -> tuple[FloatArray, slice]:
+        """Tool points of the piece and around it [m], and which of them are those of the piece."""
+        # The tool is at the start of the work between two samples.
+        first = max(self.which.start - 1, 0)
+        points = self.executed.arm.forward(self.executed.q[first : self.beyond])
+        return points, slice(self.which.start - first, self.which.stop - first)
+
+    @property
     def tool(self) -> FloatArray:
         """Tool points [m], (n, dimension)."""
-        return self.executed.arm.forward(self.q)
+        points, own = self._around
+        return points[own]
 
     @cached_property
     def speed(self) -> FloatArray:
@@ -60,20 +77,39 @@ class Piece:
         return np.asarray(np.linalg.norm(velocity, axis=1))
 
     @cached_property
-    def found(self) -> Projection:
-        """Nearest points of the path."""
-        return self.path.project(self.tool)
+    def found(self) -> Followed:
+        """Places of the tool on the path."""
+        return self._follow(self.path, self.work)
 
     @cached_property
-    def off_objective(self) -> Projection | None:
-        """Nearest points of the objective path; None if unknown."""
-        return None if self.objective is None else self.objective.project(self.tool)
+    def off_objective(self) -> Followed | None:
+        """Places of the tool on the objective path; None if unknown."""
+        return None if self.objective is None else self._follow(self.objective, self.before_work)
+
+    def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
+        """Places of the tool on a path."""
+        points, own = self._around
+        return follow_path(path, points, work=work, judged=own)
 
     @property
     def contour_error(self) -> ErrorProfile:
         """Distance from the tool to the path [m]."""
         s = self.found.s
         return self._over_time(self.found.distance, s, _side(self.path, self.tool, s))
+
+    @property
+    def missed(self) -> Missed:
+        """Largest distance from the path to the tool [m]."""
+        i = int(np.argmax(self.found.missed))
+        return Missed(
+            max=max(0.0, float(self.found.missed[i])),
+            t_max=float(self.t[i]),
+            s_max=float(self.found.missed_s[i]) + self.offset,
+        )
+
+    def speed_shares(self, limit: float | None, *, between: bool = False) -> FloatArray:
+        """Tool speed over the velocity assigned at its place, (n,); see `measure_shares`."""
+        return measure_shares(self.path, self.found, self.speed, limit, between=between)
 
     @property
     def tracking_error(self) -> ErrorProfile:
@@ -144,17 +180,24 @@ def pieces_of(
         judged = [_find_window(executed, x) for x in spans]
     else:
         judged = [(slice(0, len(executed.t)), until, 0.0)]
-    before = [None] * count if objective is None else [x.path for x in objective.contours]
+    starts = [which.start for which, _, _ in judged[1:]]
+    beyond = [*starts, len(executed.t)]
+    before = [None] * count if objective is None else objective.contours
     return [
         Piece(
             executed=executed,
             path=contour.path,
-            objective=first,
+            objective=None if first is None else first.path,
             which=which,
             until=end,
+            beyond=last,
+            work=contour.at_work,
+            before_work=None if first is None else first.at_work,
             offset=offset,
         )
-        for contour, first, (which, end, offset) in zip(path.contours, before, judged, strict=True)
+        for contour, first, (which, end, offset), last in zip(
+            path.contours, before, judged, beyond, strict=True
+        )
     ]
 
 

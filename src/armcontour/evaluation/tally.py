@@ -356,7 +356,7 @@ class Tally:
         if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
             return
         reach = self.farthest["distance"] if self.deviation is None else self.deviation
-        angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], allowed, reach)
+        angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], reach)
         # An error of a joint position turns the tool by at most the same angle. An error of the
         # tool point moves the nearest point to another required orientation.
         rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ UNITS = {
     "settled": "s",
     "until": "s",
     "contour_error": "m",
+    "missed": "m",
     "tracking_error": "m",
     "objective_error": "m",
     "speed": "m/s",
@@ -274,6 +276,7 @@ def _errors(e: Evaluation) -> dict[str, Any]:
         "settled": e.settled,
         "until": e.until,
         "contour_error": _error(e.contour_error),
+        "missed": asdict(e.missed),
         "tracking_error": _error(e.tracking_error),
         "objective_error": None if e.objective_error is None else _error(e.objective_error),
         "speed": e.speed,

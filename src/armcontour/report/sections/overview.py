@@ -99,6 +99,11 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             note=f"at {e.contour_error.t_max:.2f} s, s = {e.contour_error.s_max:.3f} m",
         ),
         Tile(
+            label="path missed, largest",
+            value=f"{e.missed.max * 1e3:.4f} mm",
+            note=f"from s = {e.missed.s_max:.3f} m of the path to the tool",
+        ),
+        Tile(
             label="joint demand / limit",
             value=_ratio(float(e.demand_ratio[worst])),
             note=f"{names[worst]}; {_saturated(result)}",

@@ -1,0 +1,88 @@
+"""The places of a path at which a tool follows it, and the parts of the path that it leaves out.
+
+Where a path runs over itself, the nearest place may be on another lap than the one on which the
+tool is. So the place is the nearest one of those that the tool can have reached by running over the
+path from its start without going back, on a leash that is as short as it can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.geometry import Path
+from armcontour.geometry.nearest import pack, pad
+
+# The leash is at least this many times the largest distance of some of the points from the path,
+# and this many steps of the tool; it is doubled until it is long enough.
+SLACK = 4.0
+SOME = 500
+SHORTEST = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Followed:
+    """How a tool follows a path.
+
+    Args:
+        distance: Distance from the tool to its place on the path [m], (n,).
+        s: Place of the tool on the path [m], (n,).
+        missed: Largest distance from the path to the tool, of the places that are passed from each
+            point to the next [m], (n,); -1 where it cannot be the largest one.
+        missed_s: Where these distances are [m], (n,).
+    """
+
+    distance: FloatArray
+    s: FloatArray
+    missed: FloatArray
+    missed_s: FloatArray
+
+
+def follow_path(
+    path: Path,
+    points: FloatArray,
+    *,
+    work: tuple[float, float] | None = None,
+    judged: slice | None = None,
+) -> Followed:
+    """Find the places of a path at which a tool follows it, and what it leaves out.
+
+    Args:
+        path: The path.
+        points: Tool points in order [m], (n, dimension) with n > 1.
+        work: Places between which the path counts as left out [m]; the tool starts at or before the
+            first one. By default all of the path, with a start at its start.
+        judged: The points for which places are found. Those before them, and those after them as
+            long as the tool is on the path, only count for what is left out. By default all.
+    """
+    from armcontour.evaluation._following import follow, measure_missed
+
+    first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
+    begin, end = (0.0, path.length) if work is None else work
+    padded, geometry = pad(points), pack(path.segments)
+    leash = _find_least_leash(path, points[:last])
+    farthest = path.length + float(np.linalg.norm(points - path.starts[0], axis=1).max())
+    while True:
+        distance, s, reached, held = follow(padded, geometry, begin, leash, last)
+        if leash > farthest or (reached >= last and not held):
+            break
+        leash *= 2
+    of = slice(0, max(reached, 2))
+    missed, where = measure_missed(
+        padded[of], distance[of], s[of], geometry, begin, min(end, path.length)
+    )
+    own = slice(first, last)
+    for at, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
+        if len(missed[others]) and missed[others].max() > missed[at]:
+            worst = int(np.argmax(missed[others])) + others.start
+            missed[at], where[at] = missed[worst], where[worst]
+    return Followed(distance=distance[own], s=s[own], missed=missed[own], missed_s=where[own])
+
+
+def _find_least_leash(path: Path, points: FloatArray) -> float:
+    """A leash [m] that is not needlessly long for any of the points."""
+    some = path.project(points[:: max(1, len(points) // SOME)]).distance.max()
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return SLACK * max(float(some), float(steps.max(initial=0.0)), SHORTEST)

@@ -1,0 +1,91 @@
+"""Places at which a tool follows a path that runs over itself, against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.evaluation.following import follow_path
+
+OFF = 0.3e-3
+
+
+def retraced(random):
+    """A path of lines and arcs that crosses itself, turns back and is run again in parts."""
+    points = [random.uniform(0, 0.1, 2)]
+    segments = []
+    while len(segments) < 14:
+        kind = random.integers(4)
+        if kind == 0 and len(points) > 2:
+            points += points[-2::-1][: random.integers(1, len(points))]  # back the same way
+        elif kind == 1 and len(points) > 3:
+            points += [points[-3], points[-2], points[-1]]  # another lap
+        else:
+            points.append(random.uniform(0, 0.1, 2))
+        segments = points[1:]
+    path = ac.Path.polyline(np.array(points[:15]))
+    if random.integers(2):
+        path = ac.round_corners(path, tolerance=random.uniform(0.1e-3, 1e-3))
+    return path
+
+
+def moved(path, random, n=3000, cut=0.0):
+    """Tool points near a path, and their true places; tips of it may be cut off."""
+    s = np.unique(np.concatenate([np.linspace(0, path.length, n), path.breaks]))
+    for at in path.stops if cut else []:
+        s = s[np.abs(s - at) > random.uniform(0.2, 1) * cut]
+    s[[0, -1]] = 0, path.length
+    middle = path(s)
+    phase, wave = random.uniform(0, 6, 2), random.uniform(100, 300, 2)
+    return middle + OFF / 2 * np.sin(wave * s[:, None] + phase), s
+
+
+def near(path, tool, s, window):
+    """Distance of every tool point from the places within a window around its true place."""
+    best = np.full(len(tool), np.inf)
+    for k in range(len(path)):
+        low = np.maximum(s - window, path.breaks[k])
+        high = np.minimum(s + window, path.breaks[k + 1])
+        inside = low <= high
+        low, high, points = low[inside], high[inside], tool[inside]
+        if not len(points):
+            continue
+        for _ in range(4):
+            u = np.minimum(
+                low[:, None] + np.linspace(0, 1, 25) * (high - low)[:, None], path.length
+            )
+            off = np.linalg.norm(path(u.ravel()).reshape(-1, 25, 2) - points[:, None], axis=2)
+            i, rows = off.argmin(axis=1), np.arange(len(u))
+            best[inside] = np.minimum(best[inside], off.min(axis=1))
+            low, high = u[rows, np.maximum(i - 1, 0)], u[rows, np.minimum(i + 1, 24)]
+    return best
+
+
+def left_out(path, tool, s, window):
+    """Largest distance from the path to the tool near the true places."""
+    places = np.union1d(np.linspace(0, path.length, 4000), path.breaks)
+    fine = np.linspace(0, len(tool) - 1, 40 * len(tool))
+    tool = np.stack([np.interp(fine, np.arange(len(tool)), x) for x in tool.T], axis=1)
+    s = np.interp(fine, np.arange(len(s)), s)
+    first, last = np.searchsorted(s, places - window), np.searchsorted(s, places + window)
+    worst = 0.0
+    for x, i, j in zip(path(places), first, last, strict=True):
+        worst = max(worst, np.linalg.norm(tool[max(i - 1, 0) : j + 1] - x, axis=1).min())
+    return worst
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_places_are_those_of_the_motion(seed):
+    random = np.random.default_rng([61, seed])
+    path = retraced(random)
+    cut = 1e-3 * (seed % 2)
+    tool, s = moved(path, random, cut=cut)
+    found = follow_path(path, tool)
+    # No place is nearer around the true one, and none that is far from there is taken.
+    size = OFF + cut
+    assert (found.distance <= near(path, tool, s, OFF) + 1e-9).all()
+    assert (found.distance >= near(path, tool, s, 20 * size) - 1e-6).all()
+    assert np.abs(found.s - s).max() <= 20 * size
+    missed = left_out(path, tool, s, 3 * size)
+    assert max(found.missed.max(), 0.0) == pytest.approx(missed, abs=1e-5)
