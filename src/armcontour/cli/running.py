@@ -124,6 +124,8 @@ def _print_plans(plans: Mapping[str, RunPlan], out: FilePath) -> None:
             f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
             f"{x.run.period:g} s; not simulated."
         )
+        if x.stops_note is not None:
+            console.say(x.stops_note)
         for warning in x.warnings:
             console.say(f"Warning: {warning}")
     console.say(f"Taught data: {out.resolve()}")
@@ -156,6 +158,7 @@ def _print_results(study: Study, report: FilePath) -> None:
     for name, result in study.runs.items():
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
+        lines += [] if result.stops_note is None else [result.stops_note]
         lines += [f"Warning: {x}" for x in result.warnings]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")

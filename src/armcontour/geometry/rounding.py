@@ -10,6 +10,7 @@ replaced by two tangent arcs (blends.py). See docs/concepts/rounding.md.
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -44,6 +45,8 @@ NO_TOLERANCE = "tolerance zero"
 NO_ANGLE = "angular tolerance zero"
 OUT_OF_PLANE = "tangent followed out of its plane"
 NO_ROOM = "no room"
+NOT_ROUNDED = "rounding off"
+ORIENTATION = "tool orientation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -176,6 +179,26 @@ def round_corners(
     angle = _angular_tolerance(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, (tolerance, speed, acceleration))
     return _round(path, wishes, kinked, angle)
+
+
+def count_full_stops(path: Path) -> dict[str, int]:
+    """How many full stops a path has inside, by their reasons.
+
+    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded, and
+    "tool orientation" where only the orientation or its rate jumps.
+
+    Args:
+        path: The path, rounded or not.
+    """
+    if isinstance(path, RoundedPath):
+        reasons = [x for x in path.corners.reason.tolist() if x is not None]
+    else:
+        turns = path.turns[path.turns > TANGENT_TOLERANCE]
+        reasons = [
+            TURN_BACK if back else NOT_ROUNDED for back in np.pi - turns <= TANGENT_TOLERANCE
+        ]
+    reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
+    return dict(sorted(Counter(reasons).items()))
 
 
 def blend_vertices(

@@ -12,6 +12,7 @@ from armcontour.io.drawings._dxf_document import open_document, silence_log
 from armcontour.io.drawings._dxf_walk import Found, Walk
 from armcontour.io.drawings.affine import WITHOUT_Z
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.mending import mend, printed_in_dxf
 from armcontour.io.drawings.reading import Reading
 from armcontour.io.drawings.shapes import Outline
 from armcontour.program import Program
@@ -74,7 +75,9 @@ def read_dxf(data: bytes, *, source: str, reading: Reading) -> Program:
             f"{reading.join_tolerance:g} m."
         )
     notes = [*notes, *walk.notes, *chaining_notes]
-    return Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    printed = printed_in_dxf(data, _unit(document, source, reading))
+    return mend(program, lambda _: printed, reading)
 
 
 def _unit(document: Any, source: str, reading: Reading) -> float:

@@ -46,6 +46,7 @@ def read_path(
     flat: bool = False,
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
+    mend_vertices: float | None = None,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
     offsets: str = "file",
     progress: Progress | None = None,
@@ -67,6 +68,9 @@ def read_path(
         flat: Whether z is left out.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
+        mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
+            bent are made tangent again within this distance, with a note. None takes it from the
+            file's decimals, up to the chord tolerance; 0 leaves all vertices as they are.
         unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know;
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
         offsets: For G-code, "zero" states that all offsets in the table of the controller are zero;
@@ -82,6 +86,7 @@ def read_path(
         unit=_unit(units),
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
+        mend_vertices=mend_vertices,
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
         offsets=offsets,

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._text import list_some
 from armcontour.errors import InvalidInput
+from armcontour.geometry.mending import Printed
 from armcontour.io.drawings._svg_shapes import shape_of
 from armcontour.io.drawings._svg_tree import Element, tree_of
 from armcontour.io.drawings._svg_units import (
@@ -22,12 +23,15 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.mending import half_a_place, mend
 from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.io.drawings.shapes import Outline
 from armcontour.program import Program
 
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
+# Attributes with the coordinates of a shape.
+COORDINATES = ("d", "points", "x", "y", "width", "height", "x1", "y1", "x2", "y2")
 # Largest number of elements that one note names.
 NAMED = 6
 
@@ -58,7 +62,8 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
     walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
-    pieces = _pieces(walk, page, view, reading)
+    shapes: list[Shape] = []
+    pieces = _pieces(walk, page, view, reading, shapes)
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
@@ -66,10 +71,14 @@ def read_svg(data: bytes, *, source: str, reading: Reading) -> Program:
         why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")
     notes += walk.labels.notes
-    return Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
+    program = Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
+    units = _printed_units(shapes)
+    return mend(program, lambda x: Printed(point=units[x.name]), reading)
 
 
-def _pieces(walk: Walk, page: Affine, view: Box | None, reading: Reading) -> list[Piece]:
+def _pieces(
+    walk: Walk, page: Affine, view: Box | None, reading: Reading, shapes: list[Shape]
+) -> list[Piece]:
     """The outlines of all shapes as pieces, in metres.
 
     Args:
@@ -77,6 +86,7 @@ def _pieces(walk: Walk, page: Affine, view: Box | None, reading: Reading) -> lis
         page: Map from user units to the page [m].
         view: Viewport in user units.
         reading: Settings of the reader.
+        shapes: Takes the shapes.
 
     Raises:
         InvalidInput: A shape is invalid, too far away or too large.
@@ -85,12 +95,23 @@ def _pieces(walk: Walk, page: Affine, view: Box | None, reading: Reading) -> lis
     budget = _Budget()
     for shape in walk.shapes(page, view):
         budget.element = shape.element
+        shapes.append(shape)
         outlines = shape_of(shape.element, budget)
         found = [x for x in (_piece(shape, x, reading) for x in outlines) if x is not None]
         if not found:
             walk.leave_out(NO_SIZE, shape.element)
         pieces += found if len(found) == 1 else _keep_apart(found, len(pieces))
     return pieces
+
+
+def _printed_units(shapes: Sequence[Shape]) -> dict[str, float]:
+    """Half of the last decimal place of coordinates [m], by the names of shapes."""
+    half = half_a_place(x.element.get(key) for x in shapes for key in COORDINATES)
+    found: dict[str, float] = {}
+    for x in shapes:
+        size = half * float(np.linalg.norm(x.to.linear, 2))
+        found[x.name] = min(size, found.get(x.name, size))
+    return found
 
 
 class _Budget:
