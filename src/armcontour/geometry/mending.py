@@ -76,7 +76,7 @@ class Mended:
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
-def mend_vertices(path: Path, printed: Printed) -> Mended | None:
+def mend_vertices(path: Path, printed: Printed, *, most: float = np.inf) -> Mended | None:
     """Make vertices tangent at which printing can have made the turn; None if there are none.
 
     At most half of each segment changes per vertex. Vertices stay if a segment beside them has the
@@ -85,19 +85,19 @@ def mend_vertices(path: Path, printed: Printed) -> Mended | None:
     Args:
         path: A path without tool orientation.
         printed: What the decimals of the path's coordinates can hold.
+        most: Largest distance between both paths [m], if it is less than printing moves a point.
     """
     turns, held = path.turns, printed.turns(path.segments)
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    allowed = np.minimum(printed.point, np.minimum(own[:-1], own[1:]))
-    most = np.minimum(held[:-1] + held[1:], LARGEST_KINK)
-    vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= most) & (allowed > 0))
+    own = np.minimum(own, min(printed.point, most))
+    allowed = np.minimum(own[:-1], own[1:])
+    largest = np.minimum(held[:-1] + held[1:], LARGEST_KINK)
+    vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
     inner = None
     if len(vertex):
         inner = _mend_inside(path, vertex, turns[vertex], allowed[vertex])
     now = path if inner is None else inner.path
-    seam = _mend_seam(
-        now, min(held[0] + held[-1], LARGEST_KINK), min(printed.point, own[0], own[-1])
-    )
+    seam = _mend_seam(now, min(held[0] + held[-1], LARGEST_KINK), min(own[0], own[-1]))
     if inner is None or seam is None:
         return inner or seam
     return Mended(

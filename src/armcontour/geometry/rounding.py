@@ -148,8 +148,9 @@ def round_corners(
 
     Each value holds for all corners, or there is one per vertex between segments (values of
     vertices without a corner are ignored). Tolerances of the path's own segments cap the corner
-    error. Arcs that would overlap shrink until they fit their lines. A zero radius (zero tolerance,
-    a turn of 180°, a corner beside an arc) keeps the corner sharp, and the tool stops there.
+    error. Arcs that would overlap shrink until they fit their segments. Where no arc is possible
+    (zero tolerance, a turn of 180°, segments without room) the corner stays sharp, and the tool
+    stops there; `corners.reason` says why. A corner beside an arc becomes two tangent arcs.
 
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
     the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the

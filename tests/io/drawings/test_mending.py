@@ -151,6 +151,15 @@ def test_a_tolerance_of_the_program_bounds_it(read):
     assert printed.project(tight.path(s)).distance.max() <= 1e-8 * 1.001
 
 
+def test_the_tolerance_of_a_layer_bounds_it(read):
+    draw = ellipse(2).replace("<path", '<path id="cut"')
+    (name,) = {x.layer for x in read(draw, ".svg").contours}
+    free = read(draw, ".svg").notes[0]
+    tight = read(draw, ".svg", layers={name: ac.Demand(tolerance=1e-8)}).notes[0]
+    assert "1e-05 mm" in tight and "1e-05 mm" not in free
+    assert not read(draw, ".svg", layers={name: ac.Demand(tolerance=0.0)}).notes
+
+
 def test_a_corner_stays_beside_mended_vertices(read):
     text = "G21 G90 F600\nG0 X0 Y0\nG1 X30.01 Y10.003\nG1 X60.02 Y20.007\nG1 X60.02 Y50\nM2\n"
     mended = read(text)

@@ -105,7 +105,8 @@ def _mend(contour: Contour, printed: Printed, reading: Reading) -> Mended | None
     else:
         # Every coordinate of a point can be off.
         point = min(math.sqrt(path.dimension) * printed.point, reading.chord_tolerance)
-    return mend_vertices(path, dataclasses.replace(printed, point=point))
+    most = reading.layer_tolerances.get(contour.layer, math.inf)
+    return mend_vertices(path, dataclasses.replace(printed, point=point), most=most)
 
 
 def _note(done: list[Mended]) -> str:

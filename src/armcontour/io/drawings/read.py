@@ -91,6 +91,7 @@ def read_path(
         skip=_words_to_skip(unknown, suffix),
         offsets=offsets,
         layers=_layer_set(layers),
+        layer_tolerances=_layer_tolerances(layers),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
@@ -175,6 +176,12 @@ def _layer_set(layers: Collection[str] | None) -> frozenset[str] | None:
     if layers is None or isinstance(layers, str):
         return None if layers is None else frozenset((layers,))
     return frozenset(layers) if isinstance(layers, Collection) else None
+
+
+def _layer_tolerances(layers: Collection[str] | None) -> dict[str, float]:
+    """Largest corner errors on layers that have one [m], from a mapping of their settings."""
+    settings = layers.items() if isinstance(layers, Mapping) else ()
+    return {x: y.tolerance for x, y in settings if getattr(y, "tolerance", None) is not None}
 
 
 def _refuse_odd_size(program: Program, factor: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
@@ -41,6 +42,7 @@ class Reading:
         offsets: Where offsets of G-code come from that are in the table of a controller: "file"
             reads only those that the file gives, "zero" states that all others are zero.
         layers: Unknown entities on other layers are ignored; None means all layers.
+        layer_tolerances: Largest corner errors on layers that have one [m], by their names.
 
     Raises:
         InvalidInput: A length is not above zero, or `unknown` is another word.
@@ -54,6 +56,7 @@ class Reading:
     skip: frozenset[str] = frozenset()
     offsets: str = "file"
     layers: frozenset[str] | None = None
+    layer_tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.unit is not None:
