@@ -49,7 +49,7 @@ def compare(program: object, text: str, judges: ModuleType) -> str:
 def judge_file(file: Path, judges: ModuleType) -> str:
     """What came of a file; a refusal is no fault, for files may be anything."""
     try:
-        program = read_path(file)
+        program = read_path(file, mend_vertices=0.0)
     except InvalidInput:
         return "refused"
     text = file.read_bytes().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")

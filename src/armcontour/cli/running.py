@@ -134,6 +134,8 @@ def _print_plans(
             f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
             f"{x.run.period:g} s; not simulated."
         )
+        if x.stops_note is not None:
+            console.say(x.stops_note)
         for warning in x.warnings:
             console.say(f"Warning: {warning}")
     for note in notes:
@@ -175,6 +177,7 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
     for name, result in study.runs.items():
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
+        lines += [] if result.stops_note is None else [result.stops_note]
         lines += [f"Warning: {x}" for x in result.warnings]
     lines += [f"Warning: {x}" for x in notes]
     lines += [f"Note: {x}" for x in study.job.arm.notes]

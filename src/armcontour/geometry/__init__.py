@@ -5,7 +5,13 @@ from armcontour.geometry.nearest import Projection
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
 from armcontour.geometry.primitives import Arc, Demand, Line
-from armcontour.geometry.rounding import Corners, RoundedPath, corner_error, round_corners
+from armcontour.geometry.rounding import (
+    Corners,
+    RoundedPath,
+    corner_error,
+    count_full_stops,
+    round_corners,
+)
 from armcontour.geometry.segments import Segments
 
 __all__ = [
@@ -20,5 +26,6 @@ __all__ = [
     "Segments",
     "angle_between",
     "corner_error",
+    "count_full_stops",
     "round_corners",
 ]

@@ -10,6 +10,7 @@ replaced by two tangent arcs (blends.py). See docs/concepts/rounding.md.
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -44,6 +45,8 @@ NO_TOLERANCE = "tolerance zero"
 NO_ANGLE = "angular tolerance zero"
 OUT_OF_PLANE = "tangent followed out of its plane"
 NO_ROOM = "no room"
+NOT_ROUNDED = "rounding off"
+ORIENTATION = "tool orientation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,8 +148,9 @@ def round_corners(
 
     Each value holds for all corners, or there is one per vertex between segments (values of
     vertices without a corner are ignored). Tolerances of the path's own segments cap the corner
-    error. Arcs that would overlap shrink until they fit their lines. A zero radius (zero tolerance,
-    a turn of 180°, a corner beside an arc) keeps the corner sharp, and the tool stops there.
+    error. Arcs that would overlap shrink until they fit their segments. Where no arc is possible
+    (zero tolerance, a turn of 180°, segments without room) the corner stays sharp, and the tool
+    stops there; `corners.reason` says why. A corner beside an arc becomes two tangent arcs.
 
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
     the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
@@ -176,6 +180,26 @@ def round_corners(
     angle = _angular_tolerance(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, (tolerance, speed, acceleration))
     return _round(path, wishes, kinked, angle)
+
+
+def count_full_stops(path: Path) -> dict[str, int]:
+    """How many full stops a path has inside, by their reasons.
+
+    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded, and
+    "tool orientation" where only the orientation or its rate jumps.
+
+    Args:
+        path: The path, rounded or not.
+    """
+    if isinstance(path, RoundedPath):
+        reasons = [x for x in path.corners.reason.tolist() if x is not None]
+    else:
+        turns = path.turns[path.turns > TANGENT_TOLERANCE]
+        reasons = [
+            TURN_BACK if back else NOT_ROUNDED for back in np.pi - turns <= TANGENT_TOLERANCE
+        ]
+    reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
+    return dict(sorted(Counter(reasons).items()))
 
 
 def blend_vertices(

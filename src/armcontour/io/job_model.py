@@ -220,6 +220,9 @@ class PathModel:
         flat: Whether to leave out z, and the tool orientation that the file gives.
         chord_tolerance: Largest distance between a curve and its arcs [m].
         join_tolerance: Distance below which two ends are one point [m].
+        mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
+            bent are made tangent again within it. By default what the file's decimals say, up to
+            the chord tolerance; 0 leaves all vertices as they are.
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
             for G-code, `{skip: [T, M6]}` leaves out these words.
         offsets: For G-code, `file` reads only offsets that the file gives; `zero` states that all
@@ -241,6 +244,7 @@ class PathModel:
     flat: bool = False
     chord_tolerance: Distance = 1e-5
     join_tolerance: Distance = 1e-5
+    mend_vertices: Distance | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     offsets: Annotated[str, Choice(OFFSETS)] = "file"
     orientation: OrientationModel | list[OrientationModel] | None = None

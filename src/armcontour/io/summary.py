@@ -146,6 +146,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
             }
             for x in trajectory.stretches
         ],
+        "full_stops": {"count": sum(plan.full_stops.values()), "reasons": plan.full_stops},
         "merged_points": () if single_path is None else single_path.merged,
         "warnings": plan.warnings,
         **_moves(job, plan),
@@ -169,6 +170,7 @@ def _corners(c: Corners) -> list[dict[str, Any]]:
             "tangent": c.tangent[i],
             "shrunk": bool(c.shrunk[i]),
             "full_stop": bool(c.stopped[i]),
+            "reason": c.reason[i],
             "speed": c.speed[i],
         }
         for i in range(min(len(c), MOST_LISTED))

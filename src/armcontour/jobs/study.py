@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from types import MappingProxyType
@@ -15,7 +16,7 @@ from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
-from armcontour.geometry import Path
+from armcontour.geometry import Path, count_full_stops
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
@@ -81,6 +82,25 @@ class RunPlan:
         if self.traced is None or self.path.single_path is None:
             return None
         return self.traced.joint_paths[0]
+
+    @property
+    def full_stops(self) -> dict[str, int]:
+        """How often the tool comes to a full stop inside contours, by the reasons."""
+        found: Counter[str] = Counter()
+        for x in self.path.contours:
+            found.update(count_full_stops(x.path))
+        return dict(sorted(found.items()))
+
+    @property
+    def stops_note(self) -> str | None:
+        """A sentence on the full stops inside contours; None if there are none."""
+        found = self.full_stops
+        count = sum(found.values())
+        if not count:
+            return None
+        what = "1 full stop" if count == 1 else f"{count} full stops"
+        why = ", ".join(f"{n} {reason}" for reason, n in found.items())
+        return f"Run {self.run.name}: {what} inside contours ({why})."
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -70,13 +70,7 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
-    k = int(path.locate(s))
-    beside_an_arc = bool(path.curvatures[max(k - 1, 0) : k + 1].any())
-    helps = (
-        "beside an arc, where corners are not rounded: make line and arc tangent to each other"
-        if beside_an_arc
-        else "round a sharp corner: round the corner, with an angular tolerance"
-    )
+    helps = "round a sharp corner: round the corner, with an angular tolerance"
     why = f", as it follows the tangent {helps}" if orientation.follows else ": make it turn evenly"
     raise InvalidInput(
         f"At {s:.6g} m along the path the tool's orientation jumps by "

@@ -33,7 +33,8 @@ def read(text, **options):
 def read_file(name):
     data = (CORPUS / f"{name}.ngc").read_bytes()
     unknown = "skip" if b"unknown: skip" in data else "refuse"
-    return read_gcode(data, source=f"{name}.ngc", reading=Reading(unknown=unknown))
+    reading = Reading(unknown=unknown, mend_vertices=0.0)
+    return read_gcode(data, source=f"{name}.ngc", reading=reading)
 
 
 def name_of(file):
@@ -662,7 +663,8 @@ def test_a_long_program_is_read_in_time_and_says_how_far_it_is():
         )
         times.append(time.perf_counter() - begin)
     assert min(times) < PATIENCE
-    assert len(program.contours[0].path) == 150_000
+    # Vertices that are mended have an arc more.
+    assert 150_000 <= len(program.contours[0].path) < 151_000
     assert len(shares) > 20 and shares[-1] == 1.0
     assert all(0 <= a <= b <= 1 for a, b in zip(shares, shares[1:], strict=False))
 

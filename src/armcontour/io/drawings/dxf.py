@@ -13,6 +13,7 @@ from armcontour.io.drawings._dxf_document import open_document, silence_log
 from armcontour.io.drawings._dxf_walk import Found, Walk
 from armcontour.io.drawings.affine import WITHOUT_Z
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.mending import mend, printed_in_dxf
 from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
@@ -80,7 +81,9 @@ def read_dxf(
             f"{reading.join_tolerance:g} m."
         )
     notes = [*notes, *walk.notes, *chaining_notes]
-    return Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    printed = printed_in_dxf(data, _unit(document, source, reading))
+    return mend(program, lambda _: printed, reading)
 
 
 def _unit(document: Any, source: str, reading: Reading) -> float:

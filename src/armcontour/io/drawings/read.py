@@ -46,6 +46,7 @@ def read_path(
     flat: bool = False,
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
+    mend_vertices: float | None = None,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
     offsets: str = "file",
     progress: Progress | None = None,
@@ -67,6 +68,9 @@ def read_path(
         flat: Whether z is left out.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
+        mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
+            bent are made tangent again within this distance, with a note. None takes it from the
+            file's decimals, up to the chord tolerance; 0 leaves all vertices as they are.
         unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know;
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
         offsets: For G-code, "zero" states that all offsets in the table of the controller are zero;
@@ -82,10 +86,12 @@ def read_path(
         unit=_unit(units),
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
+        mend_vertices=mend_vertices,
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
         offsets=offsets,
         layers=_layer_set(layers),
+        layer_tolerances=_layer_tolerances(layers),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
@@ -173,6 +179,12 @@ def _layer_set(layers: Collection[str] | None) -> frozenset[str] | None:
     if layers is None or isinstance(layers, str):
         return None if layers is None else frozenset((layers,))
     return frozenset(layers) if isinstance(layers, Collection) else None
+
+
+def _layer_tolerances(layers: Collection[str] | None) -> dict[str, float]:
+    """Largest corner errors on layers that have one [m], from a mapping of their settings."""
+    settings = layers.items() if isinstance(layers, Mapping) else ()
+    return {x: y.tolerance for x, y in settings if getattr(y, "tolerance", None) is not None}
 
 
 def _refuse_odd_size(program: Program, factor: float) -> None:

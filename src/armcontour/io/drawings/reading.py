@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
@@ -34,12 +34,16 @@ class Reading:
         unit: Length of the drawing's unit [m]; None takes the unit of the file.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
+        mend_vertices: Distance by which printing can have moved a point [m]; vertices that it has
+            bent are made tangent again within this distance. None takes it from the file's
+            decimals, up to the chord tolerance; 0 leaves all vertices as they are.
         unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
             entities with a sentence in the program's notes.
         skip: Words and codes of G-code to leave out, such as "M6" or "T".
         offsets: Where offsets of G-code come from that are in the table of a controller: "file"
             reads only those that the file gives, "zero" states that all others are zero.
         layers: Unknown entities on other layers are ignored; None means all layers.
+        layer_tolerances: Largest corner errors on layers that have one [m], by their names.
 
     Raises:
         InvalidInput: A length is not above zero, or `unknown` is another word.
@@ -48,16 +52,20 @@ class Reading:
     unit: float | None = None
     chord_tolerance: float = 1e-5
     join_tolerance: float = 1e-5
+    mend_vertices: float | None = None
     unknown: str = "refuse"
     skip: frozenset[str] = frozenset()
     offsets: str = "file"
     layers: frozenset[str] | None = None
+    layer_tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.unit is not None:
             _checks.positive("unit of a drawing", self.unit, "m")
         _checks.positive("chord tolerance", self.chord_tolerance, "m")
         _checks.positive("join tolerance", self.join_tolerance, "m")
+        if self.mend_vertices is not None:
+            _checks.not_negative("mend_vertices", self.mend_vertices, "m")
         _checks.choice("unknown", self.unknown, UNKNOWN)
         _checks.choice("offsets", self.offsets, OFFSETS)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
 from armcontour._progress import Progress
 from armcontour._text import list_some
 from armcontour.errors import InvalidInput
+from armcontour.geometry.mending import Printed
 from armcontour.io.drawings._svg_shapes import shape_of
 from armcontour.io.drawings._svg_tree import Element, tree_of
 from armcontour.io.drawings._svg_units import (
@@ -22,12 +24,15 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.mending import half_a_place, mend
 from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
+# Attributes with the coordinates of a shape.
+COORDINATES = ("d", "points", "x", "y", "width", "height", "x1", "y1", "x2", "y2")
 # Largest number of elements that one note names.
 NAMED = 6
 
@@ -62,8 +67,9 @@ def read_svg(
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
     walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
+    shapes: list[Shape] = []
     tell = tell_share(progress, source)
-    pieces = _pieces(walk, page, view, reading, tell)
+    pieces = _pieces(walk, page, view, reading, shapes, tell)
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
@@ -71,11 +77,18 @@ def read_svg(
         why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")
     notes += walk.labels.notes
-    return Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
+    program = Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
+    units = _printed_units(shapes)
+    return mend(program, lambda x: Printed(point=units[x.name]), reading)
 
 
 def _pieces(
-    walk: Walk, page: Affine, view: Box | None, reading: Reading, tell: Tell
+    walk: Walk,
+    page: Affine,
+    view: Box | None,
+    reading: Reading,
+    shapes: list[Shape],
+    tell: Tell,
 ) -> list[Piece]:
     """The outlines of all shapes as pieces, in metres.
 
@@ -84,6 +97,7 @@ def _pieces(
         page: Map from user units to the page [m].
         view: Viewport in user units.
         reading: Settings of the reader.
+        shapes: Takes the shapes.
         tell: Called from time to time with the fraction that is done.
 
     Raises:
@@ -94,6 +108,7 @@ def _pieces(
     for shape in walk.shapes(page, view):
         tell(WALKED * walk.share)
         budget.element = shape.element
+        shapes.append(shape)
         outlines = [_placed(shape, x) for x in shape_of(shape.element, budget)]
         found += [(shape, x) for x in outlines]
         if not outlines:
@@ -123,6 +138,16 @@ def _pieces(
             for path, number in zip(kept, apart, strict=False)
         ]
     return pieces
+
+
+def _printed_units(shapes: Sequence[Shape]) -> dict[str, float]:
+    """Half of the last decimal place of coordinates [m], by the names of shapes."""
+    half = half_a_place(x.element.get(key) for x in shapes for key in COORDINATES)
+    found: dict[str, float] = {}
+    for x in shapes:
+        size = half * float(np.linalg.norm(x.to.linear, 2))
+        found[x.name] = min(size, found.get(x.name, size))
+    return found
 
 
 class _Budget:

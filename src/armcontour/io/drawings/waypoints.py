@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from armcontour._numbers import plain_number
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.geometry import Path
+from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.io.drawings.mending import half_a_place, mend
 from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.io.drawings.waypoint_table import (
     ANGLES,
@@ -71,7 +74,18 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
         notes += _note_unused(table, values, first)
-    return Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    printed = _printed(table, reading)
+    return mend(program, lambda _: printed, reading)
+
+
+def _printed(table: Table, reading: Reading) -> Printed:
+    """What the coordinates of a table can hold; numbers of Parquet are not printed."""
+    column, cells = table.columns["x"], [table.cells[x] for x in POINT if x in table.columns]
+    if any(isinstance(x, np.ndarray) for x in cells):
+        return Printed(point=0.0)
+    unit = (reading.unit or 1.0) if column.unit is None else column.factor
+    return Printed(point=half_a_place(chain.from_iterable(cells)) * unit)
 
 
 def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:

@@ -30,6 +30,7 @@ def overview(study: Study) -> Section:
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
         tables=(_compare(study),) if many else (),
         notes=(
+            *(y.stops_note for y in study.runs.values() if y.stops_note is not None),
             *(x for y in study.runs.values() for x in few(y.warnings, f"warnings of {y.run.name}")),
             *(
                 f"Run {name}: {result.failure}"

@@ -17,6 +17,7 @@ from armcontour.io.drawings.gcode.parameters import Parameters
 from armcontour.io.drawings.gcode.sources import PROGRAM, Source
 from armcontour.io.drawings.gcode.state import state_of
 from armcontour.io.drawings.gcode.words import COMMENTS, Block, parse
+from armcontour.io.drawings.mending import mend, printed_in_gcode
 from armcontour.io.drawings.reading import LARGEST, Reading
 from armcontour.program import Program
 
@@ -86,6 +87,8 @@ def read_gcode(
         _refuse_nothing(main)
     notes = [*machine.notes(flow.where), *runner.notes()]
     program = machine.draft.program(source, tuple(notes), flow.place)
+    printed = printed_in_gcode(data, machine.modes.unit)
+    program = mend(program, lambda _: printed, reading)
     if tell is not None:
         tell(Step((), 1.0))
     return program

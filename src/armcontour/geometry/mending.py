@@ -1,0 +1,203 @@
+"""Mending of vertices that printed coordinates have bent: exactly tangent again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.frames import angle_between
+from armcontour.geometry.biarcs import biarcs, distance, unit
+from armcontour.geometry.blends import WIDEST
+from armcontour.geometry.path import Path
+from armcontour.geometry.rounding import blend_vertices
+from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
+
+# Turns above this are corners however short their segments are [rad].
+LARGEST_KINK = 0.05
+# Places at which the blends of a seam are compared with the path, as shares of their lengths.
+SHARES = np.linspace(0.0, 1.0, 9)
+# How often the blends of a seam are halved before the seam is left as it is.
+MOST_HALVINGS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Printed:
+    """What the decimals of printed coordinates can hold.
+
+    Args:
+        point: Distance by which printing can have moved a point [m].
+        angle: Angle by which printing can have turned the ends of an arc, beyond what follows from
+            its points, as where it is given by an angle or a bulge [rad].
+        by_radius: Whether arcs are given by end points and radius, which hardly define the tangents
+            of half a circle.
+    """
+
+    point: float
+    angle: float = 0.0
+    by_radius: bool = False
+
+    def turns(self, rows: Segments) -> FloatArray:
+        """Angles by which printing can have turned the ends of lines and arcs [rad], (n,)."""
+        k, arc = rows.curvatures, rows.curvatures > 0
+        size = np.minimum(rows.lengths, 1 / np.where(arc, k, 1 / rows.lengths))
+        turn = 2 * self.point / size + np.where(arc, self.angle, 0.0)
+        if self.by_radius:
+            # The derivative of asin(chord / 2 r) by chord and r; at half a circle its square root.
+            flat = np.maximum(np.abs(np.cos(k * rows.lengths / 2)), np.sqrt(2 * self.point * k))
+            turn = turn + np.where(arc, 2 * self.point * k / np.maximum(flat, 1e-300), 0.0)
+        return np.asarray(turn)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mended:
+    """A path with mended vertices.
+
+    Args:
+        path: The path.
+        before: Arc lengths on the path before [m], increasing, (n,).
+        after: The arc lengths on this path that correspond to them [m], (n,).
+        count: Number of mended vertices.
+        kink: Largest turn at one of them [rad].
+        deviation: Largest distance between both paths [m].
+    """
+
+    path: Path
+    before: FloatArray
+    after: FloatArray
+    count: int
+    kink: float
+    deviation: float
+
+    def place(self, s: npt.ArrayLike) -> FloatArray:
+        """Arc lengths on this path for arc lengths on the path before [m]."""
+        return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
+
+
+def mend_vertices(path: Path, printed: Printed, *, most: float = np.inf) -> Mended | None:
+    """Make vertices tangent at which printing can have made the turn; None if there are none.
+
+    At most half of each segment changes per vertex. Vertices stay if a segment beside them has the
+    tolerance 0.
+
+    Args:
+        path: A path without tool orientation.
+        printed: What the decimals of the path's coordinates can hold.
+        most: Largest distance between both paths [m], if it is less than printing moves a point.
+    """
+    turns, held = path.turns, printed.turns(path.segments)
+    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    own = np.minimum(own, min(printed.point, most))
+    allowed = np.minimum(own[:-1], own[1:])
+    largest = np.minimum(held[:-1] + held[1:], LARGEST_KINK)
+    vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
+    inner = None
+    if len(vertex):
+        inner = _mend_inside(path, vertex, turns[vertex], allowed[vertex])
+    now = path if inner is None else inner.path
+    seam = _mend_seam(now, min(held[0] + held[-1], LARGEST_KINK), min(own[0], own[-1]))
+    if inner is None or seam is None:
+        return inner or seam
+    return Mended(
+        path=seam.path,
+        before=inner.before,
+        after=seam.place(inner.after),
+        count=inner.count + 1,
+        kink=max(inner.kink, seam.kink),
+        deviation=max(inner.deviation, seam.deviation),
+    )
+
+
+def _mend_inside(
+    path: Path, vertex: IntArray, turn: FloatArray, allowed: FloatArray
+) -> Mended | None:
+    """Mend vertices between segments; None if no blend fits any of them."""
+    found = blend_vertices(path, vertex, turn, allowed)
+    done = ~found.corners.stopped
+    if not done.any():
+        return None
+    return Mended(
+        path=Path(segments=found.segments),
+        before=path.breaks,
+        after=found.place(path.breaks),
+        count=int(done.sum()),
+        kink=float(found.corners.turn[done].max()),
+        deviation=float(found.corners.error[done].max()),
+    )
+
+
+def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
+    """Mend the vertex at which a closed path starts and ends, which stays where it is.
+
+    Args:
+        path: The path.
+        most: Largest turn to mend [rad].
+        allowed: Largest distance between both paths [m].
+    """
+    rows, n = path.segments, len(path)
+    first, last = rows[:1], rows[n - 1 :]
+    start, end = first.tangents, last.end_tangents
+    kink = float(angle_between(end, start)[0])
+    apart = float(np.linalg.norm(last.ends - first.starts))
+    if n < 2 or apart > REPEATED_POINT or not (TANGENT_TOLERANCE < kink <= most and allowed > 0):
+        return None
+    bend = max(rows.curvatures[0], rows.curvatures[-1])
+    t = min(rows.lengths[0] / 2, rows.lengths[-1] / 2, WIDEST / bend if bend > 0 else np.inf)
+    middle = unit(start + end)
+    for _ in range(MOST_HALVINGS):
+        leaving = biarcs(
+            first.starts, middle, first.at(EVERY, np.array([t])), first.at(EVERY, np.array([t]), 1)
+        )
+        begin = rows.lengths[-1:] - t
+        arriving = biarcs(last.at(EVERY, begin), last.at(EVERY, begin, 1), last.ends, middle)
+        off = max(
+            float(distance(_samples(first, 0.0, t), *leaving)[0]),
+            float(distance(_samples(last, float(begin[0]), t), *arriving)[0]),
+        )
+        if off <= allowed:
+            break
+        t /= 2
+    else:
+        return None
+    table = _with_ends(rows, leaving, arriving, t)
+    lengths = float(sum(x.lengths[0] for x in leaving)), float(sum(x.lengths[0] for x in arriving))
+    total = path.length
+    inner = total - 2 * t
+    return Mended(
+        path=Path(segments=table),
+        before=np.array([0.0, t, total - t, total]),
+        after=np.cumsum([0.0, lengths[0], inner, lengths[1]]),
+        count=1,
+        kink=kink,
+        deviation=off,
+    )
+
+
+def _samples(row: Segments, begin: float, length: float) -> FloatArray:
+    """Points along a part of one segment [m], (1, places, dimension)."""
+    return row.at(np.zeros(len(SHARES), dtype=np.intp), begin + length * SHARES)[None]
+
+
+def _with_ends(
+    rows: Segments,
+    leaving: tuple[Segments, Segments],
+    arriving: tuple[Segments, Segments],
+    t: float,
+) -> Segments:
+    """The segments with their first and last length t [m] replaced by two arcs each."""
+    n = len(rows)
+    begin, end = np.zeros(n), rows.lengths.copy()
+    begin[0], end[-1] = t, end[-1] - t
+    demands = ("speeds", "tolerances", "tags")
+    first, last = (
+        {x: getattr(rows, x)[i].copy() for x in demands} for i in (slice(1), slice(n - 1, n))
+    )
+    return Segments.join(
+        [
+            *(x.replace(**first) for x in leaving),
+            rows.cut(np.arange(n), begin, end),
+            *(x.replace(**last) for x in arriving),
+        ]
+    )

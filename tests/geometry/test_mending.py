@@ -1,0 +1,145 @@
+"""Vertices that printing has bent: which are mended, how far the path moves, and what stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.geometry.mending import Printed, mend_vertices
+
+LAST = 1e-6  # three decimals of a millimetre
+PRINTED = Printed(point=np.sqrt(0.5) * LAST)
+
+
+def rounded_rectangle(step=LAST, turn=23.0, wide=0.08, high=0.05, r=0.008):
+    """A closed rectangle with round corners, whose points and centres are printed."""
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    x, y = wide / 2, high / 2
+    segments = []
+    corners = [(x, y - r, -1, 0), (x - r, y, 0, -1)]
+    points = []
+    for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+        pair = [(sx * a, sy * b) for a, b, *_ in corners]
+        points.append(pair if sx * sy > 0 else pair[::-1])
+
+    def printed(p):
+        turned = np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]]) + (0.3, 0.1)
+        return np.round(turned / step) * step
+
+    for k, (a, b) in enumerate(points):
+        sx, sy = ((1, 1), (-1, 1), (-1, -1), (1, -1))[k]
+        start, end = printed(a), printed(b)
+        center = printed((sx * (x - r), sy * (y - r)))
+        # As in G-code, the centre is moved to where both ends are as far away.
+        chord = end - start
+        across = np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
+        center = (start + end) / 2 + across * ((center - (start + end) / 2) @ across)
+        u, v = start - center, end - center
+        angle = np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v)
+        segments.append(ac.Arc(start=start.tolist(), center=center.tolist(), angle=float(angle)))
+        ahead = printed(points[(k + 1) % 4][0])
+        segments.append(ac.Line(start=end.tolist(), end=ahead.tolist()))
+    return ac.Path.from_segments(segments)
+
+
+def seam_kink(path):
+    a, b = path(path.length, 1, side="left"), path(0.0, 1)
+    return 2 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b))
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 4, 5, 6])
+def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
+    step = 10.0 ** -(decimals + 3)
+    path = rounded_rectangle(step)
+    assert (path.turns > 1e-9).sum() >= 5
+    found = mend_vertices(path, Printed(point=np.sqrt(0.5) * step))
+    assert (found.path.turns <= 1e-9).all() and seam_kink(found.path) <= 1e-9
+    assert found.count == (path.turns > 1e-9).sum() + (seam_kink(path) > 1e-9)
+    assert found.kink == pytest.approx(max(path.turns.max(), seam_kink(path)), rel=1e-6)
+    # Both ways, the paths are as near as it says, and nearer than printing moves a point.
+    assert found.deviation <= np.sqrt(0.5) * step
+    s = np.linspace(0, found.path.length, 2001)
+    there = path.project(found.path(s)).distance.max()
+    back = found.path.project(path(np.linspace(0, path.length, 2001))).distance.max()
+    assert max(there, back) <= found.deviation * 1.001 + 1e-15
+    assert max(there, back) >= found.deviation * 0.5
+    # Ends stay, and so do places along the path.
+    np.testing.assert_allclose(found.path.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-15)
+    at = np.linspace(0, path.length, 301)
+    np.testing.assert_allclose(found.path(found.place(at)), path(at), atol=2 * step)
+
+
+def test_an_exact_path_is_left_alone():
+    assert mend_vertices(rounded_rectangle(1e-15), PRINTED) is None
+
+
+def test_corners_stay_exactly():
+    # A corner of 1° is far above what three decimals hold over centimetres.
+    bend = np.radians(1.0)
+    points = [(0, 0), (0.05, 0), (0.05 + 0.05 * np.cos(bend), 0.05 * np.sin(bend)), (0.05, 0.2)]
+    assert mend_vertices(ac.Path.polyline(points), PRINTED) is None
+    # One corner and one printed vertex: only that one changes.
+    path = ac.Path.polyline([(0, 0), (0.03, 4e-7), (0.07, 0), (0.07, 0.04)])
+    found = mend_vertices(path, PRINTED)
+    assert found.count == 1
+    np.testing.assert_allclose(found.path.turns.max(), path.turns[1], rtol=1e-9)
+    np.testing.assert_array_equal(found.path.vertices[-2:], path.vertices[-2:])
+    assert found.deviation < 4e-7
+
+
+def test_short_segments_do_not_make_corners_vertices():
+    # A micrometre holds any turn, but nothing above 0.05 rad is mended.
+    path = ac.Path.polyline([(0, 0), (1e-6, 0), (1e-6, 1e-6), (0, 1e-6), (0, 2e-6)])
+    assert mend_vertices(path, PRINTED) is None
+
+
+def test_tolerances_of_segments_bound_it():
+    line, exact = (ac.Demand(tolerance=x) for x in (1e-8, 0.0))
+    ends = [(0.0, 0.0), (0.03, 4e-7), (0.07, 0.0)]
+    for demand, most in ((line, 1e-8), (exact, None)):
+        lines = [
+            ac.Line(start=a, end=b, demand=demand) for a, b in zip(ends, ends[1:], strict=False)
+        ]
+        found = mend_vertices(ac.Path.from_segments(lines), PRINTED)
+        if most is None:
+            assert found is None
+        else:
+            assert found.deviation == pytest.approx(most, rel=1e-6)
+
+
+@given(
+    st.lists(st.tuples(st.floats(1e-3, 0.05), st.floats(-1.5, 1.5)), min_size=2, max_size=8),
+    st.integers(3, 6),
+)
+def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
+    step = 10.0 ** -(decimals + 3)
+    here, heading = np.array([0.31, 0.12]), 0.37
+    segments, start = [], np.round(here / step) * step
+    for radius, angle in parts:
+        turn = np.copysign(max(abs(angle), 0.3), angle)
+        side = np.sign(turn) * np.array([-np.sin(heading), np.cos(heading)])
+        center = here + radius * side
+        c, s = np.cos(turn), np.sin(turn)
+        here = center + np.array([[c, -s], [s, c]]) @ (here - center)
+        heading += turn
+        end = np.round(here / step) * step
+        middle, chord = (start + end) / 2, end - start
+        across = np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
+        shown = np.round(center / step) * step
+        shown = middle + across * ((shown - middle) @ across)
+        u, v = start - shown, end - shown
+        angle = float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))
+        segments.append(ac.Arc(start=start.tolist(), center=shown.tolist(), angle=angle))
+        start = end
+    path = ac.Path.from_segments(segments)
+    found = mend_vertices(path, Printed(point=np.sqrt(0.5) * step))
+    if found is None:
+        assert (path.turns <= 1e-9).all()
+        return
+    assert (found.path.turns <= 1e-9).all()
+    assert found.deviation <= np.sqrt(0.5) * step
+    s = np.linspace(0, found.path.length, 401)
+    assert path.project(found.path(s)).distance.max() <= found.deviation * 1.001 + 1e-14
