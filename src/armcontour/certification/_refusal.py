@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NoReturn
 
 from armcontour.certification._search import Search
+from armcontour.certification._uses import SPEED_SLACK
 from armcontour.errors import NotRealizable
 
 
@@ -45,6 +46,8 @@ def refuse(search: Search) -> NoReturn:
             needed=ratio,
             allowed=1.0,
         )
+    if kind == "tool":
+        _refuse_tool_speed(search, ratio, slow, f"take {shorter}")
     # Trials with a smaller error exceeded another limit.
     reached = search.reached if search.reached > setting.budget else ratio * setting.budget
     over = " of the worst robot of the box" if kind == "box" else ""
@@ -60,4 +63,29 @@ def refuse(search: Search) -> NoReturn:
         limit="contour error",
         needed=reached,
         allowed=setting.budget,
+    )
+
+
+def _refuse_tool_speed(search: Search, ratio: float, slow: str, shorter: str) -> NoReturn:
+    """Refuse a certificate because the executed tool is too fast for its place.
+
+    Args:
+        search: The search.
+        ratio: What it took of the assigned velocity, as a ratio of squares.
+        slow: How slow a plan may be, in words.
+        shorter: What helps against errors of the command interval, in words.
+
+    Raises:
+        NotRealizable: Always.
+    """
+    faster, allowed = (1 + SPEED_SLACK) * ratio**0.5, 1 + SPEED_SLACK
+    lags = search.setting.run.compensation == "none"
+    raise NotRealizable(
+        f"No plan {slow} is certified: the executed tool runs at {faster:.5g} times the velocity "
+        f"that is assigned where it is, and {allowed:g} times are allowed: "
+        f"{'compensate the lag of the servo' if lags else shorter}, let the assigned velocity fall "
+        "in smaller steps, or take a larger slowest.",
+        limit="speed",
+        needed=faster,
+        allowed=allowed,
     )

@@ -17,9 +17,15 @@ from armcontour._progress import Progress, Step
 from armcontour.certification._approach import Approach
 from armcontour.certification._derating import Derating, plan_derated
 from armcontour.certification._proving import KEPT, bound_uses
-from armcontour.certification._uses import Setting, Uses, run, uses_of
+from armcontour.certification._uses import (
+    SPEED_SLACK,
+    Judged,
+    Setting,
+    Uses,
+    run,
+    uses_of,
+)
 from armcontour.evaluation import Check, check
-from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
@@ -48,6 +54,8 @@ MOST_DRAWS = 10
 # to this share at most.
 ERROR_POWER = 1 / 3
 LARGEST_STEP = 0.7
+# A tool that is too fast for its place still has what it had this many time constants before.
+LASTING = 8.0
 # Where saturation is allowed an error has its cause anywhere before it, so accelerations are
 # derated everywhere alike, to this share of what was left of them at a time; the share that does is
 # then found to this ratio.
@@ -97,7 +105,7 @@ class Kept:
     Args:
         trial: The trial.
         execution: On the robot, as often as errors are looked at; None once it is not needed.
-        error: Its contour error.
+        judged: What the tool does in it.
         check: Of the plan against all of its limits.
         spread: Robots drawn from the box, if there is one and the plan is the best.
         corners: The corners of the box, if there is one.
@@ -105,7 +113,7 @@ class Kept:
 
     trial: Trial
     execution: Execution | None
-    error: ErrorProfile
+    judged: Judged
     check: Check
     spread: Spread | None
     corners: Spread | None
@@ -114,7 +122,7 @@ class Kept:
     def worst(self) -> float:
         """Largest contour error of the nominal robot and of those of the box [m]."""
         judged = [x for x in (self.spread, self.corners) if x is not None]
-        return max([self.error.max, *(float(x.max.max()) for x in judged)])
+        return max([self.judged.largest, *(float(x.max.max()) for x in judged)])
 
 
 @dataclass(slots=True)
@@ -284,14 +292,19 @@ class Search:
         executed = execute(
             trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
         )
-        profile = setting.contour_error(executed)
-        error = max(profile.max / setting.budget, profile.rms / (setting.rms or np.inf))
+        judged = setting.judge(executed)
+        error = max(judged.largest / setting.budget, judged.error.rms / (setting.rms or np.inf))
         if error > 1.0:
             self.tightness["error"] *= ERROR_GOAL / error
             self.binds = ("error", error)
             return None if setting.saturated else factors
+        speed = float(judged.speed.max()) / (1 + SPEED_SLACK)
+        if speed > 1.0:
+            self.tightness["speed"] /= speed**2 * (1 + KEPT)
+            self.binds = ("tool", speed**2)
+            return factors
         kept = Kept(
-            trial=trial, execution=executed, error=profile, check=found, spread=None, corners=None
+            trial=trial, execution=executed, judged=judged, check=found, spread=None, corners=None
         )
         if setting.box is None:
             return kept
@@ -354,8 +367,13 @@ class Search:
             share[:, j] /= np.maximum(use, 1.0) ** power
         use = moment.largest(uses.pace) / tight["speed"]
         cap = np.where(use > 1, np.minimum(cap, speed / use), cap)
+        # A servo that nothing makes up for still has what the plan did some time before.
+        lags = self.setting.run.compensation == "none" or power > 1
+        late = LASTING * self._memory() / 2 if lags else 0.0
+        use = moment.largest(uses.tool, before=late) / tight["speed"]
+        cap = np.where(use > 1, np.minimum(cap, speed / use**power), cap)
         if not self.setting.saturated:
-            errors = np.maximum(moment.largest(uses.error), uses.rms) / tight["error"]
+            errors = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
             slow = np.clip(np.maximum(errors, 1.0) ** -ERROR_POWER, LARGEST_STEP, 1.0)
             share *= slow[:, None]
             cap = np.where(errors > 1, np.minimum(cap, speed * slow**2), cap)
@@ -385,17 +403,26 @@ class _Moments:
     def __init__(self, trial: Trial, around: float) -> None:
         uses = trial.uses
         t = uses.t
-        self.count = max(1, int(np.ceil(around / (t[1] - t[0]))))
+        self.step = float(t[1] - t[0])
+        self.count = max(1, int(np.ceil(around / self.step)))
         inside = (t >= 0) & (t <= trial.trajectory.duration)
         edges = np.interp(trial.derating.cells, uses.s[inside], t[inside])
         first = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)
         self.begin, self.last = first[:-1], len(t)
 
-    def largest(self, values: FloatArray) -> FloatArray:
-        """The largest of some values, one per time, in each cell."""
+    def largest(self, values: FloatArray, before: float = 0.0) -> FloatArray:
+        """The largest of some values, one per time, in each cell.
+
+        Args:
+            values: The values, (n,).
+            before: How long before a value cells have to do with it, if that is longer [s].
+        """
         from scipy.ndimage import maximum_filter1d
 
-        spread_out = maximum_filter1d(values, 2 * self.count + 1, mode="nearest")
+        ahead = max(self.count, int(np.ceil(before / self.step)))
+        size = self.count + 1 + ahead
+        shift = self.count - size // 2
+        spread_out = maximum_filter1d(values, size, mode="nearest", origin=shift)
         return np.asarray(np.maximum.reduceat(spread_out, self.begin))
 
 

@@ -12,7 +12,8 @@ from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.compensation import compensate
-from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.error_profile import ErrorProfile, Missed
+from armcontour.evaluation.pieces import Piece
 from armcontour.execution import ServoPlant, execute
 from armcontour.execution.plant import count_intervals, refuse_too_long
 from armcontour.geometry import Path
@@ -29,9 +30,7 @@ PER_INTERVAL = 16
 FINEST = 1.25e-4
 # The same for executions in the corners of a box.
 BOX_PER_INTERVAL = 4
-# Contour errors are looked at no more often than this [s] while a plan is searched for.
-ERRORS_EVERY = 5e-4
-# The tool speed of an execution may exceed the assigned velocity by this share of it.
+# The tool speed of an execution may exceed the velocity assigned at its place by this share of it.
 SPEED_SLACK = 1e-3
 # Directions across the path in which errors over a box are added up, in space.
 DIRECTIONS = 16
@@ -107,11 +106,21 @@ class Setting(Robot):
         begin, end = plan.time_at(self.work).tolist()
         return begin, end
 
-    def contour_error(self, executed: Execution) -> ErrorProfile:
-        """Distance of the tool from the path while errors count."""
+    def judge(self, executed: Execution) -> Judged:
+        """Judge the tool of an execution while errors count."""
         which, until = self.judged(executed)
-        found = self.path.project(self.arm.forward(executed.q[which]))
-        return ErrorProfile.over_time(executed.t[which], found.distance, found.s, until)
+        n = len(executed.t)
+        work = (0.0, self.path.length) if self.work is None else self.work
+        piece = Piece(
+            executed=executed,
+            path=self.path,
+            objective=None,
+            which=which,
+            until=until,
+            beyond=n,
+            work=work,
+        )
+        return judge_piece(piece, self.limits.speed)
 
     def execute_corners(self, taught: TaughtData) -> Spread:
         """Taught data in the corners of the box."""
@@ -146,6 +155,41 @@ class Setting(Robot):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judged:
+    """What the tool of an execution does on a contour while errors count.
+
+    Args:
+        error: Distance from the tool to the path.
+        missed: Largest distance from the path to the tool.
+        over_time: The larger of both at each of those times [m], (n,).
+        missed_over_time: The latter alone [m], (n,); -1 where it cannot be the largest.
+        speed: Tool speed over the velocity assigned at its place, bounded between times too, (n,).
+    """
+
+    error: ErrorProfile
+    missed: Missed
+    over_time: FloatArray
+    missed_over_time: FloatArray
+    speed: FloatArray
+
+    @property
+    def largest(self) -> float:
+        """The larger one of the largest distances of both directions [m]."""
+        return max(self.error.max, self.missed.max)
+
+
+def judge_piece(piece: Piece, limit: float | None) -> Judged:
+    """Judge a piece of an execution, with an assigned velocity of the whole path [m/s] or None."""
+    return Judged(
+        error=piece.contour_error,
+        missed=piece.missed,
+        over_time=np.maximum(piece.found.distance, piece.found.missed),
+        missed_over_time=piece.found.missed,
+        speed=piece.speed_shares(limit, between=True),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uses:
     """Shares of what is allowed, over time; 1 is all of it.
 
@@ -153,18 +197,20 @@ class Uses:
         t: Times [s], (n,).
         s: Where the plan is then [m], (n,).
         joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
-        pace: Of what bounds the speed, as a ratio of ds², (n,).
+        pace: Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,).
+        tool: Of the executed tool's speed, likewise, (n,).
         error: Of the budget, (n,).
         box: Of the budget, estimated for the worst robot of the box, (n,); None without a box.
         peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
         rms: RMS contour error over its largest; 0 without one.
-        largest: Largest contour error [m].
+        largest: Largest contour error, of both directions [m].
     """
 
     t: FloatArray
     s: FloatArray
     joints: FloatArray
     pace: FloatArray
+    tool: FloatArray
     error: FloatArray
     box: FloatArray | None
     peak: FloatArray
@@ -176,6 +222,7 @@ class Uses:
         return {
             "acceleration": max(float(self.joints.max()), float(self.peak.max())),
             "speed": float(self.pace.max()),
+            "tool": float(self.tool.max()),
             "error": max(float(self.error.max()), self.rms),
             "box": 0.0 if self.box is None else float(self.box.max()),
         }
@@ -209,15 +256,15 @@ def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
             least, most = peak_demands(x, servo, since=0.0 if setting.work else None)
             peak = np.maximum(peak, np.maximum(least / low, most / high))
     pace = np.maximum(pace, _command(setting, taught, t))
-    speed = setting.limits.speed
+    tool, speed = np.zeros(len(t)), setting.limits.speed
     if speed is not None:
-        pace = np.maximum(pace, (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2)
-    off = _distances(setting.path, executed)
-    counts, until = setting.judged(executed)
+        tool = (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2
+    counts, _ = setting.judged(executed)
+    judged = setting.judge(executed)
+    tool[counts] = np.maximum(tool[counts], (judged.speed / (1 + SPEED_SLACK)) ** 2)
     now = slice(0 if setting.work is None else int(np.searchsorted(t, 0.0)), len(t))
-    profile = ErrorProfile.over_time(t[counts], off[counts], s[counts], until)
     error, worst = np.zeros(len(t)), None
-    error[counts] = off[counts] / setting.budget
+    error[counts] = judged.over_time / setting.budget
     if groups:
         worst = np.zeros(len(t))
         worst[counts] = _worst(setting, groups, taught, t)[counts] / setting.budget
@@ -227,11 +274,12 @@ def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
         s=s[now],
         joints=joints[now],
         pace=pace[now],
+        tool=tool[now],
         error=error[now],
         box=worst,
         peak=peak,
-        rms=0.0 if setting.rms is None else profile.rms / setting.rms,
-        largest=profile.max,
+        rms=0.0 if setting.rms is None else judged.error.rms / setting.rms,
+        largest=judged.largest,
     )
 
 
@@ -338,15 +386,6 @@ def _command(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArray:
     return np.asarray(pace[k])
 
 
-def _distances(path: Path, executed: Execution) -> FloatArray:
-    """Distances of the tool from the path at all times; between those looked at, interpolated."""
-    t = executed.t
-    every = max(1, int(ERRORS_EVERY / max(t[1] - t[0], 1e-12)) if len(t) > 1 else 1)
-    of = np.unique(np.append(np.arange(0, len(t), every), len(t) - 1))
-    off = path.project(executed.arm.forward(executed.q[of])).distance
-    return np.asarray(np.interp(t, t[of], off))
-
-
 @dataclass(frozen=True, slots=True)
 class _Group:
     """Executions in corners of the box, all joints in the same one, and how late they all are."""
@@ -396,7 +435,19 @@ def _worst(setting: Setting, groups: list[_Group], taught: TaughtData, t: FloatA
     box is added up for the worst, joint by joint. Payload and jitter are not in it.
     """
     found = [np.interp(t, *_across(setting, x, taught)) for x in groups]
-    return np.asarray(np.max(found, axis=0))
+    return np.asarray(np.max(found + _left_out(setting, groups, t), axis=0))
+
+
+def _left_out(setting: Setting, groups: list[_Group], t: FloatArray) -> list[FloatArray]:
+    """Distances from the path to the tool of the executions over the box, at times [m], (n,)."""
+    found = []
+    for x in (run for group in groups for run in group.runs):
+        off = np.zeros(len(t))
+        counts, _ = setting.judged(x)
+        times = np.clip(np.searchsorted(t, x.t[counts]), 0, len(t) - 1)
+        np.maximum.at(off, times, setting.judge(x).missed_over_time)
+        found.append(off)
+    return found
 
 
 def _variants(

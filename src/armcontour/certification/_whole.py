@@ -24,10 +24,18 @@ from armcontour.certification._search import (
     Kept,
     Search,
 )
-from armcontour.certification._uses import SAME, Robot, Setting, execute_over_box, run
+from armcontour.certification._uses import (
+    SAME,
+    SPEED_SLACK,
+    Judged,
+    Robot,
+    Setting,
+    execute_over_box,
+    judge_piece,
+    run,
+)
 from armcontour.errors import NotRealizable
 from armcontour.evaluation import Check, check
-from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
@@ -85,7 +93,7 @@ class Whole:
         spans: Times of the contours in the plan, in order.
         taught: Taught data of the plan.
         execution: Execution of the taught data on the robot.
-        errors: Contour errors of the execution, contour by contour.
+        judged: What the tool does in the execution, contour by contour.
         check: Check of the plan against all limits.
         contours: Certified plans of the contours.
         rapids: Derated plans of the rapids.
@@ -99,7 +107,7 @@ class Whole:
     spans: tuple[Span, ...]
     taught: TaughtData
     execution: Execution
-    errors: tuple[ErrorProfile, ...]
+    judged: tuple[Judged, ...]
     check: Check
     contours: tuple[PlannedContour, ...]
     rapids: tuple[Derated, ...]
@@ -108,7 +116,7 @@ class Whole:
     @property
     def worst(self) -> float:
         """Largest contour error, over the box if there is one [m]."""
-        return max([x.kept.worst for x in self.contours] + [x.max for x in self.errors])
+        return max([x.kept.worst for x in self.contours] + [x.largest for x in self.judged])
 
 
 Planned = PlannedContour | Derated | float
@@ -183,7 +191,7 @@ class Assembly:
         trajectory = time_program(self._traced, self)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
-        taught, execution, errors, checked = self._execute(trajectory, contours)
+        taught, execution, judged, checked = self._execute(trajectory, contours)
         return Whole(
             robot=self.robot,
             objective=self.objective,
@@ -192,7 +200,7 @@ class Assembly:
             spans=spans,
             taught=taught,
             execution=execution,
-            errors=errors,
+            judged=judged,
             check=checked,
             contours=contours,
             rapids=tuple(x for x in self._done if isinstance(x, Derated)),
@@ -201,21 +209,21 @@ class Assembly:
 
     def _execute(
         self, trajectory: Trajectory, contours: Sequence[PlannedContour]
-    ) -> tuple[TaughtData, Execution, tuple[ErrorProfile, ...], Check]:
-        """Teach, execute and check the whole program; also gives the contour errors."""
+    ) -> tuple[TaughtData, Execution, tuple[Judged, ...], Check]:
+        """Teach, execute and check the whole program; also judges the tool."""
         robot = self.robot
         if len(trajectory.spans) < 2:
             # A single contour was executed in its last trial already.
             kept = contours[0].kept
             assert kept.execution is not None
             taught = replace(kept.trial.taught, trajectory=trajectory)
-            return taught, replace(kept.execution, taught=taught), (kept.error,), kept.check
+            return taught, replace(kept.execution, taught=taught), (kept.judged,), kept.check
         self.progress(Step(("the whole program",)))
         taught = robot.teach(trajectory)
         executed = execute(taught, robot.plant(), resolution=RESOLUTION, memory=robot.memory)
         pieces = pieces_of(executed, self.program, None, trajectory.duration)
-        errors = tuple(x.contour_error for x in pieces)
-        return taught, executed, errors, check(trajectory, robot.arm, robot.limits, points=POINTS)
+        judged = tuple(judge_piece(x, robot.limits.speed) for x in pieces)
+        return taught, executed, judged, check(trajectory, robot.arm, robot.limits, points=POINTS)
 
     @property
     def arm(self) -> Arm:
@@ -312,16 +320,22 @@ class Outside:
 
 def _find_first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | None:
     """Find the first contour that does not keep its goal in the whole program; None if all do."""
-    for k, error in enumerate(whole.errors):
+    for k, judged in enumerate(whole.judged):
         for words, value, allowed in (
-            ("largest contour error", error.max, budget),
-            ("RMS contour error", error.rms, goal.rms or np.inf),
+            ("largest contour error", judged.largest, budget),
+            ("RMS contour error", judged.error.rms, goal.rms or np.inf),
         ):
             if value > allowed:
                 said = f"its {words} is {value * 1e3:.5g} mm, and {allowed * 1e3:.5g} mm is allowed"
                 return Outside(
                     number=k, said=said, limit="contour error", needed=value, allowed=allowed
                 )
+        ratio = float(judged.speed.max())
+        if ratio > 1 + SPEED_SLACK:
+            said = f"its tool takes {ratio:.6g} times the velocity assigned where it is"
+            return Outside(
+                number=k, said=said, limit="speed", needed=ratio, allowed=1 + SPEED_SLACK
+            )
     over = [(x.t, x.name, x.ratio) for x in whole.check.uses if x.ratio > 1 + KEPT]
     over += _demands(whole)
     if not over:

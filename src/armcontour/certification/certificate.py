@@ -12,7 +12,7 @@ from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
-from armcontour.evaluation.error_profile import ErrorProfile
+from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.geometry import Path
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Run
@@ -25,7 +25,7 @@ from armcontour.timing import Tracing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """The parts of the contour error [m].
+    """The parts of the contour error, the larger one of both directions [m].
 
     Args:
         rounding: Largest corner error of the path.
@@ -68,7 +68,8 @@ class Uncertified:
     Args:
         duration: Duration [s].
         contours: Duration of every contour [s].
-        contour_error: Largest contour error, and its root mean square over time [m].
+        contour_error: Largest contour error of both directions, and its root mean square over time,
+            from the tool to the path [m].
         saturated: Share of the time for which each joint is saturated, (dof,).
         box: Largest contour error in the corners of the box [m]; None without one.
     """
@@ -99,7 +100,10 @@ class ContourCertificate:
         trajectory: Plan of the contour; times from 0 [s].
         taught: Taught data of the contour, after those of the moves before it that still affect the
             servo.
-        error: Contour error in the execution of the whole program.
+        error: Contour error in the execution of the whole program: from the tool to the path.
+        missed: Largest distance from the path to the tool in that execution.
+        speed_ratio: Largest ratio of the tool speed to the velocity assigned at its place in that
+            execution; 0 where none is assigned.
         budget: The parts of the contour error.
         optimum: Duration of the uncertified plan of the contour [s].
         corners: Executions in the corners of the box; None without a box.
@@ -118,6 +122,8 @@ class ContourCertificate:
     trajectory: Trajectory
     taught: TaughtData
     error: ErrorProfile
+    missed: Missed
+    speed_ratio: float
     budget: Budget
     optimum: float
     corners: Spread | None

@@ -247,7 +247,7 @@ class _Certifying:
     def _contour(self, found: _Found, k: int, optimum: float) -> ContourCertificate:
         """Make the certificate of the contour k; `optimum` is its uncertified duration [s]."""
         whole = found.whole
-        planned, span, error = whole.contours[k], whole.spans[k], whole.errors[k]
+        planned, span, judged = whole.contours[k], whole.spans[k], whole.judged[k]
         kept = planned.kept
         assert span.work is not None
         return ContourCertificate(
@@ -261,8 +261,10 @@ class _Certifying:
             factors=dict(kept.trial.factors),
             trajectory=planned.trajectory,
             taught=kept.trial.taught,
-            error=error,
-            budget=self._budget(found, planned, error.max),
+            error=judged.error,
+            missed=judged.missed,
+            speed_ratio=float(judged.speed.max()),
+            budget=self._budget(found, planned, judged.largest),
             optimum=optimum,
             corners=kept.corners,
             spread=kept.spread,
@@ -276,7 +278,7 @@ class _Certifying:
         period = max(own / CONTINUOUS, min(SHORTEST, own))
         smooth = planned.approach.teach(planned.trajectory, setting, period)
         executed = run_on(setting, smooth, max(period, RESOLUTION))
-        servo = setting.contour_error(executed).max
+        servo = setting.judge(executed).largest
         return Budget(
             rounding=rounding_part(setting.path),
             servo=servo,
@@ -305,10 +307,11 @@ class _Certifying:
         t = executed.t
         pieces = pieces_of(executed, program, None, float(t[-1]))
         error = ErrorProfile.join([x.contour_error for x in pieces])
+        missed = max(x.missed.max for x in pieces)
         return fastest, Uncertified(
             duration=fastest.duration,
             contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
-            contour_error=(error.max, error.rms),
+            contour_error=(max(error.max, missed), error.rms),
             saturated=executed.saturated_time / (t[-1] - t[0]),
             box=None if robot.box is None else _worst_of_box(robot, program, fastest),
         )

@@ -115,6 +115,8 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     rows += [
         ("left", f"{budget.left * 1e3:.5f} mm"),
         ("contour error, RMS", f"{e.contour_error.rms * 1e3:.5f} mm"),
+        ("path missed, largest", f"{e.missed.max * 1e3:.5f} mm"),
+        *_assigned(e),
         ("acceleration derated, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
         ("demand / limit", f"{e.demand_ratio.max():.6f}"),
         ("saturated", ", ".join(f"{x:.1%}" for x in e.saturated)),
@@ -124,6 +126,11 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     if found.experiment is not None:
         rows.append(("on rigid bodies, largest", _largest(found.experiment.evaluation)))
     return rows
+
+
+def _assigned(e: Evaluation) -> list[tuple[str, str]]:
+    """The tool speed over what is assigned; empty where nothing is."""
+    return [("tool speed / assigned", f"{e.speed_ratio:.6f}")] if e.speed_ratio > 0 else []
 
 
 def contour_rows(found: Certificate) -> list[tuple[str, ...]]:

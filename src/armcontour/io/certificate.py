@@ -88,7 +88,7 @@ def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
         "job": sweep.job.name,
         "run": sweep.run.name,
         "units": {"tolerance": "m", "speed": "m/s", "optimum": "s", "duration": "s"}
-        | {"contour_error": "m"},
+        | {"contour_error": "m", "missed": "m"},
         "goal": _goal(sweep.goal),
         "tolerances": [asdict(x) for x in sweep.tolerances],
         "speeds": [asdict(x) for x in sweep.speeds],
@@ -149,6 +149,8 @@ def _contour(x: ContourCertificate) -> dict[str, Any]:
         "optimum": x.optimum,
         "length": x.path.length,
         "contour_error": {"max": x.error.max, "rms": x.error.rms, "t_max": x.error.t_max},
+        "missed": asdict(x.missed),
+        "speed_ratio": x.speed_ratio,
         "budget": _budget(x.budget),
         "windows": x.windows,
         "headroom": {"mean": x.headroom, "largest": x.largest_headroom, "others": x.factors},

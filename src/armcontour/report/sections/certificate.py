@@ -71,7 +71,8 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
         Tile(
             label="contour error, largest",
             value=f"{budget.executed * 1e3:.5f} mm",
-            note=f"on {found.worst.name}" if _several(found) else "servo, command interval and box",
+            note=(f"on {found.worst.name}; " if _several(found) else "")
+            + "servo, command interval and box, of tool to path and path to tool",
         ),
         Tile(
             label="left of the tolerance",
