@@ -40,6 +40,7 @@ class Reading:
         offsets: Where offsets of G-code come from that are in the table of a controller: "file"
             reads only those that the file gives, "zero" states that all others are zero.
         layers: Unknown entities on other layers are ignored; None means all layers.
+        colors: Only entities of these colours are read, as `color_of` names them; None means all.
 
     Raises:
         InvalidInput: A length is not above zero, or `unknown` is another word.
@@ -52,6 +53,7 @@ class Reading:
     skip: frozenset[str] = frozenset()
     offsets: str = "file"
     layers: frozenset[str] | None = None
+    colors: frozenset[str] | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None:

@@ -22,6 +22,8 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.clipping import clip_path
+from armcontour.io.drawings.colors import count_names
 from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
@@ -61,13 +63,17 @@ def read_svg(
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
-    walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
+    walk = Walk(
+        root=root, skip=reading.unknown == "skip", wanted=reading.layers, colors=reading.colors
+    )
     tell = tell_share(progress, source)
     pieces = _pieces(walk, page, view, reading, tell)
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
     if not contours:
+        if walk.others:
+            notes.append(f"Strokes of other colours than chosen: {count_names(walk.others)}.")
         why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")
     notes += walk.labels.notes
@@ -117,6 +123,8 @@ def _pieces(
         kept = [path for _, path in drawn if path is not None]
         if not kept:
             walk.leave_out(NO_SIZE, shape.element)
+        for clip in shape.clips:
+            kept = [part for path in kept for part in clip_path(path, clip)]
         apart = range(len(pieces) + 1, len(pieces) + 1 + len(kept)) if len(kept) > 1 else [0]
         pieces += [
             Piece(path=path, name=shape.name, layer=shape.layer, apart=number)
