@@ -217,6 +217,8 @@ class PathModel:
         layers: Layers to run. Or a mapping from layers to speed and tolerance of their contours,
             for segments without values of their own; a drawing need not have all these layers.
         names: Names of contours to run; the report lists all names.
+        colors: Colours of DXF entities, or of strokes in SVG, to run: names, `"#rrggbb"`, and for
+            DXF also AutoCAD's numbers.
         flat: Whether to leave out z, and the tool orientation that the file gives.
         chord_tolerance: Largest distance between a curve and its arcs [m].
         join_tolerance: Distance below which two ends are one point [m].
@@ -241,6 +243,7 @@ class PathModel:
     frame: FrameModel | None = None
     layers: list[str] | dict[str, Demand] | None = None
     names: list[str] | None = None
+    colors: list[str | int] | None = None
     flat: bool = False
     chord_tolerance: Distance = 1e-5
     join_tolerance: Distance = 1e-5

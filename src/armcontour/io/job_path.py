@@ -23,7 +23,7 @@ from armcontour.program import Contour, Program, contour_called
 
 # Keys that are arguments of `read_path`.
 READING = (
-    *("units", "scale", "layers", "names", "flat"),
+    *("units", "scale", "layers", "names", "colors", "flat"),
     *("chord_tolerance", "join_tolerance", "mend_vertices", "unknown", "offsets"),
 )
 ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")

@@ -13,9 +13,11 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf import colors
+from ezdxf.xclip import XClip
 from scipy.interpolate import BSpline, CubicSpline
 
 import armcontour as ac
+from armcontour.io.drawings.colors import color_set
 from armcontour.io.drawings.dxf import UNITS, read_dxf
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Program
@@ -407,9 +409,11 @@ def test_a_given_unit_overrides_and_none_at_all_is_refused(refuses):
     space.add_line((0, 0), (10, 0))
     assert only(document, unit=0.0254).path.length == pytest.approx(0.254)
     document.units = 0
-    words = ("part.dxf does not say its unit", "$INSUNITS", "units: mm")
+    words = ("part.dxf does not say its unit", "$INSUNITS", "units: mm", "suggests `units: mm`")
     refuses(lambda: read(document), ac.InvalidInput, *words)
     assert only(document, unit=MM).path.length == pytest.approx(0.01)
+    document.header["$MEASUREMENT"] = 0
+    refuses(lambda: read(document), ac.InvalidInput, "$MEASUREMENT suggests `units: in`")
     document.units = 20
     refuses(lambda: read(document), ac.InvalidInput, "unit 20", "not known")
 
@@ -423,36 +427,150 @@ def unknown_things(document, space):
     space.add_3dface([(0, 0), (1, 0), (1, 1), (0, 1)])
     space.add_solid([(0, 0), (1, 0), (1, 1)])
     space.add_linear_dim(base=(0, 2), p1=(0, 0), p2=(3, 0)).render()
-    space.add_helix(10, 2, 3)
     space.add_polymesh((3, 3))
     space.add_xline((0, 0), (1, 0))
 
 
-def test_what_is_no_contour_is_skipped_and_counted():
+def test_what_is_no_contour_is_left_out_and_counted():
     document, space = drawing()
     space.add_line((0, 0), (10, 0))
     unknown_things(document, space)
-    program = read(document, unknown="skip")
+    program = read(document)
     assert len(program.contours) == 1
     (note,) = program.notes
     assert note == (
-        "Left out, because it is no contour: 1 3DFACE, 1 DIMENSION, 1 HATCH, 1 HELIX, 1 MTEXT, "
-        "2 POINT, 1 POLYLINE, 1 SOLID, 1 TEXT, 1 XLINE."
+        "Left out, because it is no line, arc or curve: 1 3DFACE, 1 DIMENSION, 1 HATCH, 1 MTEXT, "
+        "2 POINT, 1 SOLID, 1 TEXT, 1 XLINE, 1 mesh."
     )
 
 
-def test_what_is_no_contour_is_refused_by_kind_handle_and_layer(refuses):
+def test_what_nobody_knows_is_refused_by_kind_handle_line_and_layer(refuses):
     document, space = drawing()
     space.add_line((0, 0), (10, 0))
-    x = space.add_text("gasket", dxfattribs={"layer": "notes"})
-    words = ("part.dxf has a TEXT", f"handle {x.dxf.handle}", "'notes'", "--skip-unknown")
-    refuses(lambda: read(document), ac.InvalidInput, *words)
+    x = space.new_entity("LINE", {"layer": "cut"})
+    data = written(document).replace(b"LINE\n  5\n" + x.dxf.handle.encode(), b"NEWLINE\n  5\nAB")
+    line = data[: data.index(b"NEWLINE")].count(b"\n") + 3
+    words = (f"NEWLINE handle AB in line {line} on layer 'cut'", "--skip-unknown", "--layer")
+    refuses(lambda: read_dxf(data, source="part.dxf", reading=Reading()), ac.InvalidInput, *words)
+    program = read_dxf(data, source="part.dxf", reading=Reading(unknown="skip"))
+    assert len(program.contours) == 1 and "NEWLINE handle AB" in program.notes[0]
+    other = Reading(layers=frozenset({"0"}))
+    assert read_dxf(data, source="part.dxf", reading=other).notes == ()
+
+
+def test_a_broken_entity_is_named_with_its_line_and_can_be_skipped(refuses):
+    document, space = drawing()
+    space.add_line((0, 0), (10, 0))
+    x = space.add_open_spline(CONTROL)
+    x.knots = [0, 0, 0, 0, 1]
+    handle = x.dxf.handle
+    refuses(lambda: read(document), ac.InvalidInput, f"SPLINE handle {handle} in line", "5 knots")
+    program = read(document, unknown="skip")
+    assert len(program.contours) == 1
+    assert "cannot be read: SPLINE handle" in program.notes[0] and "5 knots" in program.notes[0]
+
+
+def test_a_spline_without_the_marks_of_its_classes_is_read():
+    document, space = drawing()
+    space.add_open_spline(CONTROL)
+    data = written(document)
+    begin = data.index(b"\nSPLINE\n")
+    end = data.index(b"ENDSEC", begin)
+    bare = re.sub(rb"100\nAcDb(Entity|Spline)\n", b"", data[begin:end])
+    bare = re.sub(rb"330\n[0-9A-F]+\n", b"", bare)
+    program = read_dxf(data[:begin] + bare + data[end:], source="a.dxf", reading=Reading())
+    assert program.contours[0].path.length == pytest.approx(only(document).path.length, rel=1e-9)
+
+
+def test_the_end_of_a_file_that_was_cut_off_is_missed(refuses):
+    document, space = drawing()
+    for k in range(50):
+        space.add_line((0, k), (10, k))
+    data = written(document)
+    assert read(document).notes == ()
+    program = read_dxf(data[: data.rindex(b"ENDSEC")], source="a.dxf", reading=Reading())
+    assert any("seems to be cut off" in x for x in program.notes)
+    half = data[: data.index(b"\nENTITIES") + 5]
+    refuses(lambda: read_dxf(half, source="a.dxf", reading=Reading()), ac.InvalidInput, "cut off")
+
+
+def test_multilines_and_helices():
+    document, space = drawing()
+    space.add_mline([(0, 0), (10, 0)])
+    program = read(document)
+    assert sorted(x.path.length for x in program.contours) == pytest.approx([10 * MM, 10 * MM])
+    assert len({x.name for x in program.contours}) == 2
+    document, space = drawing()
+    space.add_helix(10, 2, 3)
+    assert only(document).path.length == pytest.approx(
+        3 * np.hypot(2 * np.pi * 10, 2) * MM, rel=1e-3
+    )
+
+
+def test_colors_choose_by_number_name_layer_and_block():
+    document, space = drawing()
+    document.layers.add("red", color=1)
+    document.layers.add("true", true_color=colors.rgb2int((255, 0, 0)))
     block = document.blocks.new("b")
-    point = block.add_point((0, 0))
-    space.delete_entity(x)
+    block.add_line((0, 0), (0, 1), dxfattribs={"color": 0})
+    space.add_line((0, 0), (10, 0), dxfattribs={"layer": "red"})
+    space.add_line((0, 1), (20, 1), dxfattribs={"layer": "true"})
+    space.add_line((0, 2), (30, 2), dxfattribs={"layer": "red", "color": 5})
+    space.add_line((0, 3), (40, 3))
+    space.add_blockref("b", (0, 50), dxfattribs={"color": 1})
+
+    def lengths(*colors):
+        program = read(document, colors=color_set(colors))
+        return [round(x.path.length / MM) for x in program.contours]
+
+    assert lengths("red") == lengths("#F00") == [10, 20, 1]
+    assert lengths(1) == [10, 1]
+    assert lengths("blue", 7) == [30, 40]
+    assert lengths("black") == lengths("white") == [40]
+    with pytest.raises(ac.InvalidInput, match="1 #000000, 1 #0000ff, 3 #ff0000"):
+        lengths("green")
+
+
+def test_copies_in_rows_and_columns_have_their_own_names():
+    document, space = drawing()
+    document.blocks.new("b").add_circle((0, 0), 1)
     x = space.add_blockref("b", (0, 0))
-    words = ("POINT", f"handle {x.dxf.handle}/{point.dxf.handle}")
-    refuses(lambda: read(document), ac.InvalidInput, *words)
+    x.dxf.row_count, x.dxf.column_count = 2, 3
+    x.dxf.row_spacing, x.dxf.column_spacing = 10, 20
+    contours = read(document).contours
+    places = {re.search(r"\[(\d),(\d)\]", c.name).groups(): c.path(0.0) for c in contours}
+    assert len(places) == 6
+    np.testing.assert_allclose(places["2", "3"], [41 * MM, 10 * MM], atol=1e-12)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_clipped_blocks_are_cut(inverted):
+    document, space = drawing()
+    block = document.blocks.new("b", base_point=(1, 1))
+    block.add_line((-10, 2), (10, 2))
+    block.add_circle((0, 2), 3)
+    x = space.add_blockref("b", (50, 0), dxfattribs={"xscale": 2, "yscale": 2, "rotation": 30})
+    clip = XClip(x)
+    clip.set_block_clipping_path([(-5, -9), (0, -9), (0, 9), (-5, 9)])
+    if inverted:
+        clip.invert_clipping_path([(-20, -20), (20, 20)], ignore_acad_compatibility=True)
+    kept = {"line": 20 - 5 if inverted else 5, "circle": 3 * np.pi}
+    program = read(document)
+    length = sum(c.path.length for c in program.contours)
+    assert length == pytest.approx(2 * MM * sum(kept.values()), rel=1e-9)
+    m = x.matrix44()
+    m.inverse()
+    for c in program.contours:
+        at = c.path(np.linspace(0, c.path.length, 50)) / MM
+        back = np.array([tuple(p) for p in m.transform_vertices([(*p, 0) for p in at])])
+        outside = (back[:, 0] < -5 - 1e-9) | (back[:, 0] > 1e-9)
+        inside = (back[:, 0] > -5 + 1e-9) & (back[:, 0] < -1e-9)
+        assert not (inside if inverted else outside).any()
+        np.testing.assert_allclose(
+            np.minimum(abs(back[:, 1] - 2), abs(np.hypot(back[:, 0], back[:, 1] - 2) - 3)),
+            0.0,
+            atol=1e-9,
+        )
 
 
 def test_attributes_of_a_block_are_text_and_their_patterns_nothing():
@@ -463,9 +581,7 @@ def test_attributes_of_a_block_are_text_and_their_patterns_nothing():
     x = space.add_blockref("b", (0, 0))
     assert read(document).notes == ()
     x.add_attrib("NAME", "gasket", (0, 0))
-    assert read(document, unknown="skip").notes == (
-        "Left out, because it is no contour: 1 ATTRIB.",
-    )
+    assert read(document).notes == ("Left out, because it is no line, arc or curve: 1 ATTRIB.",)
 
 
 def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
@@ -748,10 +864,8 @@ def test_what_is_unknown_on_layers_that_are_not_chosen_is_no_matter(tmp_path):
     drawing.saveas(file)
     program = ac.read_path(file, layers=["CUT"])
     assert len(program.contours) == 1
-    with pytest.raises(ac.InvalidInput, match="has a TEXT"):
-        ac.read_path(file)
-    with pytest.raises(ac.InvalidInput, match="has a TEXT"):
-        ac.read_path(file, layers=["CUT", "FRAME"])
+    assert program.notes == ()
+    assert "1 TEXT" in ac.read_path(file).notes[0]
 
 
 def test_layers_that_no_contour_can_have_are_changed_with_a_note():

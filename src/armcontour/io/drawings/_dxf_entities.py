@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.clipping import Clip
 from armcontour.io.drawings.shapes import Shape
 from armcontour.io.drawings.splines import Spline
 
@@ -34,6 +35,15 @@ def line(entity: Any) -> Shape | None:
     """Shape of a LINE, whose points are in world coordinates."""
     ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
     return Chain.straight(ends)
+
+
+def old_line(entity: Any) -> Shape | None:
+    """Shape of a 3DLINE of release 10 and before, which ezdxf does not know."""
+    values = {x.code: x.value for x in entity.xtags.noclass}
+    if not {10, 11} <= values.keys():
+        raise Unreadable("has no start or no end")
+    # Points of releases before 10 may lack z.
+    return Chain.straight(_numbers("ends", [[*values[k], 0.0][:3] for k in (10, 11)]))
 
 
 def circle(entity: Any) -> Shape | None:
@@ -239,13 +249,38 @@ NEEDED = {
 # Types of entities that draw a contour; the reader does not know the others.
 SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "LINE": line,
+    "3DLINE": old_line,
     "ARC": arc,
     "CIRCLE": circle,
     "ELLIPSE": ellipse,
     "LWPOLYLINE": lwpolyline,
     "POLYLINE": polyline,
     "SPLINE": spline,
+    "HELIX": spline,
 }
+# Types that are left out: texts, dimensions, points, filled areas, bodies, pictures, endless lines.
+# Of a type that is in neither table nobody knows what it draws.
+NO_CONTOUR = frozenset(
+    {
+        *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
+        *("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER"),
+        *("MLEADER", "TOLERANCE", "POINT", "HATCH", "MPOLYGON", "SOLID", "TRACE", "WIPEOUT"),
+        *(
+            "3DFACE",
+            "3DSOLID",
+            "MESH",
+            "BODY",
+            "REGION",
+            "SURFACE",
+            "EXTRUDEDSURFACE",
+            "LOFTEDSURFACE",
+        ),
+        *("PLANESURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE", "NURBSURFACE", "POLYLINE"),
+        *("IMAGE", "OLEFRAME", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY"),
+        *("POINTCLOUD", "ACDBPOINTCLOUDEX", "XLINE", "RAY", "VIEWPORT", "LIGHT", "SUN", "CAMERA"),
+        *("SECTIONOBJECT", "SECTION", "GEOPOSITIONMARKER", "COORDINATION_MODEL"),
+    }
+)
 
 
 def refuse_missing(entity: Any) -> None:
@@ -291,6 +326,31 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     k = np.arange(rows * columns)
     offsets = np.column_stack([k % columns * step[0], k // columns * step[1], np.zeros(len(k))])
     return Affine(linear, at - linear @ base), offsets @ rotation.T
+
+
+def clip_of(entity: Any) -> Clip | None:
+    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole.
+
+    Raises:
+        Unreadable: The clip is no polygon, or lies in space.
+    """
+    from ezdxf.xclip import XClip
+
+    clip = XClip(entity)
+    if not (clip.has_clipping_path and clip.is_clipping_enabled):
+        return None
+    path, limits = clip.get_block_clipping_path(), clip.get_spatial_filter()
+    dxf = limits.dxf if limits is not None else None
+    if dxf is None or dxf.has_front_clipping_plane or dxf.has_back_clipping_plane:
+        raise Unreadable("is clipped by planes in space, which is not read")
+    given = path.inverted_clip if path.is_inverted_clip else path.vertices
+    corners = _numbers("clip", [tuple(x) for x in given]).reshape(-1, 2)
+    if len(corners) == 2:
+        (left, low), (right, high) = corners
+        corners = np.array([(left, low), (right, low), (right, high), (left, high)])
+    if len(corners) < 3:
+        raise Unreadable("is clipped at a polygon of fewer than three corners")
+    return Clip(np.pad(corners, ((0, 0), (0, 1))), bool(path.is_inverted_clip))
 
 
 def plane_axes(extrusion: Any) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,31 +13,44 @@ from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings._dxf_document import said
 from armcontour.io.drawings._dxf_entities import (
+    NO_CONTOUR,
     SHAPES,
     Unreadable,
+    clip_of,
     grid,
     insertions,
     refuse_missing,
 )
 from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.clipping import Clip
+from armcontour.io.drawings.colors import count_names, hex_of
 from armcontour.io.drawings.reading import FARTHEST, SKIP, WALKED, Labels, Tell
 from armcontour.io.drawings.shapes import Shape
 
 # Largest depth of blocks in blocks, and largest number of copied entities: a document with more
 # is made to do harm.
 DEEPEST = 50
+EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
+# Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
+BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
+WHITE = frozenset({"7", "#ffffff", "#000000"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """A shape with the type, the name and the layer of its entity."""
+    """A shape with the type, the name and the layer of its entity.
+
+    Args:
+        clips: Clips of the blocks around it [m].
+    """
 
     shape: Shape
     kind: str
     name: str
     layer: str
+    clips: tuple[Clip, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,12 +62,16 @@ class _Block:
         affine: Map from the block's coordinates to world coordinates [m].
         layer: Layer of the entities that are on layer 0 of the block.
         inside: Keys of the block and of the blocks around it.
+        color: Names of the colour of the entities whose colour is that of the block.
+        clips: Clips of the block and of those around it [m].
     """
 
     name: str
     affine: Affine
     layer: str
     inside: tuple[str, ...]
+    color: frozenset[str] = WHITE
+    clips: tuple[Clip, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -64,27 +81,36 @@ class Walk:
     Args:
         document: ezdxf's document.
         source: Name of the file.
-        skip: Whether unknown entities are left out instead of refused.
-        wanted: Layers whose unknown entities matter; None means all layers.
+        skip: Whether entities that cannot be read are left out instead of refused.
+        line_of: Text that says in which line of the file a handle stands.
+        wanted: Layers whose entities matter; None means all layers.
+        colors: Colours of the entities that are read; None means all colours.
         empty: Names of entities without length.
-        unknown: Numbers of unknown entities by their types.
+        unknown: Numbers of entities that are no contour by their types.
+        broken: Sentences on entities that cannot be read.
         hidden: Numbers of entities on layers that are off or frozen, by their layers.
         invisible: Number of entities that are marked invisible.
+        others: Numbers of entities of other colours than those of `colors`, by their colours.
         labels: Names of entities and layers as the contours get them.
     """
 
     document: Any
     source: str
     skip: bool
+    line_of: Callable[[str], str]
     wanted: frozenset[str] | None = None
+    colors: frozenset[str] | None = None
     empty: list[str] = field(default_factory=list)
     unknown: Counter[str] = field(default_factory=Counter)
+    broken: list[str] = field(default_factory=list)
     hidden: Counter[str] = field(default_factory=Counter)
     invisible: int = 0
+    others: Counter[str] = field(default_factory=Counter)
     labels: Labels = field(default_factory=Labels)
     _copies: int = 0
     _sizes: dict[str, int] = field(default_factory=dict)
     _layers: dict[str, tuple[str, str]] = field(default_factory=dict)
+    _layer_colors: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def shapes(self, unit: float, tell: Tell) -> Iterator[Found]:
         """Yield the shapes of all entities of the model space, in the order of the document.
@@ -100,6 +126,7 @@ class Walk:
             for layer in self.document.layers:
                 state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
                 self._layers[_key(layer.dxf.name)] = (layer.dxf.name, state)
+                self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
             entities = self.document.modelspace()
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
@@ -126,33 +153,62 @@ class Walk:
                     self.invisible += 1
                 elif kind == "INSERT":
                     yield from self._insert(entity, block, name, layer)
+                elif self.wanted is not None and self.labels(layer) not in self.wanted:
+                    # Nothing on other layers matters, broken or not.
+                    continue
+                elif kind == "MLINE":
+                    for k, part in enumerate(entity.virtual_entities()):
+                        yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
                 elif kind in SHAPES and not _is_mesh(entity):
-                    refuse_missing(entity)
-                    shape = SHAPES[kind](entity)
-                    if shape is None:
-                        self.empty.append(name)
-                    else:
-                        placed = shape.place(block.affine)
-                        _refuse_far(placed)
-                        name, layer = self.labels(name), self.labels(layer)
-                        yield Found(shape=placed, kind=kind, name=name, layer=layer)
-                elif self.wanted is None or self.labels(layer) in self.wanted:
-                    self._unknown(kind, name, layer)
+                    yield from self._shape(entity, kind, name, layer, block)
+                elif kind in NO_CONTOUR:
+                    self.unknown["mesh" if kind == "POLYLINE" else kind] += 1
+                else:
+                    self._leave(kind, name, layer, f"is not read: {EXPLODE}", handle)
             except Unreadable as error:
-                raise InvalidInput(
-                    f"{self.source}: {kind} {name} on layer {layer!r} {error}."
-                ) from None
+                self._leave(kind, name, layer, str(error), handle)
             except InvalidInput:
                 raise
             except Exception as error:
                 # A broken entity makes ezdxf raise exceptions of any class.
-                raise InvalidInput(
-                    f"{self.source}: {kind} {name} on layer {layer!r} is damaged: {said(error)}."
-                ) from None
+                self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
+
+    def _shape(
+        self, entity: Any, kind: str, name: str, layer: str, block: _Block
+    ) -> Iterator[Found]:
+        """Yield the shape of an entity, if it has a length and one of the chosen colours.
+
+        Raises:
+            Unreadable: The entity does not define a shape.
+        """
+        if self.colors is not None:
+            color = self._color(entity, layer, block)
+            if not color & self.colors:
+                self.others[min(color)] += 1
+                return
+        refuse_missing(entity)
+        shape = SHAPES[entity.dxftype()](entity)
+        if shape is None:
+            self.empty.append(name)
+            return
+        placed = shape.place(block.affine)
+        _refuse_far(placed)
+        name, layer = self.labels(name), self.labels(layer)
+        yield Found(shape=placed, kind=kind, name=name, layer=layer, clips=block.clips)
+
+    def _color(self, entity: Any, layer: str, block: _Block) -> frozenset[str]:
+        """The names of the colour in which an entity is drawn."""
+        number = _attribute(entity, "color", BY_LAYER)
+        if _attribute(entity, "true_color", None) is None:
+            if number == BY_BLOCK:
+                return block.color
+            if number == BY_LAYER:
+                return self._layer_colors.get(_key(layer), WHITE)
+        return _color_names(entity, number)
 
     def _layer(self, entity: Any, block: _Block) -> tuple[str, str]:
         """Name of an entity's layer, and the layer's state: off, frozen or empty."""
-        own = str(_attribute(entity, "layer", "0"))
+        own = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 means the layer of the INSERT.
         own = block.layer if own == "0" and block.inside else own
         return self._layers.get(_key(own), (own, ""))
@@ -163,8 +219,8 @@ class Walk:
         Raises:
             Unreadable: The block is missing, contains itself, or has too many copies.
         """
-        for attribute in getattr(entity, "attribs", ()):
-            self._unknown(attribute.dxftype(), name, layer)
+        if self.wanted is None or self.labels(layer) in self.wanted:
+            self.unknown["ATTRIB"] += len(getattr(entity, "attribs", ()))
         refuse_missing(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
@@ -178,13 +234,19 @@ class Walk:
                 raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insertions(entity, base)
-        for offset in offsets:
-            copy = Affine(affine.linear, affine.offset + offset)
+        columns = grid(entity)[1]
+        clip = clip_of(entity)
+        color = self._color(entity, layer, block)
+        for k, offset in enumerate(offsets):
+            copy = block.affine @ Affine(affine.linear, affine.offset + offset)
+            row, column = k // columns + 1, k % columns + 1
             inner = _Block(
-                name=name,
-                affine=block.affine @ copy,
+                name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
+                affine=copy,
                 layer=layer,
                 inside=(*block.inside, _key(called)),
+                color=color,
+                clips=block.clips if clip is None else (*block.clips, clip.place(copy)),
             )
             yield from self._shapes_in(content, inner)
 
@@ -201,27 +263,34 @@ class Walk:
         rows, columns = grid(entity)
         return rows * columns * self._sizes[name]
 
-    def _unknown(self, kind: str, name: str, layer: str) -> None:
-        """Count an unknown entity, or refuse it.
+    def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
+        """Leave out an entity that cannot be read, or refuse it.
 
         Raises:
-            InvalidInput: Unknown entities are refused.
+            InvalidInput: Such entities are refused.
         """
+        if kind != "INSERT" and self.wanted is not None and self.labels(layer) not in self.wanted:
+            return
+        what = f"{kind} {name}{self.line_of(handle)} on layer {layer!r} {why}"
         if not self.skip:
             raise InvalidInput(
-                f"{self.source} has a {kind} ({name}, layer {layer!r}), which is no contour to "
-                f"follow: remove it, or {SKIP}."
+                f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
+                f"(layers, or --layer), or {SKIP}."
             )
-        self.unknown[kind] += 1
+        self.broken.append(what)
 
     @property
     def notes(self) -> list[str]:
         """Sentences on the entities that were left out."""
         found = []
-        if self.unknown:
-            found.append(f"Left out, because it is no contour: {_count(self.unknown)}.")
+        if +self.unknown:
+            found.append(
+                f"Left out, because it is no line, arc or curve: {count_names(+self.unknown)}."
+            )
+        if self.broken:
+            found.append(f"Left out, because it cannot be read: {list_some(self.broken, 6)}.")
         if self.hidden:
-            found.append(f"Left out, on layers that are off or frozen: {_count(self.hidden)}.")
+            found.append(f"Left out, on layers that are off or frozen: {count_names(self.hidden)}.")
         if self.invisible:
             found.append(f"Left out, because they are invisible: {self.invisible}.")
         if self.empty:
@@ -234,14 +303,27 @@ def _attribute(entity: Any, name: str, default: Any) -> Any:
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 
-def _count(counter: Counter[str]) -> str:
-    """The numbers and names of a counter, such as `2 TEXT, 1 HATCH`."""
-    return ", ".join(f"{n} {name}" for name, n in sorted(counter.items()))
-
-
 def _key(name: str) -> str:
     """The name of a layer or block in lower case: DXF ignores the case of such names."""
     return name.lower()
+
+
+def _layer_tag(entity: Any) -> str:
+    """Layer of an entity whose type ezdxf does not know."""
+    tags = getattr(entity, "xtags", None)
+    found = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
+    return str(next(found, "0"))
+
+
+def _color_names(entity: Any, number: int) -> frozenset[str]:
+    """The names of the colour of an entity or layer: its number and #rrggbb, or its true colour."""
+    from ezdxf.colors import aci2rgb
+
+    if entity.rgb is not None:
+        return frozenset({hex_of(*entity.rgb)})
+    if number == ACI_WHITE or not 0 < number < BY_LAYER:
+        return WHITE
+    return frozenset({str(number), hex_of(*aci2rgb(number))})
 
 
 def _is_mesh(entity: Any) -> bool:
@@ -258,5 +340,6 @@ def _refuse_far(shape: Shape) -> None:
     far = float(np.abs(shape.reach).max())
     if not far <= FARTHEST:
         raise Unreadable(
-            f"reaches to {far:.3g} m, further than {FARTHEST:g} m: is the unit of the drawing right"
+            f"reaches to {far:.3g} m, further than {FARTHEST:g} m: give the unit in which it is "
+            "drawn, such as units: mm"
         )

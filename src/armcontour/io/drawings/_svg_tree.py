@@ -1,4 +1,4 @@
-"""The tree of elements of an SVG file, read without entities, external files or huge trees."""
+"""The tree of elements of an SVG file, read without external files or huge trees."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ PREFIXES = {
 }
 # Largest number of elements; no drawing of contours has more.
 MOST_ELEMENTS = 500_000
+# Largest number of characters that entities may add to a file; namespaces need some thousand.
+MOST_EXPANDED = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,22 +77,22 @@ class Element:
 def tree_of(data: bytes, source: str) -> Element:
     """The outermost element of an SVG file, with all elements in it.
 
-    A file that defines entities is refused, because a short file could expand to any size. Other
-    files are never loaded.
+    Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters, as
+    a short file could expand to any size. Other files are never loaded.
 
     Args:
         data: Content of the file.
         source: Name of the file.
 
     Raises:
-        InvalidInput: The file is not XML, defines entities or has too many elements, or its
+        InvalidInput: The file is not XML, defines other entities or has too many elements, or its
             outermost element is not svg.
     """
     from xml.parsers import expat
 
     if data[:2] == b"\x1f\x8b":
         raise InvalidInput(f"{source} is compressed (svgz): unpack it first.")
-    builder = _Builder(source)
+    builder = _Builder(source, data)
     try:
         parser = expat.ParserCreate(namespace_separator="\n")
         parser.buffer_text = True
@@ -127,8 +129,10 @@ def _svg_element(root: Element | None, source: str) -> Element:
 class _Builder:
     """Builds the tree of elements from the events of the XML parser."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, data: bytes) -> None:
         self.source = source
+        self._data = data
+        self._expanded = 0
         self.root: Element | None = None
         self._open: list[Element] = []
         self._count = 0
@@ -140,17 +144,33 @@ class _Builder:
         def start(name: str, attributes: dict[str, str]) -> None:
             self._start(name, attributes, parser.CurrentLineNumber)  # type: ignore[attr-defined]
 
-        def entity(name: str, *_: object) -> None:
+        def entity(name: str, parameter: int, value: str | None, *_: object) -> None:
             line = parser.CurrentLineNumber  # type: ignore[attr-defined]
-            raise InvalidInput(
-                f"{self.source}, line {line}: the file defines the entity {name[:60]!r}, which "
-                "is not read: save it as plain SVG."
-            )
+            self._check_entity(name, None if parameter else value, line)
 
         parser.StartElementHandler = start  # type: ignore[attr-defined]
         parser.EndElementHandler = self._end  # type: ignore[attr-defined]
         parser.CharacterDataHandler = self._text  # type: ignore[attr-defined]
         parser.EntityDeclHandler = entity  # type: ignore[attr-defined]
+
+    def _check_entity(self, name: str, value: str | None, line: int) -> None:
+        """Refuse an entity that is not plain text in the file, or expands to too much.
+
+        Raises:
+            InvalidInput: The entity is of another kind, or too long altogether.
+        """
+        where = f"{self.source}, line {line}: the entity {name[:60]!r}"
+        if value is None or "&" in value or "%" in value or "<" in value:
+            raise InvalidInput(
+                f"{where} is not plain text in the file, which is not read: save it as plain SVG."
+            )
+        # Counted before the parser puts it in, where the file's letters are those of ASCII.
+        self._expanded += len(value) * self._data.count(f"&{name};".encode())
+        if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
+            raise InvalidInput(
+                f"{where} would make the file longer by more than {MOST_EXPANDED} characters, or "
+                "nobody can tell: save it as plain SVG."
+            )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
         """Add an element to the innermost open element.

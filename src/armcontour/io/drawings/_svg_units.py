@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import re
@@ -28,6 +29,15 @@ PIXELS = {
     "pt": 96 / 72,
     "pc": 16.0,
 }
+# Units that depend on the viewport or the font, and attributes with percentages of the viewport's
+# width and of its height; others are of its diagonal over the square root of 2.
+RELATIVE = ("%", "em", "ex", "rem")
+ACROSS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
+UPWARDS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
+LENGTHS = ACROSS | UPWARDS | {"r"}
+SQRT2 = math.sqrt(2)
+# Size of the font if nothing says it, as browsers have it [CSS pixels].
+FONT = 16.0
 NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
 EACH_NUMBER = re.compile(NUMBER)
@@ -113,9 +123,10 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
     match = _LENGTH.fullmatch(text)
     factor = PIXELS.get(match[2].lower()) if match else None
     if match is None or factor is None:
+        why = " here, where nothing says of what" if match and match[2] == "%" else ""
         element.refuse(
-            f"{key}={text[:40]!r} is not a length that is read: write a number, or one in px, mm, "
-            "cm, in, pt or pc"
+            f"{key}={text[:40]!r} is not a length that is read{why}: write a number, or one in px, "
+            "mm, cm, in, pt or pc"
         )
     value = float(match[1]) * factor
     if not math.isfinite(value):
@@ -130,6 +141,46 @@ def number_of(element: Element, key: str) -> float:
         InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
     """
     return length_of(element, key) or 0.0
+
+
+def make_absolute(element: Element, view: Box | None, font: float) -> Element:
+    """The element with its lengths in % and em as numbers.
+
+    Args:
+        element: The element.
+        view: The viewport of which percentages are taken; without it they stay.
+        font: Size of the font in user units, which is one em.
+    """
+    changed = {}
+    for key in LENGTHS & element.attributes.keys():
+        match = _LENGTH.fullmatch(element.get(key))
+        unit = match[2].lower() if match else ""
+        if match is None or unit not in RELATIVE:
+            continue
+        if unit != "%":
+            whole: float | None = {"em": font, "ex": font / 2, "rem": FONT}[unit]
+        elif view is None:
+            whole = None
+        else:
+            side = "width" if key in ACROSS else "height" if key in UPWARDS else ""
+            whole = getattr(view, side) if side else math.hypot(view.width, view.height) / SQRT2
+            whole /= 100
+        if whole is not None:
+            changed[key] = repr(float(match[1]) * whole)
+    if not changed:
+        return element
+    return dataclasses.replace(element, attributes={**element.attributes, **changed})
+
+
+def font_size(element: Element, inherited: float) -> float:
+    """Size of an element's font in user units, from its font-size or else the inherited one."""
+    match = _LENGTH.fullmatch(element.style("font-size"))
+    unit = match[2].lower() if match else ""
+    if match is None or (unit not in PIXELS and unit not in RELATIVE):
+        return inherited
+    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": FONT}
+    size = float(match[1]) * (whole[unit] if unit in whole else PIXELS[unit])
+    return size if math.isfinite(size) else inherited
 
 
 def transform_of(element: Element) -> Affine:

@@ -4,47 +4,68 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from armcontour.io.drawings._svg_shapes import SHAPES
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.io.drawings._svg_shapes import SHAPES, shape_of
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
+    FONT,
     Box,
     affine,
+    font_size,
     is_flat,
     length_of,
+    make_absolute,
     number_of,
     transform_of,
     view_box,
     viewbox_transform,
 )
 from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.clipping import Clip
+from armcontour.io.drawings.colors import color_of
 from armcontour.io.drawings.reading import SKIP, Labels
 
 # Elements that draw nothing.
 SILENT = (
     "",
+    "clipPath",
     "defs",
     "desc",
     "filter",
     "linearGradient",
+    "marker",
+    "mask",
     "metadata",
+    "pattern",
     "radialGradient",
+    "script",
     "solidcolor",
     "title",
     "view",
 )
 # Elements that draw their children or the element that they refer to.
 CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")
-# Properties that cut the shapes or add something to them.
-CHANGING = ("clip-path", "mask", "marker", "marker-start", "marker-mid", "marker-end")
+# Elements that are no outline, left out with a note.
+NO_OUTLINE = ("text", "image", "foreignObject")
+# Properties that add marks to the ends of outlines, left out with a note.
+MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Style sheets are not evaluated, so declarations of these properties are refused, except for the
 # harmless values.
-_SHEET = re.compile(
-    r"(?<![\w-])(display|visibility|transform|clip-path|mask|marker[\w-]*)\s*:\s*(\w+)"
-)
+_SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
+MARKED = "Left out: the markers of"
+NOT_READ = "Left out because it is no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
+_STROKE = re.compile(r"(?<![\w-])stroke\s*:")
+# Values of properties that change nothing.
+NOTHING = ("", "none", "inherit", "initial", "unset")
+_URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Left out because hidden"
 NO_SIZE = "Left out because of no size"
 # Largest number of elements drawn by reference; a file with more is made to do harm.
@@ -55,12 +76,13 @@ DEEPEST_USE = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """An element that is a shape, with the map to the page, its layer and its name."""
+    """An element that is a shape, with the map to the page, its layer, its name and its clips."""
 
     element: Element
     to: Affine
     layer: str
     name: str
+    clips: tuple[Clip, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +98,9 @@ class _Place:
         uses: Elements that enclosing use elements refer to.
         used_by: The use element that refers directly to this element.
         name: Id of the enclosing use element.
+        stroke: Colour of the outlines.
+        font: Size of the font in user units.
+        clips: Clips of the page, around the element.
     """
 
     to: Affine
@@ -86,6 +111,9 @@ class _Place:
     uses: tuple[Element, ...] = ()
     used_by: Element | None = None
     name: str = ""
+    stroke: str = "none"
+    font: float = FONT
+    clips: tuple[Clip, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -96,6 +124,8 @@ class Walk:
         root: The outermost element.
         skip: Whether unknown elements are left out instead of refused.
         wanted: Layers whose unknown elements matter; None means all layers.
+        colors: Colours of the strokes of the elements that are read; None means all.
+        others: Numbers of elements with strokes of other colours, by their colours.
         left_out: Names of the elements that were left out, by the reason.
         labels: Names of elements and layers as the contours get them.
     """
@@ -103,6 +133,8 @@ class Walk:
     root: Element
     skip: bool
     wanted: frozenset[str] | None = None
+    colors: frozenset[str] | None = None
+    others: Counter[str] = field(default_factory=Counter)
     left_out: dict[str, list[str]] = field(default_factory=dict)
     labels: Labels = field(default_factory=Labels)
     _ids: dict[str, Element] = field(default_factory=dict)
@@ -127,7 +159,8 @@ class Walk:
         """
         self._ids, self._all = _by_id(self.root)
         counts = dict.fromkeys(SHAPES, 0)
-        place = _Place(to, view)
+        stroke, font = self.root.style("stroke"), font_size(self.root, FONT)
+        place = _Place(to, view, stroke=color_of(stroke) if stroke else "none", font=font)
         todo = [(x, place) for x in reversed(self.root.children)]
         while todo:
             element, around = todo.pop()
@@ -144,8 +177,13 @@ class Walk:
                 if inner.hidden:
                     self.leave_out(HIDDEN, element)
                     continue
+                if self.colors is not None and inner.stroke not in self.colors:
+                    self.others[inner.stroke] += 1
+                    continue
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
-                yield Shape(element, inner.to, self.labels(inner.layer), self.labels(name))
+                plain = make_absolute(element, inner.view, inner.font)
+                layer, name = self.labels(inner.layer), self.labels(name)
+                yield Shape(plain, inner.to, layer, name, inner.clips)
             else:
                 todo.extend(reversed(self._inside(element, inner)))
 
@@ -163,7 +201,10 @@ class Walk:
         if tag in SILENT or (tag == "symbol" and around.used_by is None):
             return None
         if tag == "style":
-            for key, value in _SHEET.findall("".join(element.text)):
+            sheet = "".join(element.text)
+            if self.colors is not None and _STROKE.search(sheet):
+                self._unknown(element, "style sheets are not followed, and it sets stroke")
+            for key, value in _SHEET.findall(sheet):
                 if value not in HARMLESS or (key, value) == ("display", "none"):
                     self._unknown(element, f"style sheets are not followed, and it sets {key}")
                     break
@@ -171,7 +212,9 @@ class Walk:
         if tag not in (*SHAPES, *CONTAINERS):
             if self.wanted is not None and self.labels(around.layer) not in self.wanted:
                 return None
-            self._unknown(element, f"{tag[:40]} is not read")
+            # What SVG does not know, it does not draw.
+            if tag in NO_OUTLINE and element.style("display") != "none":
+                self.leave_out(NOT_READ, element)
             return None
         if element.style("display") == "none":
             self.leave_out(HIDDEN, element)
@@ -186,7 +229,18 @@ class Walk:
         visibility = element.style("visibility")
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
         place = _layer(element, around)
-        place = dataclasses.replace(place, to=to, hidden=hidden, used_by=None)
+        stroke = element.style("stroke")
+        place = dataclasses.replace(
+            place,
+            to=to,
+            hidden=hidden,
+            used_by=None,
+            stroke=color_of(stroke) if stroke not in ("", "inherit") else place.stroke,
+            font=font_size(element, place.font),
+        )
+        clip = element.style("clip-path")
+        if clip not in NOTHING:
+            place = self._clipped(element, place, clip)
         if tag in ("svg", "symbol"):
             return self._viewport(element, place, around.used_by)
         return place
@@ -197,12 +251,42 @@ class Walk:
         Raises:
             InvalidInput: There is one, and unknown properties are refused.
         """
-        for key in CHANGING:
-            value = element.style(key)
-            if value not in ("", "none", "inherit", "initial", "unset"):
-                self._unknown(element, f"its {key} is not followed")
+        if element.style("mask") not in NOTHING:
+            self._unknown(element, "its mask is not followed")
+        if any(element.style(key) not in NOTHING for key in MARKERS):
+            self.leave_out(MARKED, element)
         if element.style_property("transform") or element.style("transform-origin"):
             self._unknown(element, "transforms by style, or about an origin, are not followed")
+
+    def _clipped(self, element: Element, place: _Place, given: str) -> _Place:
+        """The properties of an element with the clip that its clip-path names.
+
+        Raises:
+            InvalidInput: The clip is no single polygon, and unknown properties are refused.
+        """
+        name = _URL.fullmatch(given)
+        target = self._ids.get(name[1]) if name else None
+        corners = None if target is None else self._clip_corners(target, place)
+        if corners is None:
+            self._unknown(element, "its clip-path is no single polygon of this file")
+            return place
+        return dataclasses.replace(place, clips=(*place.clips, Clip(corners)))
+
+    def _clip_corners(self, target: Element, place: _Place) -> FloatArray | None:
+        """Corners of the polygon of a clipPath on the page, (n, 2); None for another form."""
+        drawn = [x for x in target.children if x.tag not in SILENT]
+        units = target.get("clipPathUnits") or "userSpaceOnUse"
+        if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
+            return None
+        (shape,) = drawn
+        if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
+            return None
+        outlines = shape_of(make_absolute(shape, place.view, place.font), lambda n: None)
+        chains = outlines[0].shapes if len(outlines) == 1 else []
+        if len(chains) != 1 or not isinstance(chains[0], Chain) or chains[0].angles.any():
+            return None
+        corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
+        return (place.to @ transform_of(target) @ transform_of(shape))(corners)
 
     def _unknown(self, element: Element, what: str) -> None:
         """Record an unknown element, or refuse it; `what` is the reason.
@@ -236,7 +320,8 @@ class Walk:
             element.refuse(f"it refers to {given[:60]!r}, which is no element of this file")
         if target in place.uses or len(place.uses) >= DEEPEST_USE:
             element.refuse(f"it refers to {given[:60]!r}, which refers back to it")
-        shift = affine(1, 0, 0, 1, number_of(element, "x"), number_of(element, "y"))
+        plain = make_absolute(element, place.view, place.font)
+        shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
         inner = dataclasses.replace(
             place,
             to=place.to @ shift,
@@ -258,6 +343,8 @@ class Walk:
             InvalidInput: The element has a viewBox but no known size.
         """
         outer = place.view
+        element = make_absolute(element, outer, place.font)
+        user = None if user is None else make_absolute(user, outer, place.font)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
         x, y = number_of(element, "x"), number_of(element, "y")
@@ -295,7 +382,7 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
     """
     for x in (user, element):
         if x is not None and x.get(key) not in ("", "auto"):
-            return whole if x.get(key) == "100%" else length_of(x, key)
+            return length_of(x, key)
     return whole
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings._dxf_document import open_document, silence_log
+from armcontour.io.drawings._dxf_document import line_of_handle, open_document, silence_log
 from armcontour.io.drawings._dxf_walk import Found, Walk
 from armcontour.io.drawings.affine import WITHOUT_Z
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.clipping import clip_path
+from armcontour.io.drawings.colors import count_names
 from armcontour.io.drawings.mending import mend, printed_in_dxf
 from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
@@ -64,15 +67,24 @@ def read_dxf(
             and unknown entities are refused, or there is no contour.
     """
     with silence_log(), np.errstate(all="ignore"):
-        document, notes = open_document(data, source)
+        skip = reading.unknown == "skip"
+        document, notes = open_document(data, source, skip=skip)
         walk = Walk(
-            document=document, source=source, skip=reading.unknown == "skip", wanted=reading.layers
+            document=document,
+            source=source,
+            skip=skip,
+            line_of=partial(line_of_handle, data),
+            wanted=reading.layers,
+            colors=reading.colors,
         )
         tell = tell_share(progress, source)
         found = list(walk.shapes(_unit(document, source, reading), tell))
         pieces = _pieces(found, walk, source, reading, tell)
+    notes += walk.notes
     if not pieces:
-        left_out = f" ({' '.join(walk.notes).rstrip('.')})" if walk.notes else ""
+        if walk.others:
+            notes.append(f"Of other colours than chosen: {count_names(walk.others)}.")
+        left_out = f" ({' '.join(notes).rstrip('.')})" if notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
     if not contours:
@@ -80,7 +92,7 @@ def read_dxf(
             f"{source} has no contour that is longer than the join tolerance of "
             f"{reading.join_tolerance:g} m."
         )
-    notes = [*notes, *walk.notes, *chaining_notes]
+    notes = [*notes, *chaining_notes]
     program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
     printed = printed_in_dxf(data, _unit(document, source, reading))
     return mend(program, lambda _: printed, reading)
@@ -98,7 +110,12 @@ def _unit(document: Any, source: str, reading: Reading) -> float:
     if code in UNITS:
         return UNITS[code]
     why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
-    raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm`.")
+    # Whether patterns of lines are metric is all that drawings without a unit say.
+    likely = {0: "in", 1: "mm"}.get(document.header.get("$MEASUREMENT", -1))
+    hint = f"; $MEASUREMENT suggests `units: {likely}`" if likely else ""
+    raise InvalidInput(
+        f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm{hint}."
+    )
 
 
 def _pieces(
@@ -124,9 +141,22 @@ def _pieces(
             f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
             f"{reason[:1].lower()}{reason[1:]}"
         ) from None
-    walk.empty += [x.name for x, path in zip(found, paths, strict=True) if path is None]
-    return [
-        Piece(path=path, name=x.name, layer=x.layer)
-        for x, path in zip(found, paths, strict=True)
-        if path is not None
-    ]
+    pieces: list[Piece] = []
+    for x, path in zip(found, paths, strict=True):
+        if path is None:
+            walk.empty.append(x.name)
+            continue
+        parts = [path]
+        for clip in x.clips:
+            if not flat or np.abs(clip.corners[:, 2]).max() > REPEATED_POINT:
+                raise InvalidInput(
+                    f"{source}: {x.kind} {x.name} on layer {x.layer!r} is in a block that is "
+                    "clipped in space, which is not read: clip drawings at z = 0 only."
+                )
+            parts = [y for part in parts for y in clip_path(part, clip.place(WITHOUT_Z))]
+        names = [x.name] if len(parts) == 1 else [f"{x.name}[{k + 1}]" for k in range(len(parts))]
+        pieces += [
+            Piece(path=part, name=name, layer=x.layer)
+            for part, name in zip(parts, names, strict=True)
+        ]
+    return pieces

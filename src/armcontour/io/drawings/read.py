@@ -17,6 +17,7 @@ from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.io.drawings.colors import color_set
 from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
 from armcontour.io.units import parse
 from armcontour.program import Program
@@ -43,6 +44,7 @@ def read_path(
     frame: Frame | None = None,
     layers: Collection[str] | None = None,
     names: Collection[str] | None = None,
+    colors: Collection[str | int] | None = None,
     flat: bool = False,
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
@@ -65,6 +67,8 @@ def read_path(
         layers: Only contours on these layers are read. Unknown keys of a mapping give a note.
         names: Only contours with these names are read: ids of elements (SVG), handles of entities
             (DXF), "line 12" (G-code).
+        colors: Only entities of these colours are read (DXF), or elements with strokes of these
+            colours (SVG), such as "red" or "#00ff00"; for DXF also AutoCAD's numbers, such as 1.
         flat: Whether z is left out.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Ends closer than this are one point [m].
@@ -92,6 +96,7 @@ def read_path(
         offsets=offsets,
         layers=_layer_set(layers),
         layer_tolerances=_layer_tolerances(layers),
+        colors=_color_set(colors, suffix),
     )
     factor = _checks.positive("scale", scale)
     module, name, options = READERS[suffix]
@@ -122,6 +127,8 @@ def _known_file(file: str | FilePath) -> tuple[FilePath, str]:
         raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
     location = FilePath(file)
     suffix = location.suffix.lower()
+    if suffix == ".dwg":
+        raise InvalidInput(f"{location.name} is a DWG file, which is not read: save it as DXF.")
     if suffix not in READERS:
         raise InvalidInput(
             f"{location.name} is no file that can be read as a path: its extension must be one of "
@@ -172,6 +179,17 @@ def _words_to_skip(unknown: Any, suffix: str) -> frozenset[str]:
             "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
         )
     return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in found)
+
+
+def _color_set(colors: Collection[str | int] | None, suffix: str) -> frozenset[str] | None:
+    """The colours that are read; None for all colours.
+
+    Raises:
+        InvalidInput: The colours are no list, or the file has none.
+    """
+    if colors is not None and READERS[suffix][0] not in ("dxf", "svg"):
+        raise InvalidInput("colors chooses among the contours of DXF and SVG drawings only.")
+    return color_set(colors)
 
 
 def _layer_set(layers: Collection[str] | None) -> frozenset[str] | None:

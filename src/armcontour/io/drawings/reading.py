@@ -44,6 +44,7 @@ class Reading:
             reads only those that the file gives, "zero" states that all others are zero.
         layers: Unknown entities on other layers are ignored; None means all layers.
         layer_tolerances: Largest corner errors on layers that have one [m], by their names.
+        colors: Only entities of these colours are read, as `color_of` names them; None means all.
 
     Raises:
         InvalidInput: A length is not above zero, or `unknown` is another word.
@@ -58,6 +59,7 @@ class Reading:
     offsets: str = "file"
     layers: frozenset[str] | None = None
     layer_tolerances: Mapping[str, float] = field(default_factory=dict)
+    colors: frozenset[str] | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None:

@@ -24,6 +24,8 @@ from armcontour.io.drawings._svg_units import (
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
 from armcontour.io.drawings.affine import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
+from armcontour.io.drawings.clipping import clip_path
+from armcontour.io.drawings.colors import count_names
 from armcontour.io.drawings.mending import half_a_place, mend
 from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
@@ -66,7 +68,9 @@ def read_svg(
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, reading)
-    walk = Walk(root=root, skip=reading.unknown == "skip", wanted=reading.layers)
+    walk = Walk(
+        root=root, skip=reading.unknown == "skip", wanted=reading.layers, colors=reading.colors
+    )
     shapes: list[Shape] = []
     tell = tell_share(progress, source)
     pieces = _pieces(walk, page, view, reading, shapes, tell)
@@ -74,6 +78,8 @@ def read_svg(
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
     if not contours:
+        if walk.others:
+            notes.append(f"Strokes of other colours than chosen: {count_names(walk.others)}.")
         why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
         raise InvalidInput(f"{source} has no contour to follow{why}.")
     notes += walk.labels.notes
@@ -132,6 +138,8 @@ def _pieces(
         kept = [path for _, path in drawn if path is not None]
         if not kept:
             walk.leave_out(NO_SIZE, shape.element)
+        for clip in shape.clips:
+            kept = [part for path in kept for part in clip_path(path, clip)]
         apart = range(len(pieces) + 1, len(pieces) + 1 + len(kept)) if len(kept) > 1 else [0]
         pieces += [
             Piece(path=path, name=shape.name, layer=shape.layer, apart=number)
