@@ -18,6 +18,7 @@ EXECUTED_COLOUR = "#0072B2"
 EXPERIMENT_COLOUR = "#009E73"
 # An experiment has its run's colour.
 EXPERIMENT_DASH = "dot"
+RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
 # Largest number of points in one curve; more points are not visible.
 MOST_POINTS = 3000

@@ -47,6 +47,8 @@ def certificate(found: Certificate) -> Section:
     )
 
 
+# Smallest range of the axis of derated limits [%].
+LEAST_RANGE = 1.0
 _SEVERAL = (
     " Every contour is certified while the process is on, in the execution of the whole program; "
     "rapids only keep the limits of the joints."
@@ -285,6 +287,10 @@ def _derating(found: Certificate) -> Any:
         title="arc length of the contours [m]" if _several(found) else "arc length [m]"
     )
     figure.update_yaxes(title="usable acceleration limit [%]")
+    least = 100 * min(float(x.share.min()) for x in deratings)
+    if least > 100 - LEAST_RANGE:
+        # Rounding errors must not fill the height of the figure.
+        figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
     return finish(figure, title="Derating of limits", height=360)
 
 

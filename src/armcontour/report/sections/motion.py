@@ -17,6 +17,7 @@ from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
     PLANNED_COLOUR,
+    RAPID_SHADE,
     finish,
     line,
     run_colours,
@@ -32,9 +33,10 @@ SMALLEST_ERROR = 1e-6
 SATURATED = 1e-3
 # Number of samples of planned accelerations.
 MOST_TIMES = 20_000
-# Colour of rapids, and largest number of shaded rapids.
-RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
+# Largest number of shaded rapids.
 MOST_SHADES = 300
+# If contours are slower than this share of the fastest rapid, the axis shows the contours.
+SQUEEZED = 0.5
 
 
 def tool_speed(study: Study) -> Section:
@@ -64,12 +66,34 @@ def tool_speed(study: Study) -> Section:
         text += f" Dotted lines are the switching points of the run {marked.run.name}."
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="tool speed [mm/s]")
+    most = _largest_on_contours(study)
+    if most < SQUEEZED * max(float(x.execution.tool_speed.max()) for x in study.runs.values()):
+        figure.update_yaxes(range=[0, 1.2 * most * 1e3])
+        text += " Rapids are cut off at the top; a double click shows all of them."
     return Section(
         key="speed",
         title="Tool speed",
         text=text,
-        figures=(finish(figure, title="Tool speed over time"), *angular_speeds(study)),
+        figures=(
+            finish(figure, title="Tool speed over time"),
+            *angular_speeds(study, _rapids(study)),
+        ),
     )
+
+
+def _largest_on_contours(study: Study) -> float:
+    """The largest executed tool speed along contours [m/s]."""
+    largest = 0.0
+    for result in study.runs.values():
+        x = result.execution
+        on = np.zeros(len(x.t), dtype=bool)
+        for span in result.trajectory.spans:
+            if span.kind == "contour":
+                on |= (x.t >= span.t[0]) & (x.t <= span.t[1])
+        if not result.trajectory.spans:
+            on[:] = True
+        largest = max(largest, float(x.tool_speed[on].max()))
+    return largest
 
 
 def _assigned(study: Study) -> list[Any]:

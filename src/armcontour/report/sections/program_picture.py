@@ -14,7 +14,7 @@ from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Program
 from armcontour.report.outline import finely, outlines
 from armcontour.report.planned import ordinal
-from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons, view_label
+from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 
 # Colours of the longest layers; black is for all other layers.
@@ -89,7 +89,7 @@ def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:
         return
     in_space(figure, title=title.format("in space"), height=680)
     figure.update_layout(box(points))
-    figure.update_layout(updatemenus=[view_buttons(0.06)], annotations=[view_label("view", 0.0)])
+    figure.update_layout(updatemenus=[view_buttons()], annotations=[row_label("view")])
 
 
 def draw_in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:

@@ -14,6 +14,9 @@ FLATTEST = 0.4
 # Longest side of a scene in units of plotly; it fits in every view.
 SCENE = 1.45
 # Position of the eye and upward direction of every view.
+# Height of a row of buttons, and width of a letter of their labels [pixels].
+ROW = 38
+LETTER = 8
 VIEWS = {
     "oblique": ((1.1, -1.5, 0.9), (0, 0, 1)),
     "top": ((0, 0, 2), (0, 1, 0)),
@@ -34,8 +37,8 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
     )
 
 
-def in_space(figure: Any, *, title: str, height: int) -> None:
-    """Set the layout of a figure in space: equal axes, and a legend at the left."""
+def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
+    """Set the layout of a figure in space: equal axes, a legend at the left, rows of buttons."""
     finish(figure, title=title, height=height)
     axis = {
         "nticks": 6,
@@ -58,7 +61,7 @@ def in_space(figure: Any, *, title: str, height: int) -> None:
             "yanchor": "top",
             "bgcolor": "rgba(255,255,255,0.8)",
         },
-        margin={"l": 10, "r": 10, "t": 110, "b": 10},
+        margin={"l": 10, "r": 10, "t": 72 + ROW * rows, "b": 10},
     )
 
 
@@ -95,8 +98,8 @@ def _camera(view: str) -> dict[str, Any]:
     }
 
 
-def view_buttons(x: float) -> dict[str, Any]:
-    """A row of buttons that change the view, from the position x on."""
+def view_buttons(row: int = 0) -> dict[str, Any]:
+    """A row of buttons that change the view, behind the label "view"."""
     found = []
     for name, (eye, _) in VIEWS.items():
         # An axis along the line of sight is hidden: its labels would overlap.
@@ -106,36 +109,44 @@ def view_buttons(x: float) -> dict[str, Any]:
         }
         args["scene.camera"] = _camera(name)
         found.append({"label": name, "method": "relayout", "args": [args]})
-    return buttons(found, x)
+    return buttons(found, row=row, label="view")
 
 
-def buttons(found: list[dict[str, Any]], x: float) -> dict[str, Any]:
-    """A row of buttons above a scene, from the position x on."""
+def buttons(found: list[dict[str, Any]], *, row: int = 0, label: str = "") -> dict[str, Any]:
+    """A row of buttons above a scene.
+
+    Places are in pixels, so that rows fit narrow screens.
+
+    Args:
+        found: The buttons.
+        row: Number of rows below this one.
+        label: The text of `row_label` before the buttons.
+    """
     return {
         "type": "buttons",
         "direction": "right",
         "buttons": found,
-        "x": x,
+        "x": 0,
         "xanchor": "left",
-        "y": 1.01,
+        "y": 1,
         "yanchor": "bottom",
-        "pad": {"t": 0, "b": 4},
+        "pad": {"t": 0, "b": 6 + ROW * row, "l": LETTER * len(label)},
         "bgcolor": "#FFFFFF",
         "font": {"size": 12},
     }
 
 
-def view_label(text: str, x: float) -> dict[str, Any]:
+def row_label(text: str, row: int = 0) -> dict[str, Any]:
     """A label before a row of buttons."""
     return {
         "text": text,
-        "x": x,
+        "x": 0,
         "xref": "paper",
         "xanchor": "left",
-        "y": 1.01,
+        "y": 1,
         "yref": "paper",
         "yanchor": "bottom",
-        "yshift": 12,
+        "yshift": 14 + ROW * row,
         "showarrow": False,
         "font": {"size": 12},
     }

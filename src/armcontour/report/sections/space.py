@@ -23,8 +23,8 @@ from armcontour.report.sections.scene import (
     buttons,
     in_space,
     line_in_space,
+    row_label,
     view_buttons,
-    view_label,
 )
 from armcontour.report.style import (
     EXPERIMENT_DASH,
@@ -93,13 +93,13 @@ def _path(study: Study) -> Any:
             width = widths[name] + 2
             figure.add_trace(line_in_space(points, label, colours[name], width=width, dash=dash))
     which = list(range(static, len(figure.data)))
-    in_space(figure, title="Path in space", height=680)
+    in_space(figure, title="Path in space", height=680, rows=2)
     fixed = np.concatenate([_points(x) for x in figure.data[:static]])
     larger = _magnify(fixed, moved, which)
     figure.update_layout(larger[0]["args"][1])
     figure.update_layout(
-        updatemenus=[buttons(larger, 0.12), view_buttons(0.62)],
-        annotations=[view_label("error magnified", 0.0), view_label("view", 0.57)],
+        updatemenus=[buttons(larger, label="error magnified"), view_buttons(1)],
+        annotations=[row_label("error magnified"), row_label("view", 1)],
     )
     return figure
 
@@ -208,6 +208,25 @@ def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.stack([start, end, np.full_like(start, np.nan)], axis=1).reshape(-1, 3)
 
 
+def _mounting_plane(points: FloatArray) -> Any:
+    """The plane of the arm's base, z = 0, below or above all points [mm]."""
+    import plotly.graph_objects as go
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    return go.Surface(
+        x=[low[0], high[0]],
+        y=[low[1], high[1]],
+        z=np.zeros((2, 2)),
+        surfacecolor=np.zeros((2, 2)),
+        colorscale=[[0, PATH_COLOUR], [1, PATH_COLOUR]],
+        opacity=0.25,
+        showscale=False,
+        name="plane of the base",
+        showlegend=True,
+        hoverinfo="skip",
+    )
+
+
 def _arm(study: Study) -> Any:
     """Animation of the arm along the executed motions."""
     import plotly.graph_objects as go
@@ -226,6 +245,8 @@ def _arm(study: Study) -> Any:
             trace.update(visible="legendonly")
         figure.add_trace(trace)
     which = list(range(1, len(figure.data)))
+    everywhere = np.concatenate([path, *(x.reshape(-1, 3) for x in arms.values())])
+    figure.add_trace(_mounting_plane(everywhere))
     figure.frames = [
         go.Frame(
             name=str(k),
@@ -237,8 +258,7 @@ def _arm(study: Study) -> Any:
         )
         for k in range(FRAMES)
     ]
-    in_space(figure, title="The arm along its motion, as executed", height=700)
-    everywhere = np.concatenate([path, *(x.reshape(-1, 3) for x in arms.values())])
+    in_space(figure, title="The arm along its motion, as executed", height=700, rows=2)
     figure.update_layout(box(everywhere))
     steps = [
         {"label": f"{t:.2f}", "method": "animate", "args": [[str(k)], _at_once()]}
@@ -249,8 +269,8 @@ def _arm(study: Study) -> Any:
         {"label": "stop", "method": "animate", "args": [[None], _at_once()]},
     ]
     figure.update_layout(
-        updatemenus=[{**buttons(play, 0.0), "showactive": False}, view_buttons(0.62)],
-        annotations=[view_label("view", 0.57)],
+        updatemenus=[{**buttons(play), "showactive": False}, view_buttons(1)],
+        annotations=[row_label("view", 1)],
         sliders=[
             {
                 "steps": steps,

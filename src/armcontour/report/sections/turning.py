@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour.jobs import Study
 from armcontour.jobs.quantities import angular_speed
+from armcontour.motion import Trajectory
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
+    RAPID_SHADE,
     finish,
     line,
     run_colours,
     run_widths,
+    shade,
     thin,
 )
 
@@ -22,31 +27,44 @@ from armcontour.report.style import (
 SLOWEST_TURN = 1.0
 
 
-def angular_speeds(study: Study) -> list[Any]:
-    """Figure of the executed angular speed of the tool; empty for a planar arm."""
+def angular_speeds(study: Study, rapids: Sequence[tuple[float, float]] = ()) -> list[Any]:
+    """Figure of the executed angular speed of the tool; empty for a planar arm.
+
+    Args:
+        study: The study.
+        rapids: Times to shade, in which the limit of the angular speed does not hold.
+    """
     import plotly.graph_objects as go
 
     figure = go.Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
-    limits: dict[float, float] = {}
+    limits: dict[float, Trajectory] = {}
     for name, result in study.runs.items():
         speed = angular_speed(result.execution)
         if speed is None:
             return []
         t, values = thin(result.execution.t, np.degrees(speed))
         figure.add_trace(line(t, values, name, colours[name], width=widths[name]))
-        if result.run.limits.angular_speed is not None:
-            longest = limits.get(result.run.limits.angular_speed, 0.0)
-            limits[result.run.limits.angular_speed] = max(longest, result.trajectory.duration)
-    for value, time in sorted(limits.items()):
-        limit = np.degrees([value, value])
-        label = f"limit {limit[0]:g} deg/s"
-        figure.add_trace(line([0, time], limit, label, LIMIT_COLOUR, dash="dash", width=1))
+        limit, plan = result.run.limits.angular_speed, result.trajectory
+        if limit is not None and (limit not in limits or limits[limit].duration < plan.duration):
+            limits[limit] = plan
+    for value, plan in sorted(limits.items()):
+        times = _contour_times(plan)
+        label = f"limit {np.degrees(value):g} deg/s"
+        level = np.where(np.isnan(times), np.nan, np.degrees(value))
+        figure.add_trace(line(times, level, label, LIMIT_COLOUR, dash="dash", width=1))
+    shade(figure, rapids, 1, RAPID_SHADE)
     figure.update_xaxes(title="time [s]")
     # So that a tool of constant orientation does not show numerical noise.
-    top = max(SLOWEST_TURN, *(1.05 * float(np.max(x.y)) for x in figure.data))
+    top = max(SLOWEST_TURN, *(1.05 * float(np.nanmax(x.y)) for x in figure.data))
     figure.update_yaxes(title="angular speed [deg/s]", range=[0, top])
     return [finish(figure, title="Angular speed of the tool over time", height=400)]
+
+
+def _contour_times(plan: Trajectory) -> FloatArray:
+    """Start and end of every contour [s], with gaps (NaN) between them."""
+    spans = [x.t for x in plan.spans if x.kind == "contour"] or [(0.0, plan.duration)]
+    return np.array([y for start, end in spans for y in (start, end, np.nan)])
 
 
 def orientation_errors(study: Study) -> list[Any]:
