@@ -119,7 +119,7 @@ def _mend_inside(
     if not done.any():
         return None
     return Mended(
-        path=Path(segments=found.segments),
+        path=Path(segments=found.segments, merged=path.merged),
         before=path.breaks,
         after=found.place(path.breaks),
         count=int(done.sum()),
@@ -138,18 +138,17 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
     """
     rows, n = path.segments, len(path)
     first, last = rows[:1], rows[n - 1 :]
-    start, end = first.tangents, last.end_tangents
-    kink = float(angle_between(end, start)[0])
+    ahead, back = first.tangents, last.end_tangents
+    kink = float(angle_between(back, ahead)[0])
     apart = float(np.linalg.norm(last.ends - first.starts))
     if n < 2 or apart > REPEATED_POINT or not (TANGENT_TOLERANCE < kink <= most and allowed > 0):
         return None
     bend = max(rows.curvatures[0], rows.curvatures[-1])
     t = min(rows.lengths[0] / 2, rows.lengths[-1] / 2, WIDEST / bend if bend > 0 else np.inf)
-    middle = unit(start + end)
+    middle = unit(ahead + back)
     for _ in range(MOST_HALVINGS):
-        leaving = biarcs(
-            first.starts, middle, first.at(EVERY, np.array([t])), first.at(EVERY, np.array([t]), 1)
-        )
+        end = np.array([t])
+        leaving = biarcs(first.starts, middle, first.at(EVERY, end), first.at(EVERY, end, 1))
         begin = rows.lengths[-1:] - t
         arriving = biarcs(last.at(EVERY, begin), last.at(EVERY, begin, 1), last.ends, middle)
         off = max(
@@ -161,14 +160,12 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
         t /= 2
     else:
         return None
-    table = _with_ends(rows, leaving, arriving, t)
-    lengths = float(sum(x.lengths[0] for x in leaving)), float(sum(x.lengths[0] for x in arriving))
+    lengths = [sum(float(x.lengths[0]) for x in arcs) for arcs in (leaving, arriving)]
     total = path.length
-    inner = total - 2 * t
     return Mended(
-        path=Path(segments=table),
+        path=Path(segments=_with_ends(rows, leaving, arriving, t), merged=path.merged),
         before=np.array([0.0, t, total - t, total]),
-        after=np.cumsum([0.0, lengths[0], inner, lengths[1]]),
+        after=np.cumsum([0.0, lengths[0], total - 2 * t, lengths[1]]),
         count=1,
         kink=kink,
         deviation=off,

@@ -6,14 +6,16 @@ import dataclasses
 import math
 import re
 from collections.abc import Callable, Iterable
+from itertools import islice
 
 from armcontour.geometry.mending import Mended, Printed, mend_vertices
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
-# Longest part of a file in which decimals are counted [bytes].
+# Longest part of a file in which decimals are counted [bytes], and most numbers of other texts.
 COUNTED = 100_000
+MOST_NUMBERS = 10_000
 # Numbers are printed with as many decimals as this share of them has at most: zeros at the end may
 # be cut off, and single numbers may be written in another way.
 MOST = 0.95
@@ -28,7 +30,7 @@ DXF_ANGLE = re.compile(rb"\n[ \t]*5[01][ \t]*\r?\n[ \t]*[-+]?[0-9]*\.([0-9]+)")
 
 def half_a_place(texts: Iterable[str]) -> float:
     """Half of the last decimal place of the numbers in some texts."""
-    found = (x for text in texts for x in DECIMALS.findall(text))
+    found = islice((x for text in texts for x in DECIMALS.findall(text)), MOST_NUMBERS)
     return _half_a_place([len(digits) - int(exponent or 0) for digits, exponent in found])
 
 
@@ -63,7 +65,8 @@ def _half_a_place_of(pattern: re.Pattern[bytes], data: bytes) -> float:
 def _half_a_place(places: list[int]) -> float:
     """Half of the last decimal place of numbers with so many places each; 0.5 without numbers."""
     most = sorted(places)[math.ceil(MOST * len(places)) - 1] if places else 0
-    return 0.5 * 10.0**-most
+    # Exponents can overflow; a file of such numbers has no decimals.
+    return 0.5 * 10.0 ** -max(most, 0)
 
 
 def mend(program: Program, printed: Callable[[Contour], Printed], reading: Reading) -> Program:
