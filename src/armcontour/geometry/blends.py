@@ -52,9 +52,9 @@ class Blends:
 
     @property
     def radius(self) -> FloatArray:
-        """Smallest radii of the blends [m], (n,)."""
-        sharpest = np.maximum(self.first.curvatures, self.second.curvatures)
-        return np.asarray(1 / np.maximum(sharpest, np.finfo(float).tiny))
+        """Smallest radii of the blends [m], infinite for a straight one, (n,)."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / np.maximum(self.first.curvatures, self.second.curvatures))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
