@@ -428,6 +428,7 @@ def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -
         error=wishes.error[bent],
         radius=wishes.enough[bent],
         turn=largest_blend(path, corner, angle),
+        tangent=wishes.most[bent],
     )
     found = widest_blends(path.segments[corner], path.segments[corner + 1], bounds)
     free = (bounds.error > 0) & (bounds.radius > 0)

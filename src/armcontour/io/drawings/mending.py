@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable
 from itertools import islice
 
-from armcontour.geometry.mending import Mended, Printed, mend_vertices
+from armcontour.geometry.mending import Mended, Printed, mend_paths
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
@@ -81,35 +81,32 @@ def mend(program: Program, printed: Callable[[Contour], Printed], reading: Readi
     """
     if reading.mend_vertices == 0:
         return program
-    moves: list[Move] = []
-    done: list[Mended] = []
-    for x in program.moves:
-        mended = _mend(x, printed(x), reading) if isinstance(x, Contour) else None
-        if mended is None:
-            moves.append(x)
-            continue
-        assert isinstance(x, Contour)
-        events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
-        moves.append(dataclasses.replace(x, path=mended.path, events=events))
-        done.append(mended)
-    if not done:
+    moves: list[Move] = list(program.moves)
+    which = [
+        i for i, x in enumerate(moves) if isinstance(x, Contour) and x.path.orientation is None
+    ]
+    contours = [x for x in program.contours if x.path.orientation is None]
+    held = [_held(printed(x), x.path.dimension, reading) for x in contours]
+    most = [reading.layer_tolerances.get(x.layer, math.inf) for x in contours]
+    done = mend_paths([x.path for x in contours], held, most)
+    for i, x, mended in zip(which, contours, done, strict=True):
+        if mended is not None:
+            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
+            moves[i] = dataclasses.replace(x, path=mended.path, events=events)
+    changed = [x for x in done if x is not None]
+    if not changed:
         return program
-    notes = (*program.notes, _note(done))
+    notes = (*program.notes, _note(changed))
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _mend(contour: Contour, printed: Printed, reading: Reading) -> Mended | None:
-    """The mended path of a contour; None if nothing is to mend."""
-    path = contour.path
-    if path.orientation is not None:
-        return None
-    if reading.mend_vertices is not None:
-        point = reading.mend_vertices
-    else:
+def _held(printed: Printed, dimension: int, reading: Reading) -> Printed:
+    """What coordinates can hold, from half of their last place or as the reading says it."""
+    point = reading.mend_vertices
+    if point is None:
         # Every coordinate of a point can be off.
-        point = min(math.sqrt(path.dimension) * printed.point, reading.chord_tolerance)
-    most = reading.layer_tolerances.get(contour.layer, math.inf)
-    return mend_vertices(path, dataclasses.replace(printed, point=point), most=most)
+        point = min(math.sqrt(dimension) * printed.point, reading.chord_tolerance)
+    return dataclasses.replace(printed, point=point)
 
 
 def _note(done: list[Mended]) -> str:
