@@ -21,7 +21,7 @@ MOST_NUMBERS = 10_000
 MOST = 0.95
 DECIMALS = re.compile(r"\.([0-9]+)(?:[eE]([-+]?[0-9]{1,3}))?")
 GCODE = re.compile(rb"[XYZIJKRxyzijkr][ \t]*[-+]?[0-9]*\.([0-9]+)")
-RADIUS = re.compile(rb"[Rr][ \t]*[-+]?[0-9.]")
+RADIUS = re.compile(rb"[Gg][ \t]*0?[23][ \t]*[A-Za-z][^\r\n(;]*[Rr][ \t]*[-+]?[0-9.]")
 # Group codes of DXF: coordinates, bulges, and angles of arcs.
 DXF_POINT = re.compile(rb"\n[ \t]*[123][0-8][ \t]*\r?\n[ \t]*[-+]?[0-9]*\.([0-9]+)")
 DXF_BULGE = re.compile(rb"\n[ \t]*42[ \t]*\r?\n[ \t]*[-+]?[0-9]*\.([0-9]+)")
