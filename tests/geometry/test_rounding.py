@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.geometry import corner_error
+from armcontour.geometry import corner_error, count_full_stops
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
@@ -223,6 +223,22 @@ def test_why_the_tool_stops():
     path = ac.Path.polyline([(0, 0), (1, 0), (1 + 2e-9, 0), (1 + 2e-9, 1), (0, 1)])
     tiny = ac.round_corners(path, tolerance=[1e-3, 1e-10, 1e-3]).corners
     assert tiny.reason.tolist() == ["no room", None]
+
+
+def test_full_stops_are_counted_by_their_reasons():
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 0.5, 0), (2, 0.5, 0)]
+    path = ac.Path.polyline(points)
+    assert count_full_stops(path) == {"rounding off": 2, "turn-back": 1}
+    assert count_full_stops(ac.round_corners(path, tolerance=0.01)) == {"turn-back": 1}
+    assert count_full_stops(ac.round_corners(path, tolerance=0.0)) == {
+        "tolerance zero": 2,
+        "turn-back": 1,
+    }
+    turning = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).oriented(
+        Rotation.from_euler("x", [[0.0], [0.1], [0.4]])
+    )
+    assert count_full_stops(turning) == {"tool orientation": 1}
+    assert count_full_stops(bridge()) == {"rounding off": 2}
 
 
 def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():

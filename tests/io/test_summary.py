@@ -181,3 +181,22 @@ def test_long_lists_are_cut_and_counted(study: Study, monkeypatch: pytest.Monkey
     assert cut["left_out"] == {"corners": 1, "cornering": 1}
     assert cut["corners"] == cut["cornering"] == cut["explanation"]["bindings"] == []
     assert cut["explanation"]["left_out"]["bindings"] == len(whole["explanation"]["bindings"])
+
+
+def test_full_stops_are_counted_with_their_reasons() -> None:
+    job = {
+        "name": "stops",
+        "arm": "pmk3s",
+        "path": {"points": [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24], [0.36, 0.20]]},
+        "limits": {"speed": 0.15, "joint_acceleration": 3},
+        "servo": {"kp": 25, "kv": 150},
+        "runs": {"round": {"corners": {"tolerance": "1 mm"}}, "sharp": {}},
+    }
+    study = run(parse_job(yaml.safe_dump(job)))
+    found = json.loads(summary(study))["runs"]
+    assert found["round"]["full_stops"] == {"count": 1, "reasons": {"turn-back": 1}}
+    assert [x["reason"] for x in found["round"]["corners"]] == [None, "turn-back"]
+    sharp = {"rounding off": 1, "turn-back": 1}
+    assert found["sharp"]["full_stops"] == {"count": 2, "reasons": sharp}
+    note = "Run sharp: 2 full stops inside contours (1 rounding off, 1 turn-back)."
+    assert study.runs["sharp"].stops_note == note

@@ -52,9 +52,9 @@ class Blends:
 
     @property
     def radius(self) -> FloatArray:
-        """Smallest radii of the blends [m], (n,)."""
-        sharpest = np.maximum(self.first.curvatures, self.second.curvatures)
-        return np.asarray(1 / np.maximum(sharpest, np.finfo(float).tiny))
+        """Smallest radii of the blends [m], infinite for a straight one, (n,)."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / np.maximum(self.first.curvatures, self.second.curvatures))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,15 +65,22 @@ class Bounds:
         error: Largest corner errors [m], (n,).
         radius: Radii that are large enough for the corner speeds [m], infinite without one, (n,).
         turn: Largest `t / 2 - length / 8`, which the tool's orientation allows [m], (n,).
+        tangent: Largest tangent lengths [m], (n,).
     """
 
     error: FloatArray
     radius: FloatArray
     turn: FloatArray
+    tangent: FloatArray
 
     def __getitem__(self, rows: IntArray) -> Bounds:
         """The bounds of the selected corners."""
-        return Bounds(error=self.error[rows], radius=self.radius[rows], turn=self.turn[rows])
+        return Bounds(
+            error=self.error[rows],
+            radius=self.radius[rows],
+            turn=self.turn[rows],
+            tangent=self.tangent[rows],
+        )
 
 
 def make_blends(before: Segments, after: Segments, t: FloatArray) -> Blends:
@@ -124,8 +131,12 @@ def widest_blends(before: Segments, after: Segments, bounds: Bounds) -> FloatArr
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         bent = WIDEST / np.maximum(before.curvatures, after.curvatures)
         high = np.minimum(bent, np.minimum(before.lengths, after.lengths))
+        high = np.minimum(high, bounds.tangent)
+        excess = _excess(before, after, high, bounds)
+        if (excess[0] <= 0).all():
+            return high
         low = np.minimum(SHORTEST, high)
-        need, excess = _excess(before, after, low, bounds), _excess(before, after, high, bounds)
+        need = _excess(before, after, low, bounds)
         # A vertex that hardly turns is smooth enough for any speed with the shortest blend.
         found = np.where(need[1] <= 0, low, 0.0)
         found[excess[0] <= 0] = high[excess[0] <= 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from armcontour.frames import angle_between
 from armcontour.geometry.biarcs import biarcs, distance, unit
 from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding import blend_vertices
+from armcontour.geometry.rounding import RoundedPath, blend_vertices
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 # Turns above this are corners however short their segments are [rad].
@@ -76,7 +77,26 @@ class Mended:
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
-def mend_vertices(path: Path, printed: Printed, *, most: float = np.inf) -> Mended | None:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Kinks:
+    """The vertices of a path to mend.
+
+    Args:
+        path: The path.
+        vertex: Segments after which the vertices are, (n,).
+        turn: The path's turns there [rad], (n,).
+        allowed: Largest distances between both paths there [m], (n,).
+        seam: Largest turn to mend where the path closes [rad], and largest distance there [m].
+    """
+
+    path: Path
+    vertex: IntArray
+    turn: FloatArray
+    allowed: FloatArray
+    seam: tuple[float, float]
+
+
+def mend_vertices(path: Path, printed: Printed) -> Mended | None:
     """Make vertices tangent at which printing can have made the turn; None if there are none.
 
     At most half of each segment changes per vertex. Vertices stay if a segment beside them has the
@@ -85,19 +105,49 @@ def mend_vertices(path: Path, printed: Printed, *, most: float = np.inf) -> Mend
     Args:
         path: A path without tool orientation.
         printed: What the decimals of the path's coordinates can hold.
-        most: Largest distance between both paths [m], if it is less than printing moves a point.
     """
+    return mend_paths([path], [printed], [np.inf])[0]
+
+
+def mend_paths(
+    paths: Sequence[Path], printed: Sequence[Printed], most: Sequence[float]
+) -> list[Mended | None]:
+    """`mend_vertices` of many paths at once, all in the plane or all in space.
+
+    Args:
+        paths: The paths.
+        printed: What the decimals of each path's coordinates can hold.
+        most: Largest distance between both paths [m], where it is less than printing moves a point.
+    """
+    kinks = [_find_kinks(*x) for x in zip(paths, printed, most, strict=True)]
+    found: list[Mended | None] = [None] * len(kinks)
+    which = [i for i, x in enumerate(kinks) if len(x.vertex)]
+    if which:
+        for i, inner in zip(which, _mend_inside([kinks[i] for i in which]), strict=True):
+            found[i] = inner
+    return [_with_seam(x, inner) for x, inner in zip(kinks, found, strict=True)]
+
+
+def _find_kinks(path: Path, printed: Printed, most: float) -> _Kinks:
+    """The vertices of a path that printing can have bent."""
     turns, held = path.turns, printed.turns(path.segments)
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     own = np.minimum(own, min(printed.point, most))
     allowed = np.minimum(own[:-1], own[1:])
     largest = np.minimum(held[:-1] + held[1:], LARGEST_KINK)
     vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
-    inner = None
-    if len(vertex):
-        inner = _mend_inside(path, vertex, turns[vertex], allowed[vertex])
-    now = path if inner is None else inner.path
-    seam = _mend_seam(now, min(held[0] + held[-1], LARGEST_KINK), min(own[0], own[-1]))
+    return _Kinks(
+        path=path,
+        vertex=vertex,
+        turn=turns[vertex],
+        allowed=allowed[vertex],
+        seam=(min(held[0] + held[-1], LARGEST_KINK), min(own[0], own[-1])),
+    )
+
+
+def _with_seam(kinks: _Kinks, inner: Mended | None) -> Mended | None:
+    """What is mended inside of a path, and where it closes; None for nothing."""
+    seam = _mend_seam(kinks.path if inner is None else inner.path, *kinks.seam)
     if inner is None or seam is None:
         return inner or seam
     return Mended(
@@ -110,21 +160,61 @@ def mend_vertices(path: Path, printed: Printed, *, most: float = np.inf) -> Mend
     )
 
 
-def _mend_inside(
-    path: Path, vertex: IntArray, turn: FloatArray, allowed: FloatArray
+def _mend_inside(kinks: Sequence[_Kinks]) -> list[Mended | None]:
+    """Mend the vertices between segments of paths, None where no blend fits any of them.
+
+    All are mended in one path, with lines from each to the next.
+    """
+    tables: list[Segments] = []
+    first: list[int] = []
+    count = 0
+    for i, x in enumerate(kinks):
+        if i:
+            ends = np.concatenate([kinks[i - 1].path.segments[-1:].ends, x.path.starts[:1]])
+            if np.linalg.norm(ends[1] - ends[0]) > REPEATED_POINT:
+                tables.append(Segments.lines(ends))
+                count += 1
+        first.append(count)
+        tables.append(x.path.segments)
+        count += len(x.path)
+    whole = Path(segments=Segments.join(tables))
+    vertex = np.concatenate([i + x.vertex for i, x in zip(first, kinks, strict=True)])
+    turn, allowed = (np.concatenate([getattr(x, y) for x in kinks]) for y in ("turn", "allowed"))
+    found = blend_vertices(whole, vertex, turn, allowed)
+    # Where paths begin and end, the new path has a break, up to rounding.
+    places = found.place(whole.breaks)
+    rows = np.searchsorted((found.breaks[1:] + found.breaks[:-1]) / 2, places)
+    mended, corner = [], 0
+    for i, x in zip(first, kinks, strict=True):
+        part, own = slice(i, i + len(x.path) + 1), slice(corner, corner + len(x.vertex))
+        mended.append(_part(found, x.path, rows[part], places[part], own))
+        corner += len(x.vertex)
+    return mended
+
+
+def _part(
+    found: RoundedPath, path: Path, rows: IntArray, places: FloatArray, corners: slice
 ) -> Mended | None:
-    """Mend vertices between segments; None if no blend fits any of them."""
-    found = blend_vertices(path, vertex, turn, allowed)
-    done = ~found.corners.stopped
+    """What was mended of one of several paths; None for nothing.
+
+    Args:
+        found: All paths, mended.
+        path: The path.
+        rows: The segments of `found` from which on the path's segments lie, and their end.
+        places: Arc lengths on `found` of the path's breaks [m].
+        corners: The path's vertices among the corners of `found`.
+    """
+    done = ~found.corners.stopped[corners]
     if not done.any():
         return None
+    mended = Path(segments=found.segments[rows[0] : rows[-1]], merged=path.merged)
     return Mended(
-        path=Path(segments=found.segments),
+        path=mended,
         before=path.breaks,
-        after=found.place(path.breaks),
+        after=np.minimum(places - places[0], mended.length),
         count=int(done.sum()),
-        kink=float(found.corners.turn[done].max()),
-        deviation=float(found.corners.error[done].max()),
+        kink=float(found.corners.turn[corners][done].max()),
+        deviation=float(found.corners.error[corners][done].max()),
     )
 
 
@@ -138,18 +228,17 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
     """
     rows, n = path.segments, len(path)
     first, last = rows[:1], rows[n - 1 :]
-    start, end = first.tangents, last.end_tangents
-    kink = float(angle_between(end, start)[0])
+    ahead, back = first.tangents, last.end_tangents
+    kink = float(angle_between(back, ahead)[0])
     apart = float(np.linalg.norm(last.ends - first.starts))
     if n < 2 or apart > REPEATED_POINT or not (TANGENT_TOLERANCE < kink <= most and allowed > 0):
         return None
     bend = max(rows.curvatures[0], rows.curvatures[-1])
     t = min(rows.lengths[0] / 2, rows.lengths[-1] / 2, WIDEST / bend if bend > 0 else np.inf)
-    middle = unit(start + end)
+    middle = unit(ahead + back)
     for _ in range(MOST_HALVINGS):
-        leaving = biarcs(
-            first.starts, middle, first.at(EVERY, np.array([t])), first.at(EVERY, np.array([t]), 1)
-        )
+        end = np.array([t])
+        leaving = biarcs(first.starts, middle, first.at(EVERY, end), first.at(EVERY, end, 1))
         begin = rows.lengths[-1:] - t
         arriving = biarcs(last.at(EVERY, begin), last.at(EVERY, begin, 1), last.ends, middle)
         off = max(
@@ -161,14 +250,12 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
         t /= 2
     else:
         return None
-    table = _with_ends(rows, leaving, arriving, t)
-    lengths = float(sum(x.lengths[0] for x in leaving)), float(sum(x.lengths[0] for x in arriving))
+    lengths = [sum(float(x.lengths[0]) for x in arcs) for arcs in (leaving, arriving)]
     total = path.length
-    inner = total - 2 * t
     return Mended(
-        path=Path(segments=table),
+        path=Path(segments=_with_ends(rows, leaving, arriving, t), merged=path.merged),
         before=np.array([0.0, t, total - t, total]),
-        after=np.cumsum([0.0, lengths[0], inner, lengths[1]]),
+        after=np.cumsum([0.0, lengths[0], total - 2 * t, lengths[1]]),
         count=1,
         kink=kink,
         deviation=off,

@@ -205,12 +205,12 @@ def count_full_stops(path: Path) -> dict[str, int]:
 def blend_vertices(
     path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
 ) -> RoundedPath:
-    """The path without tool orientation, with some of its vertices blended and all others kept.
+    """The path with some of its vertices blended and all others kept.
 
     A blend takes at most half of either segment.
 
     Args:
-        path: The path, whose orientation is left out.
+        path: The path, without tool orientation.
         vertex: Segments after which the vertices are, increasing, (n,).
         turn: The path's turns there [rad], (n,).
         tolerance: Largest distance of each vertex from the new path [m], (n,).
@@ -226,8 +226,7 @@ def blend_vertices(
         acceleration=np.full(len(vertex), np.nan),
         most=np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2,
     )
-    bare = path if path.orientation is None else dataclasses.replace(path, orientation=None)
-    return _round(bare, wishes, np.zeros(0, dtype=np.intp), np.inf)
+    return _round(path, wishes, np.zeros(0, dtype=np.intp), np.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -429,6 +428,7 @@ def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -
         error=wishes.error[bent],
         radius=wishes.enough[bent],
         turn=largest_blend(path, corner, angle),
+        tangent=wishes.most[bent],
     )
     found = widest_blends(path.segments[corner], path.segments[corner + 1], bounds)
     free = (bounds.error > 0) & (bounds.radius > 0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.io.drawings.mending import half_a_place
 
 HEAD = "G21 G90 G17 F6000 G64 P0.1\n"
 
@@ -201,6 +202,21 @@ def test_bulges_of_dxf_are_mended(read):
     assert (read(text, ".dxf", mend_vertices=0.0).path.turns > 1e-9).sum() >= 5
     mended = read(text, ".dxf")
     assert (mended.path.turns <= 1e-9).all() and "Mended" in mended.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "half"),
+    [
+        ("M 1.25,3 -0.500.125 7", 0.5e-3),
+        ("M 1.5e-2 2.5e3", 0.5e-3),
+        (" ".join(["0.12"] * 50 + ["0.123456789"]), 0.5e-2),
+        ("1 2 3", 0.5),
+        ("1.5e400", 0.5),
+        ("", 0.5),
+    ],
+)
+def test_what_decimals_say(text, half):
+    assert half_a_place([text]) == pytest.approx(half, rel=1e-12)
 
 
 def test_a_negative_distance_is_refused(read, refuses):

@@ -6,20 +6,22 @@ import dataclasses
 import math
 import re
 from collections.abc import Callable, Iterable
+from itertools import islice
 
-from armcontour.geometry.mending import Mended, Printed, mend_vertices
+from armcontour.geometry.mending import Mended, Printed, mend_paths
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
-# Longest part of a file in which decimals are counted [bytes].
+# Longest part of a file in which decimals are counted [bytes], and most numbers of other texts.
 COUNTED = 100_000
+MOST_NUMBERS = 10_000
 # Numbers are printed with as many decimals as this share of them has at most: zeros at the end may
 # be cut off, and single numbers may be written in another way.
 MOST = 0.95
 DECIMALS = re.compile(r"\.([0-9]+)(?:[eE]([-+]?[0-9]{1,3}))?")
 GCODE = re.compile(rb"[XYZIJKRxyzijkr][ \t]*[-+]?[0-9]*\.([0-9]+)")
-RADIUS = re.compile(rb"[Rr][ \t]*[-+]?[0-9.]")
+RADIUS = re.compile(rb"[Gg][ \t]*0?[23][ \t]*[A-Za-z][^\r\n(;]*[Rr][ \t]*[-+]?[0-9.]")
 # Group codes of DXF: coordinates, bulges, and angles of arcs.
 DXF_POINT = re.compile(rb"\n[ \t]*[123][0-8][ \t]*\r?\n[ \t]*[-+]?[0-9]*\.([0-9]+)")
 DXF_BULGE = re.compile(rb"\n[ \t]*42[ \t]*\r?\n[ \t]*[-+]?[0-9]*\.([0-9]+)")
@@ -28,7 +30,7 @@ DXF_ANGLE = re.compile(rb"\n[ \t]*5[01][ \t]*\r?\n[ \t]*[-+]?[0-9]*\.([0-9]+)")
 
 def half_a_place(texts: Iterable[str]) -> float:
     """Half of the last decimal place of the numbers in some texts."""
-    found = (x for text in texts for x in DECIMALS.findall(text))
+    found = islice((x for text in texts for x in DECIMALS.findall(text)), MOST_NUMBERS)
     return _half_a_place([len(digits) - int(exponent or 0) for digits, exponent in found])
 
 
@@ -63,7 +65,8 @@ def _half_a_place_of(pattern: re.Pattern[bytes], data: bytes) -> float:
 def _half_a_place(places: list[int]) -> float:
     """Half of the last decimal place of numbers with so many places each; 0.5 without numbers."""
     most = sorted(places)[math.ceil(MOST * len(places)) - 1] if places else 0
-    return 0.5 * 10.0**-most
+    # Exponents can overflow; a file of such numbers has no decimals.
+    return 0.5 * 10.0 ** -max(most, 0)
 
 
 def mend(program: Program, printed: Callable[[Contour], Printed], reading: Reading) -> Program:
@@ -78,35 +81,32 @@ def mend(program: Program, printed: Callable[[Contour], Printed], reading: Readi
     """
     if reading.mend_vertices == 0:
         return program
-    moves: list[Move] = []
-    done: list[Mended] = []
-    for x in program.moves:
-        mended = _mend(x, printed(x), reading) if isinstance(x, Contour) else None
-        if mended is None:
-            moves.append(x)
-            continue
-        assert isinstance(x, Contour)
-        events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
-        moves.append(dataclasses.replace(x, path=mended.path, events=events))
-        done.append(mended)
-    if not done:
+    moves: list[Move] = list(program.moves)
+    which = [
+        i for i, x in enumerate(moves) if isinstance(x, Contour) and x.path.orientation is None
+    ]
+    contours = [x for x in program.contours if x.path.orientation is None]
+    held = [_held(printed(x), x.path.dimension, reading) for x in contours]
+    most = [reading.layer_tolerances.get(x.layer, math.inf) for x in contours]
+    done = mend_paths([x.path for x in contours], held, most)
+    for i, x, mended in zip(which, contours, done, strict=True):
+        if mended is not None:
+            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
+            moves[i] = dataclasses.replace(x, path=mended.path, events=events)
+    changed = [x for x in done if x is not None]
+    if not changed:
         return program
-    notes = (*program.notes, _note(done))
+    notes = (*program.notes, _note(changed))
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _mend(contour: Contour, printed: Printed, reading: Reading) -> Mended | None:
-    """The mended path of a contour; None if nothing is to mend."""
-    path = contour.path
-    if path.orientation is not None:
-        return None
-    if reading.mend_vertices is not None:
-        point = reading.mend_vertices
-    else:
+def _held(printed: Printed, dimension: int, reading: Reading) -> Printed:
+    """What coordinates can hold, from half of their last place or as the reading says it."""
+    point = reading.mend_vertices
+    if point is None:
         # Every coordinate of a point can be off.
-        point = min(math.sqrt(path.dimension) * printed.point, reading.chord_tolerance)
-    most = reading.layer_tolerances.get(contour.layer, math.inf)
-    return mend_vertices(path, dataclasses.replace(printed, point=point), most=most)
+        point = min(math.sqrt(dimension) * printed.point, reading.chord_tolerance)
+    return dataclasses.replace(printed, point=point)
 
 
 def _note(done: list[Mended]) -> str:
