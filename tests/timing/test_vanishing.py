@@ -159,6 +159,12 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     planned = ac.plan(path, limits=limits)
     assert planned.duration >= 2 * np.sqrt(2 / 2.0)
     np.testing.assert_allclose(planned(planned.duration), 2.0)
+    # A grid counts in s, so that nothing is left out; it is said which piece is at fault.
+    refuses(
+        lambda: ac.plan(path, limits=limits, grid=np.linspace(0, 3, 50)),
+        ac.InvalidInput,
+        "No joint moves from s = 1 to",
+    )
     still[:, 1] = 0.0
     still[:, 0] = 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
