@@ -113,7 +113,7 @@ def at_rest_without_acceleration(seed):
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
     path = at_rest_without_acceleration(seed)
     limits = ac.Limits(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
@@ -134,7 +134,7 @@ def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
     assert np.linalg.norm(found - path(s), axis=1).max() < 1e-10
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("ends", ["clamped", "natural"])
 def test_out_and_back_along_a_spline(seed, ends, worst_ratios):
     rng = np.random.default_rng(seed)
@@ -159,6 +159,12 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     planned = ac.plan(path, limits=limits)
     assert planned.duration >= 2 * np.sqrt(2 / 2.0)
     np.testing.assert_allclose(planned(planned.duration), 2.0)
+    # A grid counts in s, so that nothing is left out; it is said which piece is at fault.
+    refuses(
+        lambda: ac.plan(path, limits=limits, grid=np.linspace(0, 3, 50)),
+        ac.InvalidInput,
+        "No joint moves from s = 1 to",
+    )
     still[:, 1] = 0.0
     still[:, 0] = 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)

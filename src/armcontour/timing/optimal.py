@@ -551,13 +551,21 @@ def _largest_u(grid: Grid, path: JointDerivatives, task: _Task, x: FloatArray) -
     """
     found = [constraint.largest_u(grid, path, x) for constraint in task.active]
     bounds = [y for y in found if y is not None]
-    if not bounds or not np.isfinite(np.min(bounds, axis=0)).all():
-        hint = task.arm.limits_hint
-        raise InvalidInput(
-            "Nothing limits the acceleration along the path: give joint_acceleration, "
-            f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
-        )
-    return np.asarray(np.min(bounds, axis=0))
+    if bounds:
+        lowest = np.min(bounds, axis=0)
+        if np.isfinite(lowest).all():
+            return np.asarray(lowest)
+        i = int(np.argmax(np.isinf(lowest)))
+        if not path.first[:, i].any():
+            raise InvalidInput(
+                f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, where nothing "
+                "bounds dds: leave this piece of the joint path out."
+            )
+    hint = task.arm.limits_hint
+    raise InvalidInput(
+        "Nothing limits the acceleration along the path: give joint_acceleration, "
+        f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
+    )
 
 
 def _first_pass(grid: Grid, task: _Task) -> _Bracket:

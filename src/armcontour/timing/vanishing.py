@@ -3,9 +3,9 @@
 Such a place is a fault of the parameter, not of the curve: `q = d s³` is a straight line. Near it,
 ds has no bound although the joints are slow, so nothing can be planned in s. In place of s:
 
-- Straight pieces take the length in joint space, exactly. They turn round at a full stop, and pass
-  a place at which they do not turn.
-- Bent pieces with `q ~ s²` keep s: ds is finite there, while the joints rest.
+- `q ~ s²` can keep s: ds is finite there, while the joints rest.
+- Straight pieces with `q ~ s³` or more, or at an end of the path, take the length in joint space,
+  exactly. They turn round at a full stop, and pass a place at which they do not turn.
 - Bent pieces with `q ~ s³` or `s⁴` take p with `s ~ p^(2/3)` or `p^(1/2)` near that place, so that
   `q ~ p²`. The curvature of the curve has no bound there, so that the joints have to rest.
 """
@@ -62,10 +62,13 @@ def reparametrize(joint_path: JointPath) -> JointPath:
         return joint_path
     if not size.any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    if not any(_Piece.of(joint_path, int(i)).is_unsuited for i in suspect):
+    last = len(terms) - 1
+    found = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
+    unsuited = {i for i, x in found.items() if x.is_unsuited((i == 0, i == last))}
+    if not unsuited:
         return joint_path
-    pieces = {i: _Piece.of(joint_path, i) for i in range(len(terms))}
-    return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or x.is_unsuited})
+    pieces = {i: _Piece.of(joint_path, i) for i in range(last + 1)}
+    return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
 
 
 def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> JointPath:
@@ -141,12 +144,19 @@ class _Piece:
             (_degree(c), _degree(_reversed(c))),
         )
 
-    @property
-    def is_unsuited(self) -> bool:
-        """Whether no plan can be made in s, or a straight piece has a better parameter."""
-        if self.is_straight:
-            return bool(len(self.inner)) or self.degrees != (1, 1)
-        return max(self.degrees) > 2
+    def is_unsuited(self, at_ends: tuple[bool, bool]) -> bool:
+        """Whether no plan can be made in s, or none as good as along a straight line at an end.
+
+        Args:
+            at_ends: Whether the piece is the first, and the last, of its path.
+        """
+        if max(self.degrees) > 2:
+            return True
+        if not self.is_straight:
+            return False
+        passed = len(self.inner) + 2 > len(_turns(self.along, self.inner)[0])
+        ends = (x and degree > 1 for x, degree in zip(at_ends, self.degrees, strict=True))
+        return passed or any(ends)
 
     def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """Polynomials in another parameter, in order.
