@@ -100,11 +100,6 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             note=f"at {e.contour_error.t_max:.2f} s, s = {e.contour_error.s_max:.3f} m",
         ),
         Tile(
-            label="path missed, largest",
-            value=f"{e.missed.max * 1e3:.4f} mm",
-            note=f"from s = {e.missed.s_max:.3f} m of the path to the tool",
-        ),
-        Tile(
             label="joint demand / limit",
             value=_ratio(float(e.demand_ratio[worst])),
             note=f"{names[worst]}; {_saturated(result)}",
@@ -113,6 +108,11 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             label="joints fully used",
             value=f"{e.utilisation:.0%}",
             note="of the motion: some joint within 1 % of a limit",
+        ),
+        Tile(
+            label="path missed, largest",
+            value=f"{e.missed.max * 1e3:.4f} mm",
+            note=f"from s = {e.missed.s_max:.3f} m of the path to the tool",
         ),
     ]
     if result.path.single_path is None:
