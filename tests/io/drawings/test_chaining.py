@@ -335,3 +335,11 @@ def test_pieces_that_are_to_stay_apart_are_not_chain_pieces():
     assert [x.layer for x in contours] == ["0"] * 3
     together = [dataclasses.replace(x, apart=7) for x in pieces]
     assert len(chain_pieces(together, TOLERANCE)[0]) == 1
+
+
+def test_a_copy_that_is_cut_into_more_segments_is_left_out():
+    once = line((0, 0), (2, 1), "whole")
+    twice = Piece(path=ac.Path.polyline([(2, 1), (1.2, 0.6), (0, 0)]), name="parts", layer="0")
+    (contour,), notes = chain_pieces([once, twice], TOLERANCE)
+    assert contour.name == "whole"
+    assert notes == ["Left out because they lie exactly on others: parts."]

@@ -167,3 +167,26 @@ def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, 
     refused(f"loop{ending}", "cannot be read")
     refused(f"nul\0{ending}", "cannot be read")
     refused("x" * 5000 + ending, "cannot be read")
+
+
+@pytest.mark.parametrize("name", ["gasket.dxf", "lettering.svg"])
+def test_drawings_tell_how_much_of_them_is_read(name):
+    told = []
+    ac.read_path(f"examples/drawings/{name}", progress=told.append)
+    assert {x.names for x in told} == {(name,)}
+    shares = [x.done for x in told]
+    assert shares == sorted(set(shares)) and 0 <= shares[0] < shares[-1] <= 1
+
+
+def test_a_dwg_is_to_be_saved_as_dxf(tmp_path, refuses):
+    file = tmp_path / "part.dwg"
+    file.write_bytes(b"AC1032")
+    refuses(lambda: ac.read_path(file), ac.InvalidInput, "save it as DXF")
+
+
+def test_colors_are_a_list_and_of_drawings(tmp_path, refuses):
+    file = tmp_path / "part.ngc"
+    file.write_text("G1 X1 F100\n")
+    refuses(lambda: ac.read_path(file, colors=["red"]), ac.InvalidInput, "DXF and SVG")
+    svg = "examples/drawings/lettering.svg"
+    refuses(lambda: ac.read_path(svg, colors="red"), ac.InvalidInput, "must be a list")

@@ -121,7 +121,8 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
     from ezdxf.entities import factory
     from ezdxf.lldxf.extendedtags import ExtendedTags
 
-    lines = data.decode("utf-8", errors="surrogateescape").splitlines()
+    text = data.decode("utf-8", errors="surrogateescape")
+    lines = text.replace("\r\n", "\n").split("\n")
     first = next(
         (i for i, x in enumerate(lines) if x.strip() in ("BLOCKS", "ENTITIES")), len(lines)
     )

@@ -30,6 +30,8 @@ from armcontour.io.drawings.shapes import Shape
 # Largest depth of blocks in blocks, and largest number of copied entities: a document with more
 # is made to do harm.
 DEEPEST = 50
+# Largest number of broken entities that a note names.
+NAMED = 6
 EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
@@ -271,7 +273,9 @@ class Walk:
         """
         if kind != "INSERT" and self.wanted is not None and self.labels(layer) not in self.wanted:
             return
-        what = f"{kind} {name}{self.line_of(handle)} on layer {layer!r} {why}"
+        # Looking for a line takes as long as the file; the notes name the first entities only.
+        line = self.line_of(handle) if len(self.broken) < NAMED else ""
+        what = f"{kind} {name}{line} on layer {layer!r} {why}"
         if not self.skip:
             raise InvalidInput(
                 f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
@@ -288,7 +292,7 @@ class Walk:
                 f"Left out, because it is no line, arc or curve: {count_names(+self.unknown)}."
             )
         if self.broken:
-            found.append(f"Left out, because it cannot be read: {list_some(self.broken, 6)}.")
+            found.append(f"Left out, because it cannot be read: {list_some(self.broken, NAMED)}.")
         if self.hidden:
             found.append(f"Left out, on layers that are off or frozen: {count_names(self.hidden)}.")
         if self.invisible:

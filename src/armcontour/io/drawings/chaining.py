@@ -171,9 +171,8 @@ def _find_repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> 
 
 def _same(a: Path, b: Path) -> bool:
     """Whether two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
-    if len(a) != len(b):
-        return False
-    share = np.linspace(0, 1, 2 * len(a) + 5)
+    # One may be cut into more segments than the other.
+    share = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
     one, other = a(share * a.length), b(share * b.length)
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
 
