@@ -85,8 +85,14 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
             "switch": {"name": "laser", "on_lead": "20 ms", "off_lead": "5 ms"},
             "events": [{"name": "gas", "value": 2.5, "at": "1 mm", "lead_time": "-10 ms"}],
             "from_s": "12 mm",
+            "order": "shortest",
+            "reverse_open": True,
+            "kerf": "0.2 mm",
+            "kerf_side": "left",
         },
     ).process
+    assert (process.order, process.reverse_open) == ("shortest", True)
+    assert (process.kerf, process.kerf_side) == (0.0002, "left")
     assert process.begin == pytest.approx((0.3, 0.11)) and process.overlap == 0.002
     assert process.lead_in is not None and process.lead_out is not None
     assert (process.lead_in.length, process.lead_in.shape, process.lead_in.side) == (

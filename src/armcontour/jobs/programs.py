@@ -79,7 +79,13 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
     """
     process = job.process
     plain = dataclasses.replace(
-        process, lead_in=None, lead_out=None, approach=0.0, retract=0.0, order="drawn"
+        process,
+        lead_in=None,
+        lead_out=None,
+        approach=0.0,
+        retract=0.0,
+        order="drawn",
+        kerf=None,
     )
     found = []
     for x in prepare(arrange(job.program, process), plain).contours:

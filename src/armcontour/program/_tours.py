@@ -18,7 +18,8 @@ from armcontour._kernels import compiled
 LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
-# Up to this number of contours, all options are chosen anew after each exchange.
+# Up to this number of contours, an exchange also changes an option, and all are chosen anew after
+# it.
 FEW = 30
 # Changes of length below this share of a tour are rounding errors.
 NO_GAIN = 1e-12
@@ -332,7 +333,8 @@ def search(
             continue
         _swap(tour, i, j, k)
         c = tour[i]
-        option[c] = first[c] + numbers[3] % (first[c + 1] - first[c])
+        if n <= FEW:
+            option[c] = first[c] + numbers[3] % (first[c + 1] - first[c])
         _refresh(state)
         count = 0
         for t in (i - 1, i, i + k - j - 1, i + k - j, k - 1, k):

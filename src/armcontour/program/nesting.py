@@ -61,12 +61,14 @@ def nest(contours: Sequence[Contour], up: FloatArray) -> Nesting:
 
 def seen_from_above(points: FloatArray, up: FloatArray) -> FloatArray:
     """Points or vectors projected along `up`, (..., 2); those in the plane as they are."""
-    if points.shape[-1] == 2:
-        return points
-    across = np.eye(3)[int(np.argmin(np.abs(up)))]
-    first = np.cross(across, up)
+    return points if points.shape[-1] == 2 else np.asarray(points @ axes_across(up))
+
+
+def axes_across(up: FloatArray) -> FloatArray:
+    """Two axes across `up`, as columns; with it they are right-handed, (3, 2)."""
+    first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     first /= np.linalg.norm(first)
-    return np.asarray(points @ np.stack([first, np.cross(up, first)], axis=1))
+    return np.stack([first, np.cross(up, first)], axis=1)
 
 
 def chords_of(path: Path, up: FloatArray) -> FloatArray:
@@ -106,9 +108,12 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
 
 
 def _closed(chords: FloatArray) -> FloatArray:
-    """Chords with the line that closes them, which leads or an overlap may have opened."""
+    """Chords without any gap, with the line that closes them if leads or an overlap opened them."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
-    return np.vstack([chords, line])
+    found = np.vstack([chords, line])
+    # A ray through a gap, however small, would miss the contour.
+    found[:, 2:4] = np.roll(found[:, :2], -1, axis=0)
+    return found
 
 
 def _box(chords: FloatArray) -> FloatArray:

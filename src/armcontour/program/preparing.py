@@ -13,6 +13,7 @@ from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program.closed_contours import close_contour
+from armcontour.program.kerf import apply_kerf
 from armcontour.program.leads import WASTE, lead_path
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
 from armcontour.program.off_between import switch_off_between
@@ -69,16 +70,17 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
 
 
 def arrange(program: Program, process: Process) -> Program:
-    """The program as it is drawn, with its contours in the order of the process.
+    """The program as it is drawn, beside the contours by the kerf, and in the order of the process.
 
     Args:
         program: The program as it is drawn.
         process: Requirements of the process.
 
     Raises:
-        InvalidInput: A given order for a program with rapids, dwells or events.
+        InvalidInput: A given order for a program with rapids, dwells or events, or a kerf that does
+            not fit a contour.
     """
-    return order_contours(program, process)
+    return order_contours(apply_kerf(program, process), process)
 
 
 def _link(

@@ -92,10 +92,14 @@ class Process:
         order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" has each contour
             after all that lie in it. "nearest" goes on with the nearest contour. "shortest" looks
             for the shortest way over all contours; closed contours begin where this is the
-            shortest, if `begin` is "auto". A cutting process, which has an arc lead in the waste,
-            keeps to inside first in the last two as well. "auto" is "inside_first" for drawings
-            that are cut, else "drawn".
+            shortest, if `begin` is "auto". A cutting process, which has a kerf or an arc lead in
+            the waste, keeps to inside first in the last two as well. "auto" is "inside_first" for
+            drawings that are cut, else "drawn".
         reverse_open: Whether "nearest" and "shortest" may run open contours from their end.
+        kerf: Width of the cut [m]; the tool goes beside the contour by half of it. None for a
+            process that does not cut.
+        kerf_side: Side of the contour on which the cut lies: "waste", which leaves open contours as
+            they are, or "left" or "right" in the direction of travel.
         from_s: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
@@ -117,6 +121,8 @@ class Process:
     layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
     order: Annotated[str, Choice(ORDERS)] = "auto"
     reverse_open: bool = False
+    kerf: Distance | None = None
+    kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     from_s: Distance = 0.0
 
     def __post_init__(self) -> None:
@@ -127,6 +133,9 @@ class Process:
         for x in self.off_between:
             _checks.check_name("name in off_between", x)
         _checks.choice("order", self.order, ORDERS)
+        if self.kerf is not None:
+            _checks.not_negative("kerf", self.kerf, "m")
+        _checks.choice("kerf_side", self.kerf_side, (*SIDES, WASTE))
         if isinstance(self.begin, str):
             _checks.choice("begin", self.begin, (AUTO, DRAWN))
         else:
@@ -148,9 +157,11 @@ class Process:
 
     @property
     def cuts(self) -> bool:
-        """Whether material is thrown away: an arc lead lies in the waste."""
+        """Whether material is thrown away: there is a kerf, or an arc lead lies in the waste."""
         leads = (self.lead_in, self.lead_out)
-        return any(x is not None and x.shape == "arc" and x.side == WASTE for x in leads)
+        return self.kerf is not None or any(
+            x is not None and x.shape == "arc" and x.side == WASTE for x in leads
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
