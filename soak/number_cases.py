@@ -334,11 +334,15 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--servo": ("# m", "# um"),
     "--tolerances": ("# m", "# mm, 1 mm"),
     "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
+    "--from": ("# s", "# ms"),
+    "--to": ("# s", "# ms"),
+    "--longest-dead-time": ("# s", "# ms"),
+    "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--contour", "--export", "--interpolation", "--joint-limits",
-    "--layer", "--limits", "--model", "--out", "--output", "--path", "--run", "--template",
-    "--skip", "--tip", "--units",
+    "--arm", "--base", "--cell", "--columns", "--contour", "--export", "--interpolation",
+    "--joint-limits", "--layer", "--limits", "--model", "--out", "--output", "--path", "--run",
+    "--template", "--skip", "--tip", "--topic", "--units",
 }  # fmt: skip
 
 
