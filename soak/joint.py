@@ -21,7 +21,7 @@ def _command(t, u, linear, before, at):
 
 
 @njit(cache=True)
-def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps):
+def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction):
     out = np.empty(len(t))
     out[0] = q = q0
     w = dq0
@@ -42,6 +42,8 @@ def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps):
             k4 = min(max(kv * (kp * (c - q4) - w4), -limit), limit)
             q += h / 6 * (w + 2 * w2 + 2 * w3 + w4)
             w += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            # Dry friction takes up to this much of the velocity in a step, and stops it at most.
+            w = math.copysign(max(abs(w) - h * friction, 0.0), w)
         out[i + 1] = q
     return out
 
@@ -59,8 +61,12 @@ def move(
     q0=None,
     dq0=0.0,
     steps=10,
+    friction=0.0,
 ):
-    """Positions at t [rad] of a joint under the set-points u; `before` holds before the first."""
+    """Positions at t [rad] of a joint under the set-points u; `before` holds before the first.
+
+    Dry friction brakes with a constant acceleration [rad/s²]; steps are to be fine with it.
+    """
     before = u[0] if before is None else before
     q0 = before if q0 is None else q0
-    return _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps)
+    return _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction)

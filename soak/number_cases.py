@@ -336,12 +336,16 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--servo": ("# m", "# um"),
     "--tolerances": ("# m", "# mm, 1 mm"),
     "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
+    "--from": ("# s", "# ms"),
+    "--to": ("# s", "# ms"),
+    "--longest-dead-time": ("# s", "# ms"),
+    "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--contour", "--export", "--format", "--interpolation", "--job",
-    "--joint-limits",
-    "--layer", "--limits", "--model", "--out", "--output", "--path", "--run", "--template",
-    "--package", "--skip", "--tip", "--units", "--xacro-arg",
+    "--arm", "--base", "--cell", "--columns", "--contour", "--export", "--format",
+    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--model", "--out",
+    "--output", "--package", "--path", "--run", "--skip", "--template", "--tip", "--topic",
+    "--units", "--xacro-arg",
 }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path as FilePath
@@ -36,7 +37,11 @@ def check(folder: FilePath, *arguments: str) -> subprocess.CompletedProcess[str]
         capture_output=True,
         text=True,
         timeout=300,
-        env={"COLUMNS": "200", "PYTHONIOENCODING": "utf-8"},
+        env={
+            "COLUMNS": "200",
+            "PYTHONIOENCODING": "utf-8",
+            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
+        },
     )
 
 
@@ -124,7 +129,14 @@ def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath) -> N
         (("planned.csv", "--arm", "pmk4"), "no built-in arm"),
         (("planned.csv", "--arm", "pmk3s", "--limits", "none.yaml"), "There is no limits file"),
         (("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml"), "with --path"),
-        (("planned.csv", "--arm", "ur5e"), "planned.csv has positions of 2 joints"),
+        (
+            ("planned.csv", "--arm", "ur5e"),
+            "planned.csv has positions of 2 joints ('joint 1 [rad]', 'joint 2 [rad]'), but the arm "
+            "UR5e has 6 (shoulder_pan_joint",
+        ),
+        (("planned.csv", "--arm", "pmk3s", "--columns", "t,q1"), "--columns names 2"),
+        (("planned.csv", "--arm", "pmk3s", "--noise", "1 mrad, 1 rad/s"), "--noise takes"),
+        (("planned.csv", "--arm", "pmk3s", "--noise", "0.1"), "--noise: '0.1' has no unit"),
     ):
         done = check(folder, *arguments)
         assert done.returncode == 2, arguments
@@ -309,3 +321,40 @@ def test_how_the_tool_is_held_is_checked_too(tmp_path: FilePath) -> None:
     (tmp_path / "limits.yaml").write_text("orientation_deviation: 1 deg\n")
     lost = check(tmp_path, "planned.csv", "--arm", "ur5e", "--limits", "limits.yaml")
     assert lost.returncode == 2 and "name its job with --path" in lost.stderr
+
+
+def test_a_measured_motion(folder: FilePath, mac: ac.Trajectory) -> None:
+    """Noise is motion unless it is declared; columns that are not known are left out."""
+    samples = mac.sample(4e-3)
+    noise = 2e-5 * np.random.default_rng(0).uniform(-1, 1, samples.q.shape)
+    rows = np.column_stack([samples.t, samples.q + noise, 5 * samples.q[:, 0]])
+    np.savetxt(folder / "log.csv", rows, "%.9f", ",", header="t,q1,q2,i1 [A]", comments="")
+    given = ("log.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
+    (folder / "joint.yaml").write_text("joint_acceleration: 0.73\n")
+    done = check(folder, *given)
+    assert done.returncode == 1
+    told = " ".join(done.stdout.split())
+    assert "Left out of log.csv, since they are not known: 'i1 [A]'." in told
+    assert "scatter by 0.012 mrad" in told
+    assert "--noise, such as '0.047 mrad'" in told
+    declared = check(folder, *given, "--noise", "0.02 mrad")
+    assert declared.returncode in (0, 7), declared.stdout
+    assert "scatter" not in declared.stdout
+    assert "violated" not in declared.stdout
+    # A motion that really exceeds its limit still does.
+    (folder / "joint.yaml").write_text("joint_acceleration: 0.3\n")
+    assert check(folder, *given, "--noise", "0.02 mrad").returncode == 1
+    # What is computed has no noise to declare.
+    rough = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
+    assert rough.returncode == 1
+    assert "scatter" not in rough.stdout
+
+
+def test_a_file_without_titles(folder: FilePath) -> None:
+    text = (folder / "planned.csv").read_text().splitlines()[1:]
+    (folder / "bare.csv").write_text("\n".join(f"{x},open" for x in text))
+    done = check(folder, "bare.csv", "--arm", "pmk3s")
+    assert done.returncode == 2
+    bare = check(folder, "bare.csv", "--arm", "pmk3s", "--columns", "t,q1,q2,-", "--json")
+    titled = check(folder, "planned.csv", "--arm", "pmk3s", "--json")
+    assert json.loads(bare.stdout) == json.loads(titled.stdout)

@@ -22,6 +22,14 @@ from armcontour.report.identification import render_identification
 ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"
 
 
+# The names in the table of docs/guides/identify.md.
+COMMANDS = ("u1", "command 1", "q1_cmd", "setpoint 1", "target 1")
+MEASURED = (
+    *("q1", "measured 1", "q1_actual", "q1_measured", "q1_meas", "q1_feedback"),
+    *("feedback 1", "actual 1", "joint 1"),
+)
+
+
 @pytest.mark.parametrize(
     ("header", "joint"),
     [
@@ -31,6 +39,15 @@ ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range
         ("t_s,command1_rad,q1_rad", "joint 1"),
         ("Time (s), Joint 1 command, Joint 1 actual", "joint 1"),
         ("t,q_cmd_2,q_2", "joint 2"),
+        # The guide's names, each with each.
+        *((f"t,{u},{q}", "joint 1") for u in COMMANDS for q in MEASURED),
+        *((f"t,{u} [rad],{q} [rad]", "joint 1") for u in COMMANDS for q in MEASURED),
+        *((f"t [s],{u}_rad,{q}_rad", "joint 1") for u in COMMANDS[2:3] for q in MEASURED[2:6]),
+        # As UR's real-time interface writes them.
+        (
+            "timestamp,target_q_0,actual_q_0,target_qd_0,actual_qd_0,actual_TCP_pose_0",
+            "joint 0",
+        ),
         ("t,shoulder command,shoulder measured", "shoulder"),
         ("t,cmd_lwr_joint_3,meas_lwr_joint_3", "lwr_joint_3"),
         ("timestamp,setpoint elbow [rad],feedback elbow [rad]", "elbow"),
@@ -40,7 +57,8 @@ ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range
     ],
 )
 def test_names_of_columns(header, joint):
-    log = parse_log(header + ROWS)
+    others = header.count(",") - 2
+    log = parse_log(header + ROWS.replace("\n", ",7" * others + "\n")[2 * others :])
     assert log.joint_names == (joint,)
     np.testing.assert_allclose(log.command[:, 0], np.arange(60) * 0.1, atol=1e-9)
     np.testing.assert_allclose(log.measured[:, 0], np.arange(60) * 0.1 - 0.05, atol=1e-9)
@@ -114,6 +132,24 @@ def test_parts_of_a_log_that_are_none(refuses, given, words):
     refuses(lambda: parse_log("t,u1,q1" + ROWS, **given), InvalidInput, words)
 
 
+def test_units_of_the_documented_names():
+    rows = "".join(f"{i},{i},{i + 1}\n" for i in range(60))
+    log = parse_log("t [s];q1_cmd [deg];q1_actual [deg]\n".replace(";", ",") + rows)
+    np.testing.assert_allclose(np.degrees(log.command[:, 0]), np.arange(60))
+    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
+    log = parse_log("t,q1_cmd_deg,q1_actual_deg\n" + rows)
+    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
+
+
+def test_columns_are_named_beside_the_file(refuses):
+    rows = "".join(f"{4 * i},x,{i},{i + 1}\n" for i in range(60))
+    log = parse_log(rows, columns="t [ms],-,u1 [deg],q1 [deg]")
+    np.testing.assert_allclose(log.t, np.arange(60) * 4e-3)
+    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
+    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "--columns names 2")
+    refuses(lambda: parse_log("1,2,3\n" * 60), InvalidInput, "name them with --columns")
+
+
 def test_a_file_that_is_not_there(refuses, tmp_path):
     refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "There is no log", "no.csv")
 
@@ -184,8 +220,24 @@ def test_the_command(log, tmp_path, capsys):
     assert "joint 1, acceleration: The log does not show the limit" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
-    assert identify_file(file, IdentifyOptions(as_json=True, start=0.0, end=3.0))
+    assert identify_file(file, IdentifyOptions(as_json=True, start="0 s", end="3000 ms"))
     assert json.loads(capsys.readouterr().out)["samples"] == 3001
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"start": "2"}, ["--from: '2' has no unit", "'2 ms'"]),
+        ({"end": "3"}, ["--to: '3' has no unit"]),
+        ({"longest_dead_time": "0.5"}, ["--longest-dead-time: '0.5' has no unit"]),
+        ({"longest_dead_time": "0"}, ["--longest-dead-time: must be above zero"]),
+        ({"start": "2 rad"}, ["--from: must be a quantity in s"]),
+    ],
+)
+def test_times_on_the_command_line_have_units(tmp_path, refuses, options, words):
+    refuses(
+        lambda: identify_file(tmp_path / "l.csv", IdentifyOptions(**options)), InvalidInput, *words
+    )
 
 
 def test_the_command_where_the_servo_is_not_determined(tmp_path, capsys, refuses):

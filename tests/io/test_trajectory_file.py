@@ -81,7 +81,7 @@ def test_resolution_is_that_of_the_printed_digits(texts: list[str], resolution: 
         ("# nothing\n", "log.csv is empty"),
         ("t,q1,q2\n", "no samples"),
         ("0,0.1,0.2\n1,0.1,0.2\n", "line 1: the first line must name the columns"),
-        ("# a\nt,q1,tau1\n0,1,2\n", "line 2: unknown column 'tau1'"),
+        ("# a\nt,q2,tau1\n0,1,2\n", "line 2: the column q1 is missing.*'tau1' are not known"),
         ("t,q1,q1_deg\n0,1,2\n", "line 1: the columns 'q1' and 'q1_deg' hold the same"),
         ("q1,q2\n0,1\n", "line 1: the column t is missing"),
         ("t,dq1\n0,1\n", "line 1: the column q1 is missing"),
@@ -89,7 +89,7 @@ def test_resolution_is_that_of_the_printed_digits(texts: list[str], resolution: 
         ("t,q1,q3\n0,1,2\n", "line 1: the column q2 is missing"),
         ("t,q1,q2,dq1\n0,1,2,3\n", "line 1: the column dq2 is missing"),
         ("t,q0,q1\n0,1,2\n", "joints count from 1"),
-        ("t,q\n0,1\n", "unknown column 'q'"),
+        ("t,q\n0,1\n", "the column q1 is missing.*'q' are not known"),
         ("t [m],q1\n0,1\n", r"the unit 'm' of the column 't \[m\]' is not one of s"),
         ("t,q1 [rad/s]\n0,1\n", "is not one of rad"),
         ("t,q1,dq1 [1/s]\n0,1,2\n", "is not one of rad/s"),
@@ -206,3 +206,46 @@ def test_limits_that_are_none(tmp_path: FilePath, arm: ac.Arm, text: str, words:
         read_limits(tmp_path / "limits.yaml", arm)
     with pytest.raises(InvalidInput, match="There is no limits file"):
         read_limits(tmp_path / "none.yaml", arm)
+
+
+def test_columns_that_are_not_known_are_left_out() -> None:
+    """Logs of robots have currents, tool poses, states: `check` used to refuse all of it."""
+    rows = "\n0,ready,1,2,\n1,ready,1,2,nan\n"
+    found = parse_trajectory("t,state,q1,q2,i1 [A]" + rows)
+    np.testing.assert_array_equal(found.q, [[1, 2], [1, 2]])
+    assert found.left_out == ("state", "i1 [A]")
+    assert found.joints == ("q1", "q2")
+
+
+@pytest.mark.parametrize("names", ["t [ms],-,q1 [deg],dq1", " t [ms], - ,q1_deg,dq 1 [rad/s]"])
+@pytest.mark.parametrize("header", ["", "a,b,c,d\n", "# a comment\n"])
+def test_columns_can_be_named_beside_the_file(names: str, header: str) -> None:
+    found = parse_trajectory(header + "0,x,90,1\n4,x,45,2\n", columns=names)
+    np.testing.assert_allclose(found.t, [0, 4e-3])
+    np.testing.assert_allclose(found.q, [[np.pi / 2], [np.pi / 4]])
+    assert found.dq is not None
+    np.testing.assert_allclose(found.dq, [[1], [2]])
+    assert found.left_out == ()
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ("t,q1", "log.csv, line 1: 3 columns, but --columns names 2: .* - for each"),
+        ("t,q1,q1", "log.csv, --columns: there are two columns 'q1'"),
+        ("t,q1 [m],-", "log.csv, --columns: the unit 'm'"),
+        ("t,-,-", "log.csv, --columns: the column q1 is missing"),
+        ("1,2,3", "log.csv, --columns: the first line must name"),
+    ],
+)
+def test_wrong_names_beside_the_file(columns: str, words: str) -> None:
+    with pytest.raises(InvalidInput, match=words):
+        parse_trajectory("0,1,2\n1,1,2\n", source="log.csv", columns=columns)
+
+
+def test_what_does_not_go_with_a_kind_of_file(tmp_path: FilePath) -> None:
+    (tmp_path / "a.csv").write_text("t,q1\n0,1\n1,1\n")
+    with pytest.raises(InvalidInput, match="CSV, which has no topics"):
+        read_trajectory(tmp_path / "a.csv", topic="/joint_states")
+    with pytest.raises(InvalidInput, match="no columns to name"):
+        read_trajectory(tmp_path / "a.yaml", columns="t,q1")

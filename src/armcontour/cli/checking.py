@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from armcontour._text import show
 from armcontour.arms import limits
 from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
+    from armcontour._checks import FloatArray
     from armcontour.arms import Arm
     from armcontour.cli.options import CheckOptions
     from armcontour.evaluation import Check
@@ -25,6 +29,8 @@ HEADINGS = (
 )
 # Largest ratio that is printed without an exponent.
 MOST_PLAIN = 1e6
+# Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
+LEAST_NOISE = 1e-9
 # Exit code of every verdict; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 UNITS = limits.UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
@@ -34,7 +40,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     """Check a trajectory file, print the result, and return the exit code of the verdict.
 
     Args:
-        trajectory: CSV file.
+        trajectory: CSV file, YAML or bag of ROS.
         x: Options of the command; an arm of a job has its tool and payload.
 
     Raises:
@@ -58,14 +64,16 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
         raise InvalidInput(
             f"{x.limits} limits the deviation from a path: name its job with --path."
         )
-    samples = _samples(trajectory, arm)
+    samples = _samples(trajectory, arm, x)
     found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
     if not found.uses and found.path_deviation is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     if x.as_json:
-        print(json.dumps(_plain(found), indent=2, allow_nan=False))
+        page = _plain(found) | {"left_out": list(samples.left_out)}
+        print(json.dumps(page, indent=2, allow_nan=False))
     else:
-        _print(found, arm)
+        remarks = _on_the_file(samples, found, declared=x.noise is not None)
+        _print(found, [*remarks, *(f"Note: {note}" for note in arm.notes)])
     return EXIT_CODES[found.verdict]
 
 
@@ -107,18 +115,81 @@ def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
     return found
 
 
-def _samples(trajectory: FilePath, arm: Arm) -> TrajectoryFile:
+def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, which must have as many joints as the arm."""
     from armcontour.errors import InvalidInput
     from armcontour.io import read_trajectory
 
-    samples = read_trajectory(trajectory, arm.joint_names)
+    samples = read_trajectory(trajectory, arm.joint_names, columns=x.columns, topic=x.topic)
     if samples.q.shape[1] != arm.dof:
         raise InvalidInput(
-            f"{samples.source} has positions of {samples.q.shape[1]} joints, but the arm "
-            f"{arm.name} has {arm.dof}: give all of them, or the arm of the file with --arm."
+            f"{samples.source} has positions of {samples.q.shape[1]} joints "
+            f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
+            f"({', '.join(arm.joint_names)}): give all of them, or the arm of the file with --arm."
         )
-    return samples
+    return _with_noise(samples, x.noise)
+
+
+def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
+    """The samples with a declared largest error of positions and velocities.
+
+    Raises:
+        InvalidInput: No such quantities, or an error of velocities that the file does not have.
+    """
+    from armcontour._quantities import AngularDistance, AngularRate
+    from armcontour.cli.quantities import read_option
+    from armcontour.errors import InvalidInput
+
+    if noise is None:
+        return samples
+    parts = noise.split(",")
+    if len(parts) > 1 + (samples.dq is not None):
+        raise InvalidInput(
+            f"--noise takes the largest error of positions, and of velocities where the file has "
+            f"them, such as '0.05 mrad, 2 mrad/s', not {noise!r}."
+        )
+    resolution = dict(samples.resolution)
+    for name, part, kind in zip(("q", "dq"), parts, (AngularDistance, AngularRate), strict=False):
+        error = read_option("--noise", part, kind)
+        assert error is not None
+        # A number is within half of its last digit.
+        resolution[name] = max(resolution.get(name, 0.0), 2 * error)
+    return replace(samples, resolution=resolution)
+
+
+def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> list[str]:
+    """Sentences on columns that were left out, and on noise that was not declared."""
+    lines = []
+    if samples.left_out:
+        lines.append(
+            f"Left out of {samples.source}, since they are not known: "
+            f"{', '.join(map(show, samples.left_out))}."
+        )
+    noise = _noise(samples.q)
+    if (
+        found.violated
+        and not declared
+        and noise > max(samples.resolution.get("q", 0.0), LEAST_NOISE)
+    ):
+        lines.append(
+            f"The positions scatter by {noise * 1e3:.2g} mrad from sample to sample, as measured "
+            "ones do, and this noise counts as motion. If they are measured, declare the largest "
+            f"error with --noise, such as '{4e3 * noise:.2g} mrad': then only what is beyond it is "
+            "a violation."
+        )
+    return lines
+
+
+def _noise(q: FloatArray) -> float:
+    """Standard deviation of the noise of measured positions [rad]; 0 of what looks computed."""
+    third = np.diff(q, n=3, axis=0)
+    power = np.sum(third**2, axis=0)
+    noise = 0.0
+    for j in np.flatnonzero(power > 0):
+        # Of noise alone, neighbouring third differences have the correlation -0.75.
+        if float(third[1:, j] @ third[:-1, j]) < -0.6 * power[j]:
+            noise = max(noise, math.sqrt(power[j] / len(third) / 20))
+    return noise
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
@@ -195,8 +266,8 @@ def _cells(name: str, x: Occurrence) -> tuple[str, ...]:
     )
 
 
-def _print(found: Check, arm: Arm) -> None:
-    """Print a table of the limits, and sentences on the result and on the arm's file."""
+def _print(found: Check, remarks: list[str]) -> None:
+    """Print a table of the limits, and sentences on the result and on the file."""
     rows = []
     for x in found.uses:
         rows.append((x.name.replace("_", " "), *_cells(x.name, x), x.verdict))
@@ -224,6 +295,5 @@ def _print(found: Check, arm: Arm) -> None:
     if found.not_judged:
         names = ", ".join(found.not_judged)
         lines.append(f"Not judged, since a limit or the necessary samples are missing: {names}.")
-    lines += [f"Note: {x}" for x in arm.notes]
-    for line in lines:
+    for line in lines + remarks:
         console.say(line)

@@ -122,7 +122,9 @@ def show(
 @app.command()
 @grouped
 def check(
-    trajectory: Annotated[FilePath, typer.Argument(help="Time-stamped joint trajectory (CSV).")],
+    trajectory: Annotated[
+        FilePath, typer.Argument(help="Time-stamped joint trajectory: CSV, YAML of ROS, or a bag.")
+    ],
     options: CheckOptions,
 ) -> None:
     """Check a joint trajectory against limits.
@@ -179,7 +181,9 @@ def export(
 @app.command()
 @grouped
 def identify(
-    log: Annotated[FilePath, typer.Argument(help="Log of time, command and measured (CSV).")],
+    log: Annotated[
+        FilePath, typer.Argument(help="Log of time, command and measured: CSV, or a bag.")
+    ],
     options: IdentifyOptions,
 ) -> None:
     """Identify a servo's gains and dead time from a log; exit code 1 if one is not determined."""

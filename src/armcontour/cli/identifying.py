@@ -17,14 +17,16 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     """Identify a servo from a log and print the result; returns whether the servo is determined.
 
     Args:
-        log: CSV file.
+        log: CSV file, or bag of ROS.
         x: Options of the command; the folder gets servo.yaml (if the servo is determined),
             report.html and summary.json.
 
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
+    from armcontour._quantities import Interval, Time
     from armcontour.cli.progress import search_progress
+    from armcontour.cli.quantities import read_option
     from armcontour.errors import InvalidInput
     from armcontour.identification import identify
     from armcontour.io.log_file import read_log
@@ -32,15 +34,23 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    start = -math.inf if x.start is None else x.start
-    end = math.inf if x.end is None else x.end
-    samples = read_log(log, start=start, end=end, unwrap=x.unwrap)
+    start, end = read_option("--from", x.start, Time), read_option("--to", x.end, Time)
+    longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
+    assert longest is not None
+    samples = read_log(
+        log,
+        start=-math.inf if start is None else start,
+        end=math.inf if end is None else end,
+        unwrap=x.unwrap,
+        columns=x.columns,
+        topic=x.topic,
+    )
     with search_progress("identifying") as progress:
         found = identify(
             samples,
             model=x.model,
             interpolation=x.interpolation,
-            longest_dead_time=x.longest_dead_time,
+            longest_dead_time=longest,
             progress=progress,
         )
     refusal = _write_results(found, x.out, force=x.force) if x.out is not None else ""

@@ -55,6 +55,16 @@ TrustXacro = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        help="Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2'.",
+    ),
+]
+Topic = Annotated[
+    str | None, typer.Option("--topic", help="Topic of a bag of ROS, if several would do.")
+]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
 ServoBudget = Annotated[
     str | None,
@@ -268,6 +278,16 @@ class CheckOptions:
         list[str] | None,
         typer.Option("--xacro-arg", help="Argument of a .xacro: NAME=VALUE; may be repeated."),
     ] = None
+    columns: Columns = None
+    topic: Topic = None
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            "--noise",
+            help="Largest error of measured positions, and perhaps of velocities: "
+            "'0.05 mrad, 2 mrad/s'.",
+        ),
+    ] = None
     as_json: AsJson = False
     trust_xacro: TrustXacro = False
 
@@ -290,11 +310,17 @@ class IdentifyOptions:
             help="Command between set-points: linear or step; by default as the log says.",
         ),
     ] = None
-    start: Annotated[float | None, typer.Option("--from", help="First time to use [s].")] = None
-    end: Annotated[float | None, typer.Option("--to", help="Last time to use [s].")] = None
+    start: Annotated[
+        str | None, typer.Option("--from", help="First time to use, such as '2 s'.")
+    ] = None
+    end: Annotated[str | None, typer.Option("--to", help="Last time to use, such as '30 s'.")] = (
+        None
+    )
     longest_dead_time: Annotated[
-        float, typer.Option("--longest-dead-time", help="Longest dead time in the search [s].")
-    ] = 0.25
+        str, typer.Option("--longest-dead-time", help="Longest dead time in the search.")
+    ] = "250 ms"
+    columns: Columns = None
+    topic: Topic = None
     unwrap: Annotated[
         bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
     ] = False

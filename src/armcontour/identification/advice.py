@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from armcontour.identification.fitting import NAMES, Data, State, simulated
 SECONDS = 20.0
 LOWEST = 0.5
 HIGHEST = (5.0, 10.0, 25.0, 50.0)
+# How its phases are found: from which, and how often it is clipped at which multiple of its rms.
+SEED = 0
+CLIPPINGS = 30
+PEAK = 1.7
 # Share of the largest acceleration known to be reached that a proposed motion may need.
 SHARE = 0.85
 # The first motion that determines the parameter this many times better than needed is proposed.
@@ -83,16 +88,30 @@ def multisine(
         The commands as a log, and their root mean square [rad].
     """
     t: FloatArray = np.float64(interval) * np.arange(int(SECONDS / interval))
-    lines = np.arange(LOWEST, highest + LOWEST / 2, LOWEST)
-    # Schroeder's phases keep the peaks low.
-    phases = -math.pi * np.arange(len(lines)) * (np.arange(len(lines)) + 1) / len(lines)
-    u: FloatArray = np.zeros_like(t)
-    for f, phase in zip(lines, phases, strict=True):
-        u += np.cos(2 * math.pi * f * t + phase)
+    u = _waves(len(t), interval, highest).copy()
     u -= u[0]
     trial = Data(t=t, u=u, y=u, linear=data.linear, delays=(0.0, 0.0))
     scale = top / largest_demand(trial, state)
     return replace(trial, u=u * scale), float(np.std(u * scale))
+
+
+@cache
+def _waves(n: int, interval: float, highest: float) -> FloatArray:
+    """Equal lines up to `highest` [Hz] with low peaks, of any size, (n,).
+
+    The lines are one per duration apart, so that neither the motion nor the error of an encoder
+    repeats. Clipping the sum again and again keeps its peaks low (Van der Ouderaa and others, IEEE
+    Trans. Instrum. Meas. 1988). A sweep has low peaks too, but the error of an encoder follows each
+    of its slow cycles.
+    """
+    lines = np.fft.rfftfreq(n, interval)
+    band = (lines >= LOWEST) & (lines <= highest)
+    spectrum = band * np.exp(2j * math.pi * np.random.default_rng(SEED).uniform(size=len(lines)))
+    for _ in range(CLIPPINGS):
+        u = np.fft.irfft(spectrum, n)
+        top = PEAK * np.std(u)
+        spectrum = band * np.exp(1j * np.angle(np.fft.rfft(np.clip(u, -top, top))))
+    return np.asarray(np.fft.irfft(spectrum, n))
 
 
 def _bound(data: Data, state: State, name: str, noise: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.identification._joint import UNREACHED
+from armcontour.identification.covariance import covariance, inflation, is_white
 from armcontour.identification.fitting import (
     GAINS,
     STARTS,
@@ -17,17 +18,13 @@ from armcontour.identification.fitting import (
     Fit,
     State,
     best,
-    covariance,
     fit,
     noise_of,
     simulated,
-    whiteness,
 )
 from armcontour.identification.profile import LOSS, loss, with_kv
 from armcontour.identification.starting import first_states, initial, known_from, liveliest
 
-# Residuals are white unless chance would make them so in one log of a thousand only.
-WHITE = 1e-3
 # Twice the logarithm of the likelihood that a limit or an offset must gain: one log of ten thousand
 # gains it by chance. A limit that is not there is worse than one that is not seen.
 GAIN = 15.1
@@ -95,7 +92,7 @@ def choose(data: Data, model: str) -> Choice:
     if real and not is_white(choice.chosen):
         # Correlated noise has a mean without meaning anything by it.
         k = choice.chosen.state.free.index("offset")
-        variance = float(covariance(choice.chosen, white=False)[k, k])
+        variance = float(covariance(choice.chosen, white=False)[0][k, k])
         real = bool((choice.chosen.state.offset or 0.0) ** 2 > GAIN * variance)
     return choice if real else _choose(data, model, moving)
 
@@ -148,11 +145,6 @@ def largest_demand(data: Data, state: State) -> float:
     return float(simulated(data, replace(state, limit=limit))[1][0])
 
 
-def is_white(found: Fit) -> bool:
-    """Whether the residuals are noise alone, as far as one can see."""
-    return whiteness(found.residuals) >= WHITE
-
-
 def _is_fast(data: Data, loop: Fit) -> bool:
     """Whether the velocity loop is surely so fast that it does not matter.
 
@@ -192,7 +184,7 @@ def _tells_more(found: Fit, moving: Fit) -> bool:
 
 def _error(found: Fit, name: str) -> float:
     k = found.state.free.index(name)
-    variance = float(covariance(found, white=True)[k, k])
+    variance = float(covariance(found, white=True)[0][k, k])
     return math.sqrt(variance) if variance >= 0 else math.inf
 
 
@@ -249,7 +241,9 @@ def _with_limit(data: Data, found: Fit) -> Fit:
 
 def _better(free: Fit, limited: Fit) -> Fit:
     gain = limited.count * math.log(max(free.sse, 1e-300) / max(limited.sse, 1e-300))
-    return limited if limited.saturated_time > 0 and gain > GAIN else free
+    if limited.saturated_time <= 0 or gain <= GAIN:
+        return free
+    return limited if gain > GAIN * inflation(limited) else free
 
 
 def _agrees(found: Fit, moving: Fit) -> bool:

@@ -10,7 +10,9 @@ import numpy as np
 
 from armcontour.identification.advice import better_motion, larger_step
 from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand
-from armcontour.identification.fitting import Data, Fit, State, noise_of, whiteness
+from armcontour.identification.correlation import whiteness
+from armcontour.identification.fitting import Data, Fit, State, noise_of
+from armcontour.identification.friction import Friction, find_friction
 from armcontour.identification.intervals import Ends
 from armcontour.identification.log import Log
 from armcontour.identification.profile import lowest_limit
@@ -99,9 +101,43 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
         largest_demand=demand,
         saturated_time=found.saturated_time,
     )
+    friction = find_friction(data, found) if state.order == "second" else None
     if found.r_squared < FOLLOWS:
         joint = _distrusted(joint)
-    return replace(joint, notes=_notes(data, joint, choice))
+    elif friction is not None:
+        joint = _allow_for(joint, friction)
+    notes = _notes(data, log, joint, choice)
+    return replace(joint, notes=notes if friction is None else (*notes, _describe(friction)))
+
+
+def _allow_for(joint: JointIdentification, friction: Friction) -> JointIdentification:
+    """Widen estimates by what friction puts them off; too much of it leaves none determined."""
+    changed: dict[str, Any] = {}
+    for x in (joint.kp, joint.kv, joint.dead_time):
+        shift = abs(friction.shifts.get("delay" if x.name == "dead_time" else x.name, 0.0))
+        # The longer side of a logarithm, for gains.
+        off = shift if x.name == "dead_time" else x.value * math.expm1(shift)
+        changed[x.name] = replace(x, sd=math.hypot(x.sd, off), low=x.low - off, high=x.high + off)
+    if friction.spoils_any:
+        advice = (
+            f"{_describe(friction)} Drive the joint harder, so that friction is a smaller part of "
+            "its acceleration, or have the controller compensate for friction."
+        )
+        changed = {k: replace(x, determined=False, advice=advice) for k, x in changed.items()}
+    return replace(joint, **changed)
+
+
+def _describe(friction: Friction) -> str:
+    """What friction there is, and what leaving it out does."""
+    symbols = {"kp": "K_p", "kv": "K_v"}
+    off = [f"{symbols[k]} by {x * 100:.2g} %" for k, x in friction.shifts.items() if k in symbols]
+    if "delay" in friction.shifts:
+        off.append(f"the dead time by {friction.shifts['delay'] * 1e3:.2g} ms")
+    return (
+        "The residuals follow the direction of motion, as under dry friction or stiction of "
+        f"{friction.size:.2g} rad/s² (standard deviation {friction.sd:.2g}), which the model does "
+        f"not have. It puts off {', '.join(off)}."
+    )
 
 
 def _distrusted(joint: JointIdentification) -> JointIdentification:
@@ -209,8 +245,15 @@ def _larger_step(data: Data, state: State, limit: float) -> str:
     return f"A step of more than {step:.2g} rad in one command interval asks for twice"
 
 
-def _notes(data: Data, joint: JointIdentification, choice: Choice) -> tuple[str, ...]:
+def _notes(data: Data, log: Log, joint: JointIdentification, choice: Choice) -> tuple[str, ...]:
     notes = _on_the_fit(joint, choice.chosen.state.offset) + _on_the_dead_time(joint.dead_time)
+    if choice.chosen.period:
+        seconds = choice.chosen.period * log.interval
+        notes.append(
+            f"The residuals repeat with the commands, every {seconds:.3g} s, as the error of a "
+            "coarse encoder does: each repetition tells nothing new, and the standard deviations "
+            "allow for it. A motion that does not repeat within the log tells more."
+        )
     if (
         choice.first is not None
         and joint.order == "second"
@@ -236,8 +279,9 @@ def _on_the_fit(joint: JointIdentification, offset: float | None) -> list[str]:
     notes = []
     if not joint.white and joint.noise > 1e-12:
         notes.append(
-            "The residuals are not white: the joint does something that the model does not. The "
-            "standard deviations allow for their correlation, not for what is missing."
+            "The residuals are not white: the encoder is coarse, or the joint does something that "
+            "the model does not. The standard deviations allow for their correlation, not for what "
+            "is missing."
         )
     if joint.r_squared < FOLLOWS:
         notes.append(

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import FloatArray
 from armcontour.errors import ExecutionError
 from armcontour.identification import _joint
+from armcontour.identification.correlation import repeats
 from armcontour.servo._sensitivity import COLUMNS
 
 # Ranges of the search for gains [1/s] and acceleration limits [rad/s²].
@@ -46,6 +47,7 @@ class Data:
         delays: Smallest and largest dead time of the search [s].
         offset: First value of the offset between measured position and command at rest [rad]; None
             if no offset is estimated.
+        period: Samples after which commands repeat; 0 if they do not.
     """
 
     t: FloatArray
@@ -54,12 +56,13 @@ class Data:
     linear: bool
     delays: tuple[float, float]
     offset: float | None = None
+    period: int = 0
 
     def part(self, begin: int, end: int, every: int = 1) -> Data:
         """The samples from `begin` to before `end`, every `every`-th one."""
         some = slice(begin, end, every)
         t, u, y = (np.ascontiguousarray(x[some]) for x in (self.t, self.u, self.y))
-        return replace(self, t=t, u=u, y=y)
+        return replace(self, t=t, u=u, y=y, period=self.period if every == 1 else 0)
 
     @property
     def last(self) -> int:
@@ -126,6 +129,7 @@ class Fit:
         spread: Sum of the squares of the measured positions about their mean [rad²].
         saturated_time: Time at the acceleration limit [s].
         at_edge: Free parameters that ended at the edge of the search range.
+        period: Samples after which the residuals repeat; 0 if they do not.
     """
 
     state: State
@@ -136,6 +140,7 @@ class Fit:
     spread: float
     saturated_time: float
     at_edge: tuple[str, ...]
+    period: int
 
     @property
     def variance(self) -> float:
@@ -254,6 +259,7 @@ def _fit_at(data: Data, state: State, errors: Errors) -> Fit:
         spread=float(np.sum((used - used.mean()) ** 2)),
         saturated_time=saturated,
         at_edge=_edges(data, state),
+        period=data.period if repeats(residuals, data.period) else 0,
     )
 
 
@@ -319,74 +325,6 @@ def _edges(data: Data, state: State) -> tuple[str, ...]:
         for name in state.free
         if name in ("delay", *_LOGARITHMIC) and getattr(state, name) in _bounds(data, name)
     )
-
-
-def covariance(found: Fit, *, white: bool) -> FloatArray:
-    """Covariance of the free parameters (logarithms of gains and limit), (free, free).
-
-    The covariance is the inverse of the Fisher information, the Cramér-Rao bound. If residuals are
-    not white, the estimate of Newey and West takes their correlation into account.
-    """
-    jacobian = found.jacobian
-    scale = np.sqrt(np.sum(jacobian**2, axis=1))
-    scale = np.where(scale > 0, scale, 1.0)
-    unit = jacobian / scale[:, None]
-    inverse, lost = _inverse(_joint.normal_equations(unit, found.residuals)[0])
-    if white:
-        middle = inverse * found.variance
-    else:
-        middle = inverse @ _long_run(unit * found.residuals, found.residuals) @ inverse
-    middle[lost, lost] = math.inf
-    # A variance that overflows is infinite: the log does not determine that parameter.
-    with np.errstate(over="ignore"):
-        return np.asarray(middle / np.outer(scale, scale))
-
-
-def _inverse(normal: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Pseudo-inverse, and whether each parameter has no inverse."""
-    values, vectors = np.linalg.eigh(normal)
-    good = values > 1e-13 * values.max(initial=0.0)
-    inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
-    lost = np.sum(vectors[:, ~good] ** 2, axis=1) > 1e-6
-    return np.asarray(inverse), np.asarray(lost)
-
-
-def _long_run(scores: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Sum of the covariances of the scores over all lags at which the residuals are correlated."""
-    lags = correlated_lags(residuals)
-    total = scores @ scores.T
-    for lag in range(1, lags + 1):
-        with_lag = scores[:, lag:] @ scores[:, :-lag].T
-        total += (1 - lag / (lags + 1)) * (with_lag + with_lag.T)
-    return np.asarray(total)
-
-
-def correlations(residuals: FloatArray, most: int) -> FloatArray:
-    """Autocorrelation at the lags 1 to `most`."""
-    # A mean is not taken out: noise has none.
-    power = max(float(residuals @ residuals), 1e-300)
-    size = 2 ** math.ceil(math.log2(len(residuals) + most))
-    spectrum = np.abs(np.fft.rfft(residuals, size)) ** 2
-    return np.asarray(np.fft.irfft(spectrum)[1 : most + 1] / power)
-
-
-def correlated_lags(residuals: FloatArray) -> int:
-    """Twice the lag after which the residuals are not correlated."""
-    n = len(residuals)
-    most = max(min(n // 8, 500), 1)
-    small = np.abs(correlations(residuals, most)) < 2 / math.sqrt(n)
-    return min(2 * (int(np.argmax(small)) + 1), most) if small.any() else most
-
-
-def whiteness(residuals: FloatArray, lags: int = 20) -> float:
-    """Probability that white residuals are as correlated as these (Ljung and Box)."""
-    from scipy.special import gammaincc
-
-    n = len(residuals)
-    lags = min(lags, n // 5)
-    rho = correlations(residuals, lags)
-    statistic: float = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    return float(gammaincc(lags / 2, statistic / 2))
 
 
 def noise_of(y: npt.ArrayLike) -> float:

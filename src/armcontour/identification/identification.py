@@ -8,6 +8,7 @@ from armcontour import _checks
 from armcontour._progress import Progress, Step, under
 from armcontour.errors import InvalidInput
 from armcontour.identification.choosing import choose
+from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import described, nothing, why_still
 from armcontour.identification.fitting import Data
 from armcontour.identification.log import INTERPOLATIONS, Log
@@ -106,12 +107,14 @@ def _identify_joint(
         InvalidInput: Command and measurement cannot belong together.
     """
     name = log.joint_names[j]
+    command = np.ascontiguousarray(log.command[:, j])
     data = Data(
         t=np.ascontiguousarray(log.t - log.t[0]),
-        u=np.ascontiguousarray(log.command[:, j]),
+        u=command,
         y=np.ascontiguousarray(log.measured[:, j]),
         linear=linear,
         delays=delays,
+        period=find_period(command),
     )
     still = why_still(data)
     if still:

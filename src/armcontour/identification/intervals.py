@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from armcontour.identification.choosing import is_white
-from armcontour.identification.fitting import Data, Fit, covariance
+from armcontour.identification.covariance import covariance, is_white
+from armcontour.identification.fitting import Data, Fit
 from armcontour.identification.profile import profile
 
 # Up to this relative error of K_v the likelihood is as good as a Gaussian.
@@ -24,17 +24,17 @@ class Ends:
         from scipy.special import stdtrit
 
         white = is_white(found)
-        matrix = covariance(found, white=white)
+        matrix, freedom = covariance(found, white=white)
         names = found.state.free
         self._found = found
-        self._quantile = float(stdtrit(max(found.count - len(names), 1), 0.975))
+        self._quantile = float(stdtrit(freedom, 0.975))
         self._errors = {
             name: math.sqrt(matrix[k, k]) if matrix[k, k] >= 0 else math.inf
             for k, name in enumerate(names)
         }
         self._profiled: dict[str, tuple[float, float]] = {}
         if "kv" in names and ("kv" in found.at_edge or self._errors["kv"] > GAUSSIAN):
-            ends = profile(data, found)
+            ends = profile(data, found, self._quantile)
             self._profiled = {
                 x: ends.interval(x, self._quantile, white=white) for x in ("kp", "delay")
             }

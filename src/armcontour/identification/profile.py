@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from armcontour.identification.fitting import GAINS, Data, Fit, covariance, fit
+from armcontour.identification.covariance import covariance, inflation
+from armcontour.identification.fitting import GAINS, Data, Fit, fit
 
 # What twice the logarithm of the likelihood loses at the end of a 95 % interval.
 LOSS = 3.84
@@ -49,7 +50,7 @@ class Profile:
         forth, back = (math.log, _exp) if name == "kp" else (float, float)
         value, *ends = (forth(getattr(x.state, name)) for x in (self.best, self.slow, self.fast))
         k = self.best.state.free.index(name)
-        own = quantile * math.sqrt(max(covariance(self.best, white=white)[k, k], 0.0))
+        own = quantile * math.sqrt(max(covariance(self.best, white=white)[0][k, k], 0.0))
         below, above = max(value - min(ends), 0.0), max(max(ends) - value, 0.0)
         return back(value - math.hypot(below, own)), back(value + math.hypot(above, own))
 
@@ -65,8 +66,12 @@ def with_kv(data: Data, found: Fit, kv: float) -> Fit:
 
 
 def loss(found: Fit, best: Fit) -> float:
-    """Twice the logarithm of the likelihood that a fit loses against the best one."""
-    return found.count * math.log(max(found.sse, 1e-300) / max(best.sse, 1e-300))
+    """Twice the logarithm of the likelihood that a fit loses against the best one.
+
+    Samples count less where residuals depend on each other.
+    """
+    lost = found.count * math.log(max(found.sse, 1e-300) / max(best.sse, 1e-300))
+    return lost / inflation(best) if lost > 0 else lost
 
 
 def lowest_limit(data: Data, found: Fit, demand: float) -> float:
@@ -77,7 +82,7 @@ def lowest_limit(data: Data, found: Fit, demand: float) -> float:
         found: Its fit, without a limit.
         demand: The largest acceleration that it asks for [rad/s²].
     """
-    enough = found.sse * math.exp(LOSS / found.count)
+    enough = found.sse * math.exp(LOSS * inflation(found) / found.count)
 
     def possible(limit: float) -> Fit | None:
         start = replace(inside.state, limit=limit, fixed=("limit",))
@@ -98,10 +103,17 @@ def lowest_limit(data: Data, found: Fit, demand: float) -> float:
     return low
 
 
-def profile(data: Data, found: Fit) -> Profile:
-    """Both ends of the interval of K_v."""
-    slow = _end(data, found, 1 / STRIDE, GAINS[0])
-    fast = _end(data, found, STRIDE, GAINS[1])
+def profile(data: Data, found: Fit, quantile: float) -> Profile:
+    """Find both ends of the 95 % interval of K_v.
+
+    Args:
+        data: The log of the joint.
+        found: Its fit.
+        quantile: Half the width of the interval, in standard deviations.
+    """
+    allowed = quantile**2 * inflation(found)
+    slow = _end(data, found, 1 / STRIDE, GAINS[0], allowed)
+    fast = _end(data, found, STRIDE, GAINS[1], allowed)
     return Profile(
         best=with_kv(data, found, found.state.kv),
         slow=slow,
@@ -110,17 +122,18 @@ def profile(data: Data, found: Fit) -> Profile:
     )
 
 
-def _end(data: Data, found: Fit, stride: float, bound: float) -> Fit:
-    """The fit with the K_v, from the best one on in strides, at which the likelihood has gone."""
+def _end(data: Data, found: Fit, stride: float, bound: float, allowed: float) -> Fit:
+    """The fit with the K_v, from the best one on in strides, that costs more than `allowed`."""
+    enough = found.sse * math.exp(min(allowed / found.count, LARGEST_EXPONENT))
     inside = outside = with_kv(data, found, found.state.kv)
-    while loss(outside, found) < LOSS:
+    while outside.sse < enough:
         if outside.state.kv == bound:
             return outside
         inside, kv = outside, outside.state.kv * stride
         outside = with_kv(data, inside, min(kv, bound) if stride > 1 else max(kv, bound))
     for _ in range(BISECTIONS):
         middle = with_kv(data, inside, math.sqrt(inside.state.kv * outside.state.kv))
-        if loss(middle, found) < LOSS:
+        if middle.sse < enough:
             inside = middle
         else:
             outside = middle

@@ -8,7 +8,7 @@ from typing import Any
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.identification.choosing import WHITE
+from armcontour.identification.correlation import WHITE
 from armcontour.identification.log import Log
 from armcontour.servo import ServoModel
 

@@ -14,6 +14,8 @@ from armcontour.io.units import parse
 
 Key = TypeVar("Key", bound=Hashable)
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
+# Title of a column that is not needed.
+SKIPPED = "-"
 # For pint an angle is a plain number, so that "1/s" would be accepted as "rad/s".
 _ANGLE = re.compile("rad|deg|turn|rev|rpm")
 
@@ -57,7 +59,7 @@ def read_titles(
         key_of: Takes a name, and whether a unit in brackets follows. Gives the quantity, and the
             unit in the name; None for an unknown name.
         si_of: Takes a quantity and gives its SI unit; None if it has none.
-        unknown: Called with every unknown title; may raise an error.
+        unknown: Called with every unknown title but SKIPPED; may raise an error.
 
     Returns:
         The known columns by their quantities, in their order.
@@ -73,7 +75,8 @@ def read_titles(
         name, unit = (match["name"], match["unit"]) if match else (title, None)
         known = key_of(name, unit is not None)
         if known is None:
-            unknown(title)
+            if title != SKIPPED:
+                unknown(title)
             continue
         key, suffix = known
         if unit is not None and suffix is not None:

@@ -1,4 +1,4 @@
-"""Read logs of commanded and measured joint positions from CSV files."""
+"""Read logs of commanded and measured joint positions: CSV, and bags of ROS."""
 
 from __future__ import annotations
 
@@ -13,16 +13,21 @@ from armcontour.errors import InvalidInput
 from armcontour.identification import INTERPOLATIONS, Log, cut
 from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import read_columns, split_csv
+from armcontour.io.ros_files import is_ros_file, read_ros_log
 
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
-MEASURED = ("measured", "meas", "actual", "feedback", "encoder", "q")
+MEASURED = ("measured", "meas", "actual", "feedback", "encoder")
+# A position without another word is the measured one.
+POSITION = ("q",)
 TIME = ("t", "time", "timestamp")
 # Words in titles that are neither the name of a joint nor its role.
 PLAIN = ("joint", "axis", "j", "position", "pos", "q")
 # Quantities in other columns of a log, which are not needed.
-RATES = (
+OTHERS = (
     "dq",
     "ddq",
+    "qd",
+    "qdd",
     "velocity",
     "vel",
     "speed",
@@ -31,11 +36,19 @@ RATES = (
     "torque",
     "effort",
     "current",
+    "moment",
+    "force",
+    "tau",
+    "tcp",
+    "pose",
+    "voltage",
+    "temperature",
 )
 UNITS = ("rad", "deg", "mrad", "degree", "degrees", "radian", "radians")
 TIMES = ("s", "ms", "us", "sec", "seconds")
 TIMES_OF = ("t", "")
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
+TITLES = f"{EXAMPLE}; without such a line, name them with --columns"
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
 _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
 # "t", "command" or "measured", and the name of the joint; empty for the time.
@@ -48,26 +61,46 @@ def read_log(
     start: float = -math.inf,
     end: float = math.inf,
     unwrap: bool = False,
+    columns: str | None = None,
+    topic: str | None = None,
 ) -> Log:
-    """Read a log from a CSV file.
+    """Read a log from a CSV file, or from a bag of ROS 2.
 
-    The first line names the columns: `t`, and for every joint a command such as `u1`, `command 1`,
-    `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`, `shoulder
-    measured`. Units are SI unless in brackets or a suffix: `t [ms]`, `command 1 [deg]`, `q1_deg`.
-    Other columns are left out. Separators are commas, semicolons or tabs. Lines that start with #
-    are comments; the comment `# interpolation: step` gives the interpolation between set-points.
+    The first line of CSV names the columns: `t`, and for every joint a command such as `u1`,
+    `command 1`, `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`,
+    `q1_actual`, `shoulder measured`. Units are SI unless in brackets or a suffix: `t [ms]`,
+    `command 1 [deg]`, `q1_deg`. Other columns are left out. Separators are commas, semicolons or
+    tabs. Lines that start with # are comments; the comment `# interpolation: step` gives the
+    interpolation between set-points.
+
+    Of a bag, of storage mcap or sqlite3, the state of a joint trajectory controller is read: its
+    reference (or desired) and feedback (or actual) positions. Its times begin at zero.
 
     Args:
-        file: The file.
+        file: The file: `.mcap`, `.db3` or a folder for ROS, else CSV.
         start: First time to use [s].
         end: Last time to use [s].
         unwrap: Whether to undo jumps of whole turns.
+        columns: Names of the columns of CSV without a first line for them, separated by commas;
+            `-` for a column that is not needed.
+        topic: Topic of a bag; by default the only one of its type.
 
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
+    place = FilePath(file)
+    if is_ros_file(place):
+        if columns is not None:
+            raise InvalidInput(f"{place.name} is a file of ROS, which has no columns to name.")
+        found = read_ros_log(place, topic)
+        return cut(
+            found.t, found.arrays["command"], found.arrays["q"], start, end, found.names,
+            source=place.name, unwrap=unwrap,
+        )  # fmt: skip
+    if topic is not None:
+        raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
     text = read_text(file, "log", most=LARGE)
-    return parse_log(text, source=FilePath(file).name, start=start, end=end, unwrap=unwrap)
+    return parse_log(text, source=place.name, start=start, end=end, unwrap=unwrap, columns=columns)
 
 
 def parse_log(
@@ -77,25 +110,25 @@ def parse_log(
     start: float = -math.inf,
     end: float = math.inf,
     unwrap: bool = False,
+    columns: str | None = None,
 ) -> Log:
     """Read a log from CSV text; see `read_log`.
 
     Raises:
         InvalidInput: As in `read_log`.
     """
-    table = split_csv(text, source)
-    where = f"{source}, line {table.header}"
-    columns = read_titles(
+    table = split_csv(text, source, columns)
+    known = read_titles(
         table.names,
-        where=where,
-        example=EXAMPLE,
+        where=table.heading,
+        example=TITLES,
         key_of=_column_role,
         si_of=lambda key: "s" if key == TIMES_OF else "rad",
         unknown=lambda title: None,
     )
-    joints = _pair(columns, where)
+    joints = _pair(known, table.heading)
     keys = [TIMES_OF, *(("command", x) for x in joints), *(("measured", x) for x in joints)]
-    used = [columns[key] for key in keys]
+    used = [known[key] for key in keys]
     values = read_columns(table, [x.index for x in used])[0] * [x.factor for x in used]
     dof = len(joints)
     return cut(
@@ -127,11 +160,11 @@ def _column_role(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
     if not has_unit and len(words) > 1 and words[-1].lower() in (*UNITS, *TIMES):
         unit = words.pop().lower()
     low = [x.lower() for x in words]
-    if any(x in RATES for x in low):
+    if any(x in OTHERS for x in low):
         return None
     if len(low) == 1 and low[0] in TIME:
         return TIMES_OF, unit
-    for role, known in (("command", COMMAND), ("measured", MEASURED)):
+    for role, known in (("command", COMMAND), ("measured", MEASURED), ("measured", POSITION)):
         at = next((i for i, x in enumerate(low) if x in known), None)
         if at is not None:
             rest = [x for i, x in enumerate(words) if i != at]

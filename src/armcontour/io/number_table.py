@@ -29,7 +29,7 @@ class CsvTable:
     Args:
         source: Name of the file, for messages.
         names: Names of the columns.
-        header: Number of the line with the names, from 1.
+        header: Number of the line with the names, from 1; 0 if they are given beside the file.
         separator: The character between cells.
         lines: The lines of samples; blank lines and comments are left out.
         numbers: Numbers of these lines in the file, from 1.
@@ -41,6 +41,11 @@ class CsvTable:
     separator: str
     lines: list[str]
     numbers: list[int]
+
+    @property
+    def heading(self) -> str:
+        """File and place of the names, for messages."""
+        return f"{self.source}, line {self.header}" if self.header else f"{self.source}, --columns"
 
     def cells(self, row: int) -> list[str]:
         """The cells of one sample."""
@@ -94,11 +99,18 @@ def last_digit(columns: Sequence[Digits]) -> float:
     return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)
 
 
-def split_csv(text: str, source: str) -> CsvTable:
+def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
     """The table in CSV text with commas, semicolons or tabs; lines that start with # are comments.
 
+    Args:
+        text: The text.
+        source: Name of the file, for messages.
+        columns: Names of the columns, separated by commas, for a file without a line of names or
+            in place of this line.
+
     Raises:
-        InvalidInput: There is no line of column names, or no sample.
+        InvalidInput: There is no line of column names, or no sample, or `columns` names more or
+            fewer columns than there are.
     """
     # Not `splitlines`, which also splits at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -111,13 +123,24 @@ def split_csv(text: str, source: str) -> CsvTable:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
     header, first = kept[0]
     separator = next((x for x in ";\t" if x in first), ",")
+    names, named = tuple(_split(first, separator)), True
+    if columns is not None:
+        given = tuple(x.strip() for x in columns.split(","))
+        if len(given) != len(names):
+            raise InvalidInput(
+                f"{source}, line {header}: {len(names)} columns, but --columns names "
+                f"{len(given)}: name all of them in their order, and - for each that is not needed."
+            )
+        # Given names replace those of the file.
+        named = not any(NUMBER.fullmatch(x) for x in names)
+        names, header = given, 0
     return CsvTable(
         source=source,
-        names=tuple(_split(first, separator)),
+        names=names,
         header=header,
         separator=separator,
-        lines=[line for _, line in kept[1:]],
-        numbers=[number for number, _ in kept[1:]],
+        lines=[line for _, line in kept[named:]],
+        numbers=[number for number, _ in kept[named:]],
     )
 
 

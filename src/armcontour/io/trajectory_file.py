@@ -1,4 +1,4 @@
-"""Read time-stamped joint trajectories from CSV files of any planner or log."""
+"""Read time-stamped joint trajectories of any planner or log: CSV, and files of ROS."""
 
 from __future__ import annotations
 
@@ -22,12 +22,14 @@ from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import CsvTable, last_digit, read_columns, split_csv
+from armcontour.io.ros_files import NANOSECOND, is_ros_file, read_ros_motion
 
 # Quantities of the columns, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
-# Columns that are ignored.
+# Columns of our own that are left out without a word.
 IGNORED = ("events",)
+EXAMPLE = "t,q1,q2 or t [s],q 1 [rad],q 2 [rad]; without such a line, name them with --columns"
 KINDS = {"t": "t", "time": "t", "q": "q", "joint": "q", "dq": "dq", "ddq": "ddq"}
 _NAME = re.compile(
     r"(?P<kind>time|t|joint|ddq|dq|q)[ _]?(?P<joint>\d+)?"
@@ -48,6 +50,8 @@ class TrajectoryFile:
         q: Joint positions [rad], (n, dof).
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²], (n, dof); None without them.
         resolution: Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
+        joints: Names of the joints, as the file has them.
+        left_out: Titles of columns that are not known.
     """
 
     source: str
@@ -56,6 +60,8 @@ class TrajectoryFile:
     dq: FloatArray | None
     ddq: FloatArray | None
     resolution: Mapping[str, float]
+    joints: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "dq", "ddq"):
@@ -67,35 +73,74 @@ class TrajectoryFile:
 _Key = tuple[str, int]
 
 
-def read_trajectory(file: str | FilePath, joint_names: Sequence[str] = ()) -> TrajectoryFile:
-    """Read a trajectory from a CSV file.
+def read_trajectory(
+    file: str | FilePath,
+    joint_names: Sequence[str] = (),
+    *,
+    columns: str | None = None,
+    topic: str | None = None,
+) -> TrajectoryFile:
+    """Read a trajectory from a CSV file, a JointTrajectory in YAML, or a bag of ROS 2.
 
-    The first line names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a unit
-    in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
-    Separators are commas, semicolons or tabs. Lines that start with # are comments.
+    The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
+    unit in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
+    Other columns are left out. Separators are commas, semicolons or tabs. Lines that start with #
+    are comments.
+
+    A bag, of storage mcap or sqlite3, is a folder or one file. Of its messages, a JointTrajectory
+    is read; else what a controller's state or JointStates have measured.
 
     Args:
-        file: The file.
+        file: The file: `.yaml`, `.mcap`, `.db3` or a folder for ROS, else CSV.
         joint_names: Other names of joint 1, 2, ...: alone for positions, or after `q`, `dq`, `ddq`.
+            Joints of ROS are found by these names.
+        columns: Names of the columns of CSV without a first line for them, separated by commas;
+            `-` for a column that is not needed.
+        topic: Topic of a bag; by default the only one of its type.
 
     Raises:
         InvalidInput: A file of another form; names file and line.
     """
+    place = FilePath(file)
+    if is_ros_file(place):
+        if columns is not None:
+            raise InvalidInput(f"{place.name} is a file of ROS, which has no columns to name.")
+        return _from_ros(place, joint_names, topic)
+    if topic is not None:
+        raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
     text = read_text(file, "trajectory file", most=LARGE)
-    return parse_trajectory(text, joint_names, source=FilePath(file).name)
+    return parse_trajectory(text, joint_names, source=place.name, columns=columns)
+
+
+def _from_ros(file: FilePath, joint_names: Sequence[str], topic: str | None) -> TrajectoryFile:
+    """The trajectory in a file of ROS."""
+    found = read_ros_motion(file, joint_names, topic)
+    return TrajectoryFile(
+        source=file.name,
+        t=found.t,
+        q=found.arrays["q"],
+        dq=found.arrays.get("dq"),
+        ddq=found.arrays.get("ddq"),
+        resolution={"t": NANOSECOND, **found.digit},
+        joints=found.names,
+    )
 
 
 def parse_trajectory(
-    text: str, joint_names: Sequence[str] = (), *, source: str = "trajectory"
+    text: str,
+    joint_names: Sequence[str] = (),
+    *,
+    source: str = "trajectory",
+    columns: str | None = None,
 ) -> TrajectoryFile:
     """Read a trajectory from CSV text; see `read_trajectory`.
 
     Raises:
         InvalidInput: As in `read_trajectory`.
     """
-    table = split_csv(text, source)
-    columns = _columns(table, joint_names)
-    used = [columns[key] for key in sorted(columns)]
+    table = split_csv(text, source, columns)
+    known, left_out = _columns(table, joint_names)
+    used = [known[key] for key in sorted(known)]
     values, digits = read_columns(table, [x.index for x in used])
     arrays, resolution = {}, {}
     for kind in SI:
@@ -115,6 +160,8 @@ def parse_trajectory(
         dq=arrays.get("dq"),
         ddq=arrays.get("ddq"),
         resolution=resolution,
+        joints=tuple(x.title for x in used if x.key[0] == "q"),
+        left_out=left_out,
     )
 
 
@@ -150,29 +197,25 @@ def _refuse_large(table: CsvTable, columns: Sequence[int], kind: str, values: Fl
         )
 
 
-def _columns(table: CsvTable, joint_names: Sequence[str]) -> dict[_Key, Column[_Key]]:
-    """The columns by their quantity and joint.
+def _columns(
+    table: CsvTable, joint_names: Sequence[str]
+) -> tuple[dict[_Key, Column[_Key]], tuple[str, ...]]:
+    """The columns by their quantity and joint, and the titles of unknown ones.
 
     Raises:
-        InvalidInput: An unknown name or unit, two columns for one quantity, or a missing column.
+        InvalidInput: An unknown unit, two columns for one quantity, or a missing column.
     """
-    where = f"{table.source}, line {table.header}"
-
-    def unknown(title: str) -> None:
-        if title.lower() not in IGNORED:
-            raise InvalidInput(
-                f"{where}: unknown column {show(title)}: the columns are t, q1 or joint 1, dq1, "
-                "ddq1, ..., with a unit in brackets where it is not SI."
-            )
-
+    where = table.heading
+    unknown: list[str] = []
     columns = read_titles(
         table.names,
         where=where,
-        example="t,q1,q2 or t [s],q 1 [rad],q 2 [rad]",
+        example=EXAMPLE,
         key_of=lambda name, _: _key(name, joint_names),
         si_of=lambda key: SI[key[0]],
-        unknown=unknown,
+        unknown=unknown.append,
     )
+    left_out = tuple(x for x in unknown if x.lower() not in IGNORED)
     for (kind, joint), column in columns.items():
         if kind != "t" and joint == 0:
             raise InvalidInput(
@@ -184,8 +227,13 @@ def _columns(table: CsvTable, joint_names: Sequence[str]) -> dict[_Key, Column[_
         missing = [x for x in joints if (kind, x) not in columns]
         given = kind in ("t", "q") or any(x == kind for x, _ in columns)
         if missing and given:
-            raise InvalidInput(f"{where}: the column {kind}{missing[0] or ''} is missing.")
-    return columns
+            others = f" The columns {', '.join(map(show, left_out))} are not known."
+            raise InvalidInput(
+                f"{where}: the column {kind}{missing[0] or ''} is missing"
+                f"{': the columns are t, q1 or joint 1, dq1, ddq1, ...' if left_out else ''}."
+                f"{others if left_out else ''}"
+            )
+    return columns, left_out
 
 
 def _key(name: str, joint_names: Sequence[str]) -> tuple[_Key, str | None] | None:

@@ -1,0 +1,382 @@
+"""Read joint trajectories and logs of ROS: a JointTrajectory as YAML, or messages of a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour import _yaml
+from armcontour._checks import FloatArray
+from armcontour._files import LARGE, MEGABYTE, read_text
+from armcontour._text import show
+from armcontour.errors import InvalidInput
+from armcontour.io.number_table import Digits, last_digit
+
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+STATE = "sensor_msgs/msg/JointState"
+CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
+# Names of command and measurement in a controller's state, in newer and older releases of ROS 2.
+COMMANDS = ("reference", "desired")
+MEASUREMENTS = ("feedback", "actual")
+YAMLS = (".yaml", ".yml")
+BAGS = (".mcap", ".db3")
+ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+# Times of ROS are whole nanoseconds [s].
+NANOSECOND = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RosMotion:
+    """Joint motion from a file of ROS.
+
+    Args:
+        names: Names of the joints.
+        t: Times [s], (n,): from the start of a trajectory, or from the first message on.
+        arrays: "q" [rad], and "dq", "ddq" or "command" where the file has them, (n, dof) each.
+        digit: Value of the last printed digit of each array; zero where numbers are binary.
+    """
+
+    names: tuple[str, ...]
+    t: FloatArray
+    arrays: dict[str, FloatArray]
+    digit: dict[str, float]
+
+
+def is_ros_file(file: str | FilePath) -> bool:
+    """Whether a file or folder is one of ROS, by its name."""
+    place = FilePath(file)
+    return place.is_dir() or place.suffix.lower() in (*YAMLS, *BAGS)
+
+
+def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | None) -> RosMotion:
+    """Read the motion of some joints.
+
+    Args:
+        file: YAML of a JointTrajectory, or a bag. Of a bag, the first of these that it has: a
+            JointTrajectory, a controller's state (its measurement), JointStates.
+        joint_names: Names of the joints, in the order of the result; by default those of the file.
+        topic: Topic of a bag; by default the only one of its type.
+
+    Raises:
+        InvalidInput: No such message, or a joint is missing.
+    """
+    if file.suffix.lower() in YAMLS and not file.is_dir():
+        if topic is not None:
+            raise InvalidInput(f"{file.name} is YAML, which has no topics: leave --topic out.")
+        return _read_yaml(file, joint_names)
+    kind, messages = _read_bag(file, (TRAJECTORY, CONTROLLER, STATE), topic)
+    if kind == TRAJECTORY:
+        if len(messages) > 1:
+            raise InvalidInput(
+                f"{file.name} holds {len(messages)} JointTrajectory messages, but one is judged at "
+                "a time: record them one by one."
+            )
+        message = messages[0][1]
+        return _join_points(file.name, message.joint_names, message.points, joint_names)
+    wanted = tuple(joint_names) or tuple(_names_of(kind, messages[0][1]))
+    names = list(_names_of(kind, messages[0][1]))
+    messages = [x for x in messages if set(wanted) <= set(_names_of(kind, x[1]))]
+    if not messages:
+        raise InvalidInput(_describe_missing(file.name, names, wanted))
+    parts = [_measured_part(kind, x[1]) for x in messages]
+    orders = [_order(file.name, _names_of(kind, x[1]), wanted) for x in messages]
+    return RosMotion(
+        names=wanted,
+        t=_times([_stamp(x) for x in messages]),
+        arrays=_stack(file.name, parts, orders),
+        digit={},
+    )
+
+
+def read_ros_log(file: FilePath, topic: str | None) -> RosMotion:
+    """Read commands and measured positions from the state of a controller in a bag.
+
+    Args:
+        file: The bag.
+        topic: Its topic; by default the only one of that type.
+
+    Raises:
+        InvalidInput: No such message, or messages without positions.
+    """
+    if file.suffix.lower() in YAMLS and not file.is_dir():
+        raise InvalidInput(
+            f"{file.name} is YAML, but a log needs commands and measured positions: record the "
+            "topic controller_state of the joint trajectory controller in a bag, or write CSV."
+        )
+    _, messages = _read_bag(file, (CONTROLLER,), topic)
+    names = tuple(messages[0][1].joint_names)
+    orders = [_order(file.name, x[1].joint_names, names) for x in messages]
+    arrays = {}
+    for what, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
+        parts = [_point(x[1], fields) for x in messages]
+        arrays[what] = _stack(file.name, parts, orders, ("q",))["q"]
+    return RosMotion(names=names, t=_times([_stamp(x) for x in messages]), arrays=arrays, digit={})
+
+
+def _read_yaml(file: FilePath, joint_names: Sequence[str]) -> RosMotion:
+    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it.
+
+    Raises:
+        InvalidInput: Another content.
+    """
+    # What `echo` prints ends with the mark of a next message.
+    text = read_text(file, "trajectory file").rstrip().removesuffix("---")
+    data = _yaml.load(text, file.name)
+    if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
+        raise InvalidInput(
+            f"{file.name} is no JointTrajectory: it needs the keys joint_names and points, with "
+            "positions and time_from_start in each point."
+        )
+    if not isinstance(data["points"], list) or not isinstance(data["joint_names"], list):
+        raise InvalidInput(f"{file.name}: joint_names and points must be lists.")
+    points = [_Point(file.name, i, x) for i, x in enumerate(data["points"], start=1)]
+    names = [str(x) for x in data["joint_names"]]
+    return _join_points(file.name, names, points, joint_names, printed=True)
+
+
+class _Point:
+    """A point of a trajectory in YAML, with the attributes of a message.
+
+    Args:
+        source: Name of the file.
+        number: Number of the point, from 1.
+        data: Its content.
+
+    Raises:
+        InvalidInput: A key is missing, or a value is no number.
+    """
+
+    def __init__(self, source: str, number: int, data: Any) -> None:
+        try:
+            for name in ARRAYS.values():
+                setattr(self, name, [float(x) for x in data.get(name) or ()])
+            start = data["time_from_start"]
+            self.nanoseconds = int(start["sec"]) * 10**9 + int(start["nanosec"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InvalidInput(
+                f"{source}, point {number}: it needs lists of numbers, positions and perhaps "
+                f"velocities and accelerations, and time_from_start with sec and nanosec ({error})."
+            ) from None
+
+
+def _join_points(
+    source: str,
+    names: Sequence[str],
+    points: Sequence[Any],
+    joint_names: Sequence[str],
+    *,
+    printed: bool = False,
+) -> RosMotion:
+    """The motion of the points of one trajectory."""
+    if not points:
+        raise InvalidInput(f"{source} has a trajectory without points.")
+    wanted = tuple(joint_names) or tuple(names)
+    order = _order(source, names, wanted)
+    arrays = _stack(source, points, [order] * len(points))
+    times = [_duration(x) for x in points]
+    return RosMotion(
+        names=wanted,
+        t=np.array(times) * NANOSECOND,
+        arrays=arrays,
+        digit={x: _digit(values) for x, values in arrays.items()} if printed else {},
+    )
+
+
+def _digit(values: FloatArray) -> float:
+    """Value of the last printed digit of numbers, as the shortest text of each has it."""
+    found = Digits()
+    for value in values.ravel().tolist():
+        found.add(repr(value))
+    return last_digit([found])
+
+
+def _stack(
+    source: str,
+    points: Sequence[Any],
+    orders: Sequence[list[int]],
+    kinds: Sequence[str] = tuple(ARRAYS),
+) -> dict[str, FloatArray]:
+    """Arrays of the points, with joints in the wanted order; those that points lack are left out.
+
+    Raises:
+        InvalidInput: A point without positions, or with another number of joints than the others.
+    """
+    found = {}
+    for kind in kinds:
+        rows = [getattr(x, ARRAYS[kind], ()) for x in points]
+        if kind != "q" and not all(len(x) for x in rows):
+            continue
+        for number, (row, order) in enumerate(zip(rows, orders, strict=True), start=1):
+            if len(row) <= max(order):
+                raise InvalidInput(
+                    f"{source}, sample {number}: {len(row)} {ARRAYS[kind]}, but at least "
+                    f"{max(order) + 1} joints are named: record all of them.",
+                    index=number - 1,
+                )
+        found[kind] = np.array(
+            [[row[j] for j in order] for row, order in zip(rows, orders, strict=True)], dtype=float
+        )
+    return found
+
+
+def _order(source: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Places of the wanted joints among those of a message.
+
+    Raises:
+        InvalidInput: One is missing.
+    """
+    known = list(names)
+    if not set(wanted) <= set(known) or not wanted:
+        raise InvalidInput(_describe_missing(source, known, wanted))
+    return [known.index(x) for x in wanted]
+
+
+def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) -> str:
+    """A sentence on joints that a file lacks."""
+    return (
+        f"{source} has the joints {', '.join(map(show, known))}, but "
+        f"{', '.join(map(show, wanted)) or 'the names of joints'} are needed: give the arm of the "
+        "file with --arm, or its names to the joints."
+    )
+
+
+def _read_bag(
+    file: FilePath, kinds: Sequence[str], topic: str | None
+) -> tuple[str, list[tuple[int, Any]]]:
+    """Type, and times [ns] with messages, of one topic of a bag.
+
+    Raises:
+        InvalidInput: No bag, rosbags is not installed, or no topic or several that would do.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise InvalidInput(
+            "Bags of ROS need the library rosbags: pip install 'armcontour[ros]'."
+        ) from None
+    _refuse_size(file)
+    try:
+        # Bags of before 2023 do not say what their messages are made of.
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        with AnyReader([file], default_typestore=store) as reader:
+            of_topic = {x.topic: x for x in reader.connections}
+            used = _choose_topic(
+                file.name, {k: x.msgtype for k, x in of_topic.items()}, kinds, topic
+            )
+            messages = [
+                (at, reader.deserialize(raw, connection.msgtype))
+                for connection, at, raw in reader.messages(
+                    [x for x in reader.connections if x.topic == used]
+                )
+            ]
+            kind = of_topic[used].msgtype
+    except InvalidInput:
+        raise
+    except Exception as error:  # of damaged bags, rosbags lets errors of its libraries through
+        problem = str(error).strip().rstrip(".") or type(error).__name__
+        raise InvalidInput(
+            f"{file.name} cannot be read as a bag of ROS 2: {show(problem)}."
+        ) from None
+    if not messages:
+        raise InvalidInput(f"{file.name}: the topic {show(used)} has no message.")
+    return kind, messages
+
+
+def _refuse_size(file: FilePath) -> None:
+    """Refuse a bag that is not there or too large.
+
+    Raises:
+        InvalidInput: As said.
+    """
+    if not file.exists():
+        raise InvalidInput(f"There is no trajectory file or log {file}.")
+    parts = [x for x in file.iterdir() if x.is_file()] if file.is_dir() else [file]
+    size = sum(x.stat().st_size for x in parts)
+    if size > LARGE:
+        raise InvalidInput(
+            f"{file.name} has {size / MEGABYTE:.0f} MB, more than the {LARGE / MEGABYTE:.0f} MB "
+            "that are read: record only the topic that is needed."
+        )
+
+
+def _choose_topic(
+    source: str, types: dict[str, str], kinds: Sequence[str], topic: str | None
+) -> str:
+    """The topic to read: the given one, or the only one of the first type that a bag has.
+
+    Raises:
+        InvalidInput: No topic, or several.
+    """
+    shown = ", ".join(f"{show(k)} ({x.rpartition('/')[2]})" for k, x in types.items()) or "none"
+    names = " or ".join(x.rpartition("/")[2] for x in kinds)
+    if topic is not None:
+        if types.get(topic) not in kinds:
+            raise InvalidInput(
+                f"{source} has no topic {show(topic)} of {names}: its topics are {shown}."
+            )
+        return topic
+    for kind in kinds:
+        found = [x for x, y in types.items() if y == kind]
+        if len(found) > 1:
+            raise InvalidInput(
+                f"{source} has several topics of {kind.rpartition('/')[2]}: choose one with "
+                f"--topic ({', '.join(found)})."
+            )
+        if found:
+            return found[0]
+    raise InvalidInput(f"{source} has no topic of {names}: its topics are {shown}.")
+
+
+def _names_of(kind: str, message: Any) -> Sequence[str]:
+    """Names of the joints in a message."""
+    return list(message.name if kind == STATE else message.joint_names)
+
+
+def _measured_part(kind: str, message: Any) -> Any:
+    """The part of a message with measured positions, as a point."""
+    return _State(message) if kind == STATE else _point(message, MEASUREMENTS)
+
+
+class _State:
+    """A JointState with the attributes of a point; it has no accelerations.
+
+    Args:
+        message: The message.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self.positions = message.position
+        self.velocities = message.velocity
+
+
+def _point(message: Any, fields: Sequence[str]) -> Any:
+    """The first of some fields of a controller's state that has positions, else the first."""
+    points: Iterator[Any] = (getattr(message, x) for x in fields if hasattr(message, x))
+    found = list(points)
+    return next((x for x in found if len(x.positions)), found[0])
+
+
+def _duration(point: Any) -> int:
+    """Time of a point from the start of its trajectory [ns]."""
+    if isinstance(point, _Point):
+        return point.nanoseconds
+    start = point.time_from_start
+    return int(start.sec) * 10**9 + int(start.nanosec)
+
+
+def _stamp(given: tuple[int, Any]) -> int:
+    """Time of a message by its header [ns]; by the bag if the header has none."""
+    at, message = given
+    stamp = message.header.stamp
+    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or at
+
+
+def _times(nanoseconds: Sequence[int]) -> FloatArray:
+    """Times from the first one on [s]."""
+    first = nanoseconds[0]
+    return np.array([x - first for x in nanoseconds]) * NANOSECOND
