@@ -342,7 +342,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--columns", "--contour", "--export", "--format",
+    "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
     "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--model", "--out",
     "--output", "--package", "--path", "--run", "--skip", "--template", "--tip", "--topic",
     "--units", "--xacro-arg",

@@ -187,6 +187,47 @@ def test_the_picture_shows_contours_rapids_and_events_where_they_are(study: Stud
     assert arrows.marker.angle[0] == pytest.approx(90)  # to the right, clockwise from up
 
 
+@pytest.mark.parametrize("kind", ["study", "in_space"])
+def test_contours_have_their_numbers_at_their_starts(
+    kind: str, request: pytest.FixtureRequest
+) -> None:
+    given = request.getfixturevalue(kind)
+    (result,) = given.runs.values()
+    numbers = traces(sections.program(given).figures[0])["numbers"]
+    starts = [x.path(0.0) * 1e3 for x in result.path.contours]
+    assert list(numbers.text) == ["1", "2"]
+    np.testing.assert_allclose(points(numbers), starts, rtol=1e-6)
+
+
+def test_rapids_are_grey_where_all_runs_have_the_same(study: Study) -> None:
+    (one,) = study.runs.values()
+    again = dataclasses.replace(one, run=dataclasses.replace(one.run, name="again"))
+    *spans, last = one.trajectory.spans
+    assert last.kind != "contour"
+    count = 1 if last.trajectory is None else len(last.trajectory.laws)
+    laws = one.trajectory.laws[:-count]
+    trajectory = dataclasses.replace(one.trajectory, laws=laws, spans=tuple(spans), events=())
+    other = dataclasses.replace(again, trajectory=trajectory)
+
+    def bands(*runs: Any) -> int:
+        given = Study(job=study.job, runs={x.run.name: x for x in runs})
+        return len(sections.tool_speed(given).figures[0].layout.shapes)
+
+    assert bands(one, again) == bands(one) >= 1
+    assert bands(one, other) == 0
+
+
+def test_titles_of_scenes_are_above_their_buttons(in_space: Study) -> None:
+    for figure in (sections.program(in_space).figures[0], *sections.space(in_space).figures):
+        layout = figure.layout
+        if layout.scene.camera.eye.x is None:
+            continue
+        rows = layout.margin.t - max(x.pad.b for x in layout.updatemenus)
+        # A button is 30 pixels high, and a title 20.
+        assert layout.title.yref == "container" and layout.title.yanchor == "top"
+        assert layout.title.pad.t + 20 <= rows - 30
+
+
 def test_the_picture_in_space_has_the_same(in_space: Study) -> None:
     section = sections.program(in_space)
     assert section is not None

@@ -18,6 +18,19 @@ from armcontour.errors import InvalidInput
 if TYPE_CHECKING:
     from armcontour.arms.dynamics import Dynamics
 
+# A point that is so far out of reach more probably has a wrong unit than a wrong place [m]: arms
+# reach 0.5 to 4 m, and points in mm that are taken as m are hundreds of metres away.
+FAR_OUT = 20.0
+
+
+def hint_at_unit(gap: float) -> str:
+    """The end of a sentence on a point that is `gap` [m] out of reach; "" for near ones."""
+    if gap < FAR_OUT:
+        return ""
+    return (
+        "; lengths without a unit are metres: say so if they are mm, by `units: mm` or --units mm"
+    )
+
 
 class Arm(Locked, ABC):
     """An arm with its kinematics and limits.

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.arms.arm import Arm
+from armcontour.arms.arm import Arm, hint_at_unit
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
 from armcontour.arms.tube import Tube
@@ -243,7 +243,8 @@ class PlanarTwoLink(Arm):
                 "where it is singular"
             )
         raise Unreachable(
-            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm.",
+            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm"
+            f"{hint_at_unit(beyond)}.",
             point=point.tolist(),
             index=index,
             limit="reach",

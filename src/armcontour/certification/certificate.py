@@ -194,6 +194,14 @@ class Certificate:
     experiment: ExperimentResult | None
     failure: ExecutionError | None = None
 
+    def __repr__(self) -> str:
+        """Job, run, duration and largest contour error, without arrays."""
+        error = max(x.budget.executed for x in self.contours)
+        return (
+            f"Certificate({self.job.name!r}, run {self.run.name!r}, {self.duration:.6g} s, "
+            f"contour error at most {error:.3g} m)"
+        )
+
     @property
     def duration(self) -> float:
         """Duration of the certified plan [s]."""

@@ -60,6 +60,15 @@ class Sweep:
     tolerances: tuple[SweepPoint, ...]
     speeds: tuple[SweepPoint, ...]
 
+    def __repr__(self) -> str:
+        """Job, run and how many points are certified."""
+        points = (*self.tolerances, *self.speeds)
+        certified = sum(x.duration is not None for x in points)
+        return (
+            f"Sweep({self.job.name!r}, run {self.run.name!r}, {certified} of {len(points)} points "
+            "certified)"
+        )
+
 
 def sweep(
     job: Job,

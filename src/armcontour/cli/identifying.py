@@ -24,7 +24,7 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
-    from armcontour._quantities import Interval, Time
+    from armcontour._quantities import Interval, Moment
     from armcontour.cli.progress import search_progress
     from armcontour.cli.quantities import read_option
     from armcontour.errors import InvalidInput
@@ -34,7 +34,7 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    start, end = read_option("--from", x.start, Time), read_option("--to", x.end, Time)
+    start, end = read_option("--from", x.start, Moment), read_option("--to", x.end, Moment)
     longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
     assert longest is not None
     samples = read_log(

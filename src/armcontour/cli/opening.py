@@ -37,6 +37,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         turn=turn,
         layers=tuple(x.layer) if x.layer else None,
         names=None if x.contour is None else tuple(x.contour),
+        colors=tuple(x.color) if x.color else None,
         flat=x.flat,
         skip_unknown=x.skip_unknown,
         skip_words=split_words(x.skip),

@@ -102,6 +102,14 @@ class DrawingOptions:
     contour: Annotated[
         list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
     ] = None
+    color: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--color",
+            help="Only this colour of DXF or of strokes in SVG: a name, '#rrggbb', or a number of "
+            "AutoCAD; may be repeated.",
+        ),
+    ] = None
     flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False
     skip_unknown: Annotated[bool, typer.Option("--skip-unknown", help="Skip unknown elements.")] = (
         False
@@ -119,7 +127,9 @@ class JobOptions(DrawingOptions):
     cell: Annotated[
         str | None,
         typer.Option(
-            "--cell", help="Where a drawing is run: a built-in arm, or a job file without a path."
+            "--cell",
+            help="Where a drawing is run: built in are panda, pmk3s, ur10e and ur5e; or a job file "
+            "without a path.",
         ),
     ] = None
     at: Annotated[

@@ -128,6 +128,8 @@ def _print_plans(
     job: Job, plans: Mapping[str, RunPlan], out: FilePath, notes: Sequence[str]
 ) -> None:
     """Print duration and set-points of runs that are not simulated."""
+    from armcontour.jobs import warnings_of
+
     console = Console()
     for name, x in plans.items():
         console.say(
@@ -136,9 +138,7 @@ def _print_plans(
         )
         if x.stops_note is not None:
             console.say(x.stops_note)
-        for warning in x.warnings:
-            console.say(f"Warning: {warning}")
-    for note in notes:
+    for note in (*warnings_of(plans.values()), *notes):
         console.say(f"Warning: {note}")
     for note in job.arm.notes:
         console.say(f"Note: {note}")
@@ -147,6 +147,7 @@ def _print_plans(
 
 def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None:
     """Print a table of all runs, warnings, and where the report is."""
+    from armcontour.jobs import warnings_of
     from armcontour.jobs.quantities import assumed_numbers
 
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
@@ -178,8 +179,7 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
         lines += [] if result.stops_note is None else [result.stops_note]
-        lines += [f"Warning: {x}" for x in result.warnings]
-    lines += [f"Warning: {x}" for x in notes]
+    lines += [f"Warning: {x}" for x in (*warnings_of(study.runs.values()), *notes)]
     lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")

@@ -80,6 +80,7 @@ def read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Progr
         scale=1.0 if x.scale is None else x.scale,
         layers=x.layer or None,
         names=x.contour or None,
+        colors=x.color or None,
         flat=x.flat,
         unknown=unknown,
         progress=progress,
@@ -134,13 +135,13 @@ def _print(program: Program, facts: Sequence[ContourFacts], name: str) -> None:
     console = Console()
     size = extent_of(facts)
     corner = ", ".join(f"{x * 1e3:.2f}" for x in size[0])
+    console.say(f"{name}: {format_size(size)} mm from {corner} mm")
     console.show_table(
         ["layer", "contours", "closed", "length [mm]"],
         [
             (layer or "-", str(x["contours"]), str(x["closed"]), f"{x['length'] * 1e3:.2f}")
             for layer, x in _layers(facts).items()
         ],
-        title=f"{name}: {format_size(size)} mm from {corner} mm",
     )
     console.show_table(
         HEADER, [row_of(x) for x in facts[:MOST_PRINTED]], left=(0, 1, 4), title="Contours"

@@ -98,6 +98,12 @@ class Check:
     path_deviation: PathDeviation | None
     rounding: Mapping[str, float]
 
+    def __repr__(self) -> str:
+        """The verdict, the number of limits, and the limit that is used most."""
+        worst = self.worst
+        most = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
+        return f"Check({self.verdict}, {len(self.uses)} limits{most})"
+
     @property
     def worst(self) -> LimitUse | None:
         """The limit with the largest certain use; None if no limit was judged."""

@@ -22,6 +22,7 @@ class JobOverrides:
         turn: Roll, pitch and yaw of the drawing [rad], (3,).
         layers: Layers to run.
         names: Contours to run.
+        colors: Colours of DXF entities, or of strokes in SVG, to run.
         flat: Whether to leave z out.
         skip_unknown: Whether to skip elements that the reader does not know.
         skip_words: Words and codes of G-code to leave out, such as M6.
@@ -39,6 +40,7 @@ class JobOverrides:
     turn: tuple[float, ...] | None = None
     layers: tuple[str, ...] | None = None
     names: tuple[str, ...] | None = None
+    colors: tuple[str, ...] | None = None
     flat: bool = False
     skip_unknown: bool = False
     skip_words: tuple[str, ...] | None = None
@@ -92,6 +94,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "units": x.units,
         "scale": x.scale,
         "names": None if x.names is None else list(x.names),
+        "colors": None if x.colors is None else list(x.colors),
         "flat": x.flat or None,
         "unknown": SkipModel(skip=list(x.skip_words))
         if x.skip_words

@@ -15,6 +15,7 @@ from armcontour.jobs.study import (
     steps_of,
     teach,
     traced_alike,
+    warnings_of,
 )
 
 __all__ = [
@@ -36,4 +37,5 @@ __all__ = [
     "steps_of",
     "teach",
     "traced_alike",
+    "warnings_of",
 ]

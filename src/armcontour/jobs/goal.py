@@ -53,7 +53,9 @@ class Goal:
         if self.tolerance is None and self.servo is None:
             raise InvalidInput(
                 "A certificate needs a tolerance, the largest distance from the objective path, "
-                "or servo, the largest contour error of the execution, or both."
+                "or servo, the largest contour error of the execution, or both: give them by the "
+                "key `certificate` of the job, such as certificate: {servo: 0.05 mm}, or on the "
+                "command line by --servo (certify takes --total-tolerance too)."
             )
         if self.tolerance is not None and (self.servo or 0.0) >= self.tolerance:
             raise InvalidInput(

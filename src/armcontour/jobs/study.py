@@ -104,19 +104,25 @@ class RunPlan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
+        """Sentences on weak points of the run, with its name."""
+        return warnings_of([self])
+
+    @property
+    def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the plan, such as a coarse command interval."""
         period, duration = self.run.period, self.trajectory.duration
         found = []
         if period > COARSE * duration:
             found.append(
                 f"the command interval of {period:g} s is more than a tenth of the motion of "
-                f"{duration:.3g} s, so the set-points hardly represent the plan."
+                f"{duration:.3g} s, so the set-points hardly represent the plan (a number without "
+                "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
             )
         found += [*self.path.notes, *capped(self.objective, self.run)]
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:
             found += slow_ends(self.path, self.trajectory, self.run)
-        return tuple(f"Run {self.run.name}: {x}" for x in found)
+        return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,12 +144,11 @@ class RunResult(RunPlan):
     failure: ExecutionError | None = None
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the plan, and on joints that are asked for too much."""
         # `super` without arguments does not work in a dataclass with slots.
-        found = overloaded(self.execution, self.evaluation, self.run)
-        planned = super(RunResult, self).warnings
-        return (*planned, *(f"Run {self.run.name}: {x}" for x in found))
+        planned = super(RunResult, self).weak_points
+        return (*planned, *overloaded(self.execution, self.evaluation, self.run))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,6 +162,22 @@ class Study:
 
     job: Job
     runs: Mapping[str, RunResult]
+
+
+def warnings_of(plans: Iterable[RunPlan]) -> tuple[str, ...]:
+    """The warnings of several runs; what holds for more than one of them is said once.
+
+    Args:
+        plans: Plans or results of runs of one job.
+    """
+    found: dict[str, list[str]] = {}
+    for plan in plans:
+        for sentence in plan.weak_points:
+            found.setdefault(sentence, []).append(plan.run.name)
+    return tuple(
+        f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
+        for sentence, names in found.items()
+    )
 
 
 def run(job: Job, *, progress: Progress | None = None) -> Study:

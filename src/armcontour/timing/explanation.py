@@ -94,6 +94,16 @@ class Explanation:
     assigned_time: float | None
     shortfalls: tuple[Shortfall, ...]
 
+    def __repr__(self) -> str:
+        """The limits that bind, with their shares of the time."""
+        times: dict[str, float] = {}
+        for x in self.bindings:
+            times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
+        total = sum(times.values()) or 1.0
+        longest = sorted(times, key=lambda name: -times[name])
+        shares = ", ".join(f"{name} {times[name] / total:.0%}" for name in longest)
+        return f"Explanation({shares}; {len(self.shortfalls)} shortfalls)"
+
 
 def explain(
     trajectory: Trajectory,

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import SerialArm, _newton
+from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.inverse import configurations, out_of_reach, seeds
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
@@ -299,7 +300,7 @@ def _refuse_start(
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
         f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation: the tool "
-        f"stays {gap:.3g} m away{more}; {what_helps(path)}.",
+        f"stays {gap:.3g} m away{more}; {what_helps(path)}{hint_at_unit(gap)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -378,7 +379,7 @@ def _refuse(
         raise Unreachable(
             f"From {first:.6g} m of {path.length:.6g} m along the path it is out of reach of the "
             f"arm {arm.name}: at {tuple(np.round(worst, 6).tolist())} m, {s[i + farthest]:.6g} m "
-            f"along it, the tool stays {gap:.3g} m away; {what_helps(path)}.",
+            f"along it, the tool stays {gap:.3g} m away; {what_helps(path)}{hint_at_unit(gap)}.",
             s=first,
             point=worst.tolist(),
             limit="reach",

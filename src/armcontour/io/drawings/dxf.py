@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._progress import Progress
+from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings._dxf_document import line_of_handle, open_document, silence_log
@@ -21,6 +22,8 @@ from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
+# Largest number of layers that a refusal names.
+NAMED = 12
 # Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
 UNITS = {
     1: 0.0254,
@@ -84,6 +87,12 @@ def read_dxf(
     if not pieces:
         if walk.others:
             notes.append(f"Of other colours than chosen: {count_names(walk.others)}.")
+        if walk.passed:
+            chosen, others = (sorted(map(repr, x)) for x in (reading.layers or (), walk.passed))
+            notes.append(
+                f"Chosen are the layers {list_some(chosen, NAMED)}; the drawing has something on "
+                f"{list_some(others, NAMED)}."
+            )
         left_out = f" ({' '.join(notes).rstrip('.')})" if notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)

@@ -154,7 +154,10 @@ def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str
     found: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise InvalidInput(f"The output of {name} must be a number, but is {number!r}.")
+            raise InvalidInput(
+                f"The output of {name} must be a number, but is {number!r}: where exports differ, "
+                f"give each its own, such as urscript:{name}=0 and abb:{name}=doTool."
+            )
         if not 0 <= number < OUTPUTS:
             raise InvalidInput(
                 f"The output of {name} must be from 0 to {OUTPUTS - 1}, but is {number}."

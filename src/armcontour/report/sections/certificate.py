@@ -89,7 +89,7 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
         Tile(
             label="acceleration derated",
             value=", ".join(f"{x:.2%}" for x in found.headroom),
-            note="mean; at most " + ", ".join(f"{x:.1%}" for x in found.largest_headroom),
+            note="mean; at most " + ", ".join(f"{x:.2%}" for x in found.largest_headroom),
         ),
         _certified_contours(found) if _several(found) else _smoothing(found),
     )

@@ -19,13 +19,13 @@ from armcontour.report.sections.program_picture import (
     draw_in_plane,
     draw_in_space,
     lay_out,
+    number_contours,
     split_layers,
 )
 from armcontour.report.style import PATH_COLOUR
 
-# Largest number of rows in the table, and of numbers beside contours in the picture.
+# Largest number of rows in the table.
 MOST_ROWS = 200
-MOST_NUMBERED = 60
 HEADER = (
     "contour",
     "layer",
@@ -34,7 +34,8 @@ HEADER = (
     "direction",
     "inside of",
     "corners",
-    "segments",
+    "lines",
+    "arcs",
 )
 
 
@@ -121,19 +122,7 @@ def _picture(program: Program, facts: tuple[ContourFacts, ...]) -> Any:
     ]
     for trace in (arrows_in_plane if flat else arrows_in_space)(starts, everywhere):
         figure.add_trace(trace)
-    if len(contours) <= MOST_NUMBERED:
-        at = dict(zip("xyz", np.array([x[0] for x in starts]).T * 1e3, strict=False))
-        make: Any = go.Scatter if flat else go.Scatter3d
-        numbers = [str(x.number) for x in facts]
-        figure.add_trace(
-            make(
-                **at,
-                mode="text",
-                text=numbers,
-                textposition="top right",
-                showlegend=False,
-                hoverinfo="skip",
-            )
-        )
+    for trace in number_contours(program):
+        figure.add_trace(trace)
     lay_out(figure, everywhere, flat=flat, title="The drawing {}, as read")
     return figure

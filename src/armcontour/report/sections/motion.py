@@ -118,12 +118,12 @@ def _assigned(study: Study) -> list[Any]:
 
 
 def _rapids(study: Study) -> list[tuple[float, float]]:
-    """Times of the rapids of the only run of a study; empty if there are too many to see."""
-    if len(study.runs) > 1:
-        return []
-    (result,) = study.runs.values()
-    found = [x.t for x in result.trajectory.spans if x.kind != "contour"]
-    return found if len(found) <= MOST_SHADES else []
+    """Times of rapids that all runs have; empty if runs differ, or if there are too many to see."""
+    first, *others = (
+        [x.t for x in y.trajectory.spans if x.kind != "contour"] for y in study.runs.values()
+    )
+    alike = all(np.shape(x) == np.shape(first) and np.allclose(x, first) for x in others)
+    return first if alike and len(first) <= MOST_SHADES else []
 
 
 def accelerations(study: Study) -> Section | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from armcontour.jobs import RunResult, Study, same_plan
+from armcontour.jobs import RunResult, Study, same_plan, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
@@ -31,7 +31,7 @@ def overview(study: Study) -> Section:
         tables=(_compare(study),) if many else (),
         notes=(
             *(y.stops_note for y in study.runs.values() if y.stops_note is not None),
-            *(x for y in study.runs.values() for x in few(y.warnings, f"warnings of {y.run.name}")),
+            *few(warnings_of(study.runs.values()), "warnings"),
             *(
                 f"Run {name}: {result.failure}"
                 for name, result in study.runs.items()

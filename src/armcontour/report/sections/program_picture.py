@@ -27,6 +27,8 @@ RAPID_PLACES = 24
 MOST_MARKERS = 1500
 # Largest number of contours with a second arrow in their middle.
 MOST_ARROWED = 60
+# Largest number of contours with a number at their start.
+MOST_NUMBERED = 60
 # Number of markers of one kind from which they are drawn smaller, and the factor.
 MANY = 100
 SMALLER = 0.5
@@ -63,6 +65,8 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
     if note:
         notes.append(note)
     for trace in (arrows_in_plane if flat else arrows_in_space)(starts, everywhere):
+        figure.add_trace(trace)
+    for trace in number_contours(program):
         figure.add_trace(trace)
     events, note = mark_events(result.trajectory.events, flat)
     if note:
@@ -177,6 +181,27 @@ def _starts(
     if every == 1:
         return found, ""
     return found, f"In the picture every {ordinal(every)} contour has an arrow at its start."
+
+
+def number_contours(program: Program) -> list[Any]:
+    """The numbers of contours at their starts; none if there are too many or only one."""
+    import plotly.graph_objects as go
+
+    if not 1 < len(program.contours) <= MOST_NUMBERED:
+        return []
+    points = np.array([x.path(0.0) for x in program.contours]) * 1e3
+    make: Callable[..., Any] = go.Scatter if program.dimension == 2 else go.Scatter3d
+    return [
+        make(
+            **dict(zip("xyz", points.astype(np.float32).T, strict=False)),
+            mode="text",
+            name="numbers",
+            text=[str(k + 1) for k in range(len(points))],
+            textposition="top right",
+            showlegend=False,
+            hoverinfo="skip",
+        )
+    ]
 
 
 def arrows_in_plane(

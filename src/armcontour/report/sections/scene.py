@@ -13,10 +13,12 @@ from armcontour.report.style import finish
 FLATTEST = 0.4
 # Longest side of a scene in units of plotly; it fits in every view.
 SCENE = 1.45
-# Position of the eye and upward direction of every view.
 # Height of a row of buttons, and width of a letter of their labels [pixels].
 ROW = 38
 LETTER = 8
+# Distance of a title from the top of its figure [pixels].
+TITLE = 24
+# Position of the eye and upward direction of every view.
 VIEWS = {
     "oblique": ((1.1, -1.5, 0.9), (0, 0, 1)),
     "top": ((0, 0, 2), (0, 1, 0)),
@@ -61,6 +63,8 @@ def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
             "yanchor": "top",
             "bgcolor": "rgba(255,255,255,0.8)",
         },
+        # At the top, because rows of buttons are between the title and the scene.
+        title={"yref": "container", "y": 1, "yanchor": "top", "pad": {"t": TITLE}},
         margin={"l": 10, "r": 10, "t": 72 + ROW * rows, "b": 10},
     )
 

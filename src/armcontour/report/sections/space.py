@@ -281,7 +281,7 @@ def _arm(study: Study) -> Any:
                 "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
             }
         ],
-        margin={"l": 10, "r": 10, "t": 110, "b": 20},
+        margin_b=20,
     )
     return figure
 
