@@ -40,6 +40,12 @@ def test_a_point_is_what_certify_finds(swept):
     assert swept.speeds[0].contour_error == found.budget.executed
     # The job's own choice lies on both lines.
     assert swept.speeds[1] == swept.tolerances[1]
+    name, run = job.name, job.runs[0].name
+    assert str(swept) == f"Sweep({name!r}, run {run!r}, 5 of 5 points certified)"
+    assert str(found) == (
+        f"Certificate({name!r}, run {run!r}, {found.duration:.6g} s, contour error at most "
+        f"{found.budget.executed:.3g} m)"
+    )
 
 
 def test_a_point_that_is_refused_says_why():

@@ -145,7 +145,7 @@ def test_tables_keep_their_units_and_coarse_set_points_are_said(tmp_path: FilePa
     for words in ("A [s] title", "motion [s]", "RMS error [mm]"):
         assert words in done.stdout
     warning = "the command interval of 0.5 s is more than a tenth of the motion"
-    assert f"Warning: Run planned: {warning}" in done.stdout
+    assert f"Warning: Runs compensated, planned: {warning}" in done.stdout
     found = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["planned"]
     assert warning in found["warnings"][0]
 

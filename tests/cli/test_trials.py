@@ -89,7 +89,7 @@ GCODE = {
     "g55.ngc": "G21 G90 F600\nG55\nG0 X0 Y0\nG1 X10\nG54\nG1 X20\nM2\n",
     "m98.ngc": "G21 G90 F600\nG0 X0 Y0\nM98 P100\nM2\n",
     "inch.ngc": "G20 F6\nG0 X0 Y0\nG1 X1\nM2\n",
-    "words.ngc": "G21 G90 F600\nM117 printing part\nG4 S1\nG1 X10\nM2\n",
+    "words.ngc": "G21 G90 F600\nM115 U6.3.0+10\nM117 printing part\nG4 S1\nG1 X10\nM2\n",
     "formula.ngc": "G21 G90 F600\n#1=10\nG1 X[#1*2]\nM2\n",
     "cycle.ngc": "G21 G90 F600\nG0 X0 Y0 Z5\nG81 X10 Z-2 R1\nX20\nG80\nM2\n",
     "probe.ngc": "G21 G90 F600\nG38.2 Z-10\nG1 X10\nM2\n",

@@ -75,6 +75,10 @@ def test_a_law_by_hand(arm: ac.Arm) -> None:
     assert (found.start, found.end) == (0, JERKY.duration)
     assert found.states == 3 * 52
     assert "both sides of every break" in found.reconstruction
+    assert (
+        repr(found)
+        == f"Check(kept, {len(found.uses)} limits, {found.worst.name} used by 1 at most)"
+    )
 
 
 def test_a_law_over_its_limit_says_which_joint_when_and_by_how_much(arm: ac.Arm) -> None:

@@ -50,6 +50,9 @@ def test_a_trapezoid_of_one_joint():
     np.testing.assert_allclose(middle.t, [0.5, planned.duration - 0.25], atol=2e-3)
     assert middle.joint == 1
     assert (found.assigned_length, found.assigned_time, found.shortfalls) == (None, None, ())
+    assert repr(found) == (
+        "Explanation(joint 1 velocity 83%, joint 1 acceleration 17%; 0 shortfalls)"
+    )
 
 
 @pytest.mark.parametrize("slow", [0, 1, 2])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path as FilePath
+from typing import Literal
 
 from armcontour._text import to_line
 
@@ -46,7 +47,9 @@ class Console:
         shown = None if title is None else escape(to_line(title))
         table = Table(title=shown, title_justify="left")
         for i, heading in enumerate(headings):
-            table.add_column(escape(heading), justify="left" if i in left else "right")
+            # Long names are folded, not cut.
+            justify: Literal["left", "right"] = "left" if i in left else "right"
+            table.add_column(escape(heading), justify=justify, overflow="fold")
         for row in rows:
             table.add_row(*(escape(to_line(x)) for x in row))
         self._rich.print(table)

@@ -66,9 +66,8 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     if not broken:
         with contextlib.suppress(Exception):
             return _read(rest), notes
-        reason = ADDRESS.sub("", said(first))
         raise InvalidInput(
-            f"{source} is no DXF file that can be read: {' '.join([f'{reason}.', *notes])}"
+            f"{source} is no DXF file that can be read: {' '.join([_reason(first), *notes])}"
         )
     if not skip:
         raise InvalidInput(f"{source} has an entity that cannot be read, {broken[0]}: {SKIP}.")
@@ -99,6 +98,15 @@ def _read(data: bytes) -> Any:
     info = dxf_stream_info(io.StringIO(data.decode("utf-8", errors="ignore"), newline=None))
     text = data.decode(info.encoding, errors="surrogateescape")
     return Drawing.read(io.StringIO(text, newline=None))
+
+
+def _reason(error: Exception) -> str:
+    """Why ezdxf cannot read a file, as a sentence; its own mistakes tell a user nothing."""
+    from ezdxf.lldxf.const import DXFError
+
+    if isinstance(error, DXFError):
+        return f"{ADDRESS.sub('', said(error))}."
+    return "its structure is damaged. Open it in a CAD program, and save it again."
 
 
 def _repair(data: bytes, first: Exception) -> tuple[Any, str]:

@@ -40,8 +40,8 @@ MOST_IDLE_LINES = 100_000
 LINE_END = re.compile(rb"\r\n|\r|\n")
 WHITE = " \t\r\n"
 PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
-# Messages of printers: the rest of the line is text.
-MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM]11([78])(?![0-9])")
+# Messages and versions of printers: the rest of the line is text.
+MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM]11([578])(?![0-9])")
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
 # Files of subprograms have such names (LinuxCNC manual, "Calling Files").
 FILE_NAME = re.compile(r"[a-z0-9_-]{1,80}")
