@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -457,3 +459,27 @@ def test_1_4_the_help_lists_the_cells(call: Call) -> None:
     plain = " ".join(re.sub(r"[\s│]+", " ", said).split())
     *first, last = cell_names()
     assert code == 0 and f"built in are {', '.join(first)} and {last}" in plain, plain
+
+
+def test_1_d16_a_pipe_that_ends_early_has_its_exit_code(folder: FilePath) -> None:
+    command = [sys.executable, "-m", "armcontour", "schema"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as done:
+        assert done.stdout is not None and done.stderr is not None
+        done.stdout.close()
+        assert done.stderr.read() == b""
+    assert done.returncode == 141
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("-V", "armcontour"),
+        ("-h", "--install-completion"),
+        ("--help", "130, 141 and 143 interrupted"),
+        ("run -h", "-o"),
+        ("init --help", "work cell"),
+    ],
+)
+def test_1_4_what_a_command_line_is_expected_to_have(line: str, words: str, call: Call) -> None:
+    code, said = call(line)
+    assert code == 0 and words in " ".join(said.split()), said

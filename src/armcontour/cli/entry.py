@@ -51,6 +51,9 @@ def _run() -> int:
     try:
         app()
     except SystemExit as end:
+        # A pipe whose reader has ended: click makes it the exit code 1.
+        if isinstance(end.__context__, BrokenPipeError):
+            raise end.__context__ from None
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     return 0
 
