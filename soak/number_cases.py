@@ -178,6 +178,10 @@ _FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
 # The schema allows them, but what they stand in is refused whatever the number is.
 NEVER: set[Place] = {
+    # Only a .xacro has arguments, and no job can trust one.
+    ("arm", "arguments", ANY),
+    # The drawing has no colour.
+    ("path", "colors", 0),
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
@@ -210,8 +214,10 @@ BASES: list[dict[str, Any]] = [
     _path(**_DRAWN),
     _path(**_DRAWN, layers={"cut": {"speed": 0.05, "tolerance": 1e-3}}) | {"process": _PROCESS},
     _path(**{**_DRAWN, "frame": _PLACED[0]}),
+    _path(**_DRAWN, colors=[7]),
     _with(PLANE, process=_PROCESS),
     _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
+    _with(PLANE, process={"kerf": 2e-4}, path=_CLOSED),
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
     _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
     SPACE,
@@ -227,6 +233,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, runs={"one": {"compensation": {"poles": [[-100.0, -100.0, -150.0]] * 2}}}),
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
+    {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
 ]  # fmt: skip
 
 

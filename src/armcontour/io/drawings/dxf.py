@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._progress import Progress
+from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings._dxf_document import line_of_handle, open_document, silence_log
@@ -82,6 +83,12 @@ def read_dxf(
         pieces = _pieces(found, walk, source, reading, tell)
     notes += walk.notes
     if not pieces:
+        if walk.elsewhere:
+            wanted = ", ".join(repr(x) for x in sorted(reading.layers or ()))
+            there = list_some([repr(x) for x in sorted(walk.elsewhere)], 12)
+            raise InvalidInput(
+                f"{source} has no contour on the layer {wanted}: it has entities on {there}."
+            )
         if walk.others:
             notes.append(f"Of other colours than chosen: {count_names(walk.others)}.")
         left_out = f" ({' '.join(notes).rstrip('.')})" if notes else ""

@@ -40,6 +40,10 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
 def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
     """Set the layout of a figure in space: equal axes, a legend at the left, rows of buttons."""
     finish(figure, title=title, height=height)
+    # Above the rows of buttons, not in the middle of the margin.
+    figure.update_layout(
+        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
+    )
     axis = {
         "nticks": 6,
         "backgroundcolor": "#FAFAFA",
