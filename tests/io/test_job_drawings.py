@@ -74,6 +74,28 @@ def test_a_file_of_one_plain_contour_is_a_job_of_one_path(
     refuses(lambda: switched.single_path, InvalidInput, "with other moves")
 
 
+def test_a_drawing_is_repeated_in_its_own_coordinates(
+    folder: FilePath, refuses: Callable[..., None]
+) -> None:
+    repeat = {"columns": 2, "rows": 2, "column_spacing": "70 mm", "row_spacing": "80 mm"}
+    turned = {"position": [0.3, 0.1, 0], "rpy": [0, 0, "90 deg"]}
+    program = job(folder, path={"repeat": repeat, "scale": 0.5, "frame": turned}).program
+    order = [f"{x} {y}" for y in ("[1,1]", "[1,2]", "[2,2]", "[2,1]") for x in "ab"]
+    assert [x.name for x in program.contours] == order
+    # 70 mm along the drawing's x, which is y here, and 80 mm along its y.
+    np.testing.assert_allclose(program.contours[4].path(0.0), [0.22, 0.17], atol=1e-12)
+    one = job(folder, path={"repeat": repeat, "names": ["a [2,1]"]}).program
+    assert [x.name for x in one.contours] == ["a [2,1]"]
+    all_of = job(folder, path={"repeat": repeat, "names": ["b"]}).program
+    assert [x.name for x in all_of.contours] == [x for x in order if x[0] == "b"]
+    wrong = {"columns": 2}
+    refuses(lambda: job(folder, path={"repeat": wrong}), InvalidInput, "path.repeat", "column_sp")
+    unknown = {"repeat": repeat, "names": ["c [1,1]"]}
+    refuses(lambda: job(folder, path=unknown), InvalidInput, "no contour 'c [1,1]'", "'a [1,1]'")
+    points = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]], "repeat": repeat}}
+    refuses(lambda: parse_job(yaml.safe_dump(points)), InvalidInput, "path.repeat", "path.file")
+
+
 def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
     process = job(
         folder,
