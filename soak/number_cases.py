@@ -148,6 +148,9 @@ _PROCESS = {
     "dwell": 0.01,
     "switch": {"on_lead": 0.01, "off_lead": 0.01},
     "events": [{"name": "tool", "value": 1.0, "at": 1e-3, "lead_time": 0.01}],
+    "analog": [
+        {"name": "power", "rest": 0.2, "full": 1.0, "speed": 0.1, "off": 0.0, "lead_time": 0.0}
+    ],
     "from_s": 0.0,
 }
 _JOINTS = {

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from armcontour.jobs import Goal, Job, Study, run
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.program import (
+        Analog,
         Contour,
         Dwell,
         Event,
@@ -108,6 +109,7 @@ _HOME = {
     "jobs": ("Goal", "Job", "Study", "run"),
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "program": (
+        "Analog",
         "Contour",
         "Dwell",
         "Event",
@@ -127,6 +129,7 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
+    "Analog",
     "Arc",
     "Arm",
     "ArmContourError",

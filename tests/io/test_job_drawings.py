@@ -106,6 +106,7 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
             "lead_out": {"length": "auto"},
             "switch": {"name": "laser", "on_lead": "20 ms", "off_lead": "5 ms"},
             "events": [{"name": "gas", "value": 2.5, "at": "1 mm", "lead_time": "-10 ms"}],
+            "analog": [{"name": "power", "rest": "20 %", "speed": "100 mm/s", "lead_time": "5 ms"}],
             "from_s": "12 mm",
         },
     ).process
@@ -122,6 +123,9 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
     (event,) = process.events
     assert (event.name, event.value, event.s, event.lead_time) == ("gas", 2.5, 0.001, -0.01)
     assert process.from_s == 0.012
+    (analog,) = process.analog
+    assert (analog.name, analog.rest, analog.full, analog.off) == ("power", 0.2, 1.0, 0.0)
+    assert (analog.speed, analog.lead_time) == (0.1, 0.005)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._quantities import Choice, Distance, Duration, Length
+from armcontour._quantities import Choice, Distance, Duration, Length, Ratio, Speed, Time
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.program.leads import SHAPES, SIDES, WASTE
@@ -67,6 +67,40 @@ class Switch:
             Event(name=self.name, lead_time=lead)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analog:
+    """An analog output, such as a power or a flow, that follows the planned tool speed.
+
+    Its value is linear in the speed, from `rest` for a tool at rest to `full` at the full speed,
+    and `full` above. Exports have it as a column.
+
+    Args:
+        name: Name of the output.
+        rest: Value for a tool at rest on a contour.
+        full: Value at the full speed.
+        speed: The full speed [m/s]; None is the assigned velocity at the place of the tool.
+        off: Value while the process is off: in rapids, dwells, leads and where it is switched off.
+        lead_time: Time by which the output leads the tool [s]; after it if negative.
+    """
+
+    name: str
+    rest: Ratio = 0.0
+    full: Ratio = 1.0
+    speed: Speed | None = None
+    off: Ratio = 0.0
+    lead_time: Time = 0.0
+
+    def __post_init__(self) -> None:
+        _checks.check_name("name of an analog output", self.name)
+        if not self.name.strip():
+            raise InvalidInput("An analog output needs a name.")
+        for key in ("rest", "full", "off"):
+            _checks.number(f"{key} of the analog output {self.name}", getattr(self, key))
+        _checks.number(f"lead time of the analog output {self.name}", self.lead_time, "s")
+        if self.speed is not None:
+            _checks.positive(f"speed of the analog output {self.name}", self.speed, "m/s")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process:
     """Requirements of a process that are added to the contours of a program.
@@ -88,6 +122,7 @@ class Process:
         off_between: Names of outputs, such as a laser, that are switched off during rapids: off at
             the end of a contour, and on again at the start of the next one.
         events: Events on every contour; an event past the end of a contour is refused.
+        analog: Analog outputs that follow the planned tool speed.
         layers: Speed and tolerance of contours by layer, for segments that have none.
         order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" has each contour
             after all that lie in it. "nearest" goes on with the nearest contour. "shortest" looks
@@ -114,6 +149,7 @@ class Process:
     switch: Switch | None = None
     off_between: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
+    analog: tuple[Analog, ...] = ()
     layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
     order: Annotated[str, Choice(ORDERS)] = "auto"
     reverse_open: bool = False
@@ -136,6 +172,10 @@ class Process:
             listed = begin.tolist()
             object.__setattr__(self, "begin", tuple(listed) if begin.ndim else listed)
         object.__setattr__(self, "events", tuple(self.events))
+        object.__setattr__(self, "analog", tuple(self.analog))
+        names = [x.name for x in self.analog]
+        if len(set(names)) < len(names):
+            raise InvalidInput("Two analog outputs have the same name.")
         up = _checks.numbers("up", self.up)
         if up.shape != (3,) or not np.linalg.norm(up) > 0:
             raise InvalidInput("up must be a direction in space.")
