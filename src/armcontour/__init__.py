@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         Program,
         Rapid,
         Switch,
+        Tabs,
         prepare,
         round_corners,
     )
@@ -118,6 +119,7 @@ _HOME = {
         "Program",
         "Rapid",
         "Switch",
+        "Tabs",
         "prepare",
         "round_corners",
     ),
@@ -172,6 +174,7 @@ __all__ = [
     "Study",
     "Sweep",
     "Switch",
+    "Tabs",
     "TaughtData",
     "Trajectory",
     "Unreachable",

@@ -128,9 +128,42 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
     assert (analog.speed, analog.lead_time) == (0.1, 0.005)
 
 
+def test_a_process_has_values_by_layer_with_their_units(folder: FilePath) -> None:
+    layers = {"contour,": "contour,layer,", "a,0": "a,CUT,0", "a,60": "a,CUT,60", "b,": "b,MARK,"}
+    text = TWO
+    for old, new in layers.items():
+        text = text.replace(old, new)
+    (folder / "layers.csv").write_text(text)
+    given = {
+        "lead_in": {"length": "5 mm"},
+        "switch": {"name": "laser"},
+        "by_layer": {
+            "MARK": {
+                "lead_in": None,
+                "switch": {"name": "laser", "value": 0.2},
+                "passes": 2,
+                "tabs": {"count": 2, "width": "1 mm"},
+            },
+            "GONE": {"dwell": "1 s"},
+        },
+    }
+    made = job(folder, path={"file": "layers.csv"}, process=given)
+    own = made.process.of_layer("MARK")
+    assert own.lead_in is None and own.passes == 2 and own.tabs is not None
+    assert own.tabs.width == 1e-3 and own.switch is not None and own.switch.value == 0.2
+    assert made.process.of_layer("CUT").lead_in is not None
+    assert made.objective is not None
+    cut, mark = made.objective.contours
+    assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
+    assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"process": {"by_layer": {"": {"order": "drawn"}}}}, ("process.by_layer", "order")),
+        ({"process": {"by_layer": {"": {"dwell": "1 mm"}}}}, ("process.by_layer", "dwell")),
+        ({"process": {"by_layer": {"": {"passes": None}}}}, ("by_layer", "passes")),
         ({"path": {"file": "no.csv"}}, ("There is no file", "no.csv")),
         ({"path": {"file": "two.step"}}, ("two.step", ".dxf")),
         ({"path": {"points": [[0, 0], [1, 1]]}}, ("file, or points",)),

@@ -74,6 +74,29 @@ def test_values_follow_the_speed_of_the_tool(process: Process, limits: ac.Limits
     np.testing.assert_allclose(functions["early"](t), functions["power"](t + 0.05), atol=1e-12)
 
 
+def test_layers_have_outputs_of_their_own(limits: ac.Limits) -> None:
+    lines = [ac.Path.polyline([[0.30, y], [0.34, y]]) for y in (0.20, 0.22, 0.24)]
+    drawn = [
+        Contour(path=x, layer=of) for x, of in zip(lines, ("CUT", "MARK", "NONE"), strict=True)
+    ]
+    gas = Analog(name="gas", rest=3.0, full=3.0, off=1.0)
+    process = Process(
+        analog=(POWER,), by_layer={"MARK": {"analog": (gas,)}, "NONE": {"analog": ()}}
+    )
+    program = prepare(Program(moves=tuple(drawn)), process)
+    trajectory = ac.plan(program, ac.load_arm("pmk3s"), limits)
+    functions = analog_outputs(program, trajectory, process, limits)
+    cut, mark, none = (np.mean(x.t) for x in trajectory.contour_spans)
+    times = np.array([cut, mark, none])
+    np.testing.assert_allclose(functions["power"](times), [1.0, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(functions["gas"](times), [1.0, 3.0, 1.0])
+    # A constant needs no assigned velocity.
+    only = dataclasses.replace(process, analog=())
+    lifted = limits.replace(speed=None)
+    found = analog_outputs(program, trajectory, only, lifted)["gas"](times)
+    np.testing.assert_array_equal(found, [1.0, 3.0, 1.0])
+
+
 def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(
     process: Process, limits: ac.Limits, tmp_path: FilePath, refuses: Callable[..., None]
 ) -> None:

@@ -243,9 +243,11 @@ def _events_of(job: Job) -> list[Event]:
     """All events of a job, each name and value once."""
     from armcontour.program import Contour, Event
 
-    found = list(job.process.events)
-    if job.process.switch is not None:
-        found += [Event(name=job.process.switch.name, value=x) for x in (True, False)]
+    found: list[Event] = []
+    for own in job.process.variants:
+        found += own.events
+        if own.switch is not None:
+            found += [Event(name=own.switch.name, value=x) for x in (own.switch.value, False)]
     for move in job.program.moves:
         if isinstance(move, Event):
             found.append(move)
@@ -271,7 +273,7 @@ def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) ->
             TimedEvent(name=y.name, value=y.value, t=0.0, due=0.0, s=0.0, point=point)
             for y in events
         ),
-        analog={y.name: np.zeros(2) for y in job.process.analog},
+        analog={y: np.zeros(2) for y in job.process.analog_names},
         **x.table_options(job.arm),
     )
 

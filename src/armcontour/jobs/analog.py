@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -35,15 +35,27 @@ def analog_outputs(
         InvalidInput: An output depends on the assigned velocity, and a contour has none.
     """
     found: dict[str, Values] = {}
-    for output in process.analog:
-        for k, contour in enumerate(program.contours):
+    for name in process.analog_names:
+        # Contours of a layer without the output get None.
+        outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
+        for k, (output, contour) in enumerate(zip(outputs, program.contours, strict=True)):
             _refuse_open_speed(output, contour, k, limits)
-        found[output.name] = partial(_values, program, trajectory, process, limits, output)
+        off = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
+        found[name] = partial(_values, program, trajectory, process, limits, outputs, off)
     return found
 
 
-def _refuse_open_speed(output: Analog, contour: Contour, number: int, limits: Limits) -> None:
+def _output(process: Process, name: str) -> Analog | None:
+    """The analog output of a name, if the process has one."""
+    return next((x for x in process.analog if x.name == name), None)
+
+
+def _refuse_open_speed(
+    output: Analog | None, contour: Contour, number: int, limits: Limits
+) -> None:
     """Refuse an output that depends on the assigned velocity for a contour that has none."""
+    if output is None or output.rest == output.full:
+        return
     if output.speed is None and limits.speed is None and np.isnan(contour.path.speeds).any():
         raise InvalidInput(
             f"The analog output {output.name} follows the assigned velocity, which "
@@ -57,26 +69,35 @@ def _values(
     trajectory: Trajectory,
     process: Process,
     limits: Limits,
-    output: Analog,
+    outputs: Sequence[Analog | None],
+    off: float,
     t: FloatArray,
 ) -> FloatArray:
-    """Values of an output at increasing times of the plan, (n,)."""
-    # The output leads the tool by its lead time.
-    at = np.asarray(t, dtype=np.float64) + output.lead_time
-    values = np.full(len(at), output.off)
-    for contour, span in zip(program.contours, trajectory.contour_spans, strict=True):
+    """Values of an output at increasing times [s]; `outputs` has it for each contour, or None."""
+    times = np.asarray(t, dtype=np.float64)
+    values = np.full(len(times), off)
+    spans = trajectory.contour_spans
+    for contour, span, output in zip(program.contours, spans, outputs, strict=True):
+        if output is None:
+            continue
         assert span.work is not None
-        first, last = np.searchsorted(at, span.work)
-        here = at[first:last]
+        # The output leads the tool by its lead time.
+        lead = output.lead_time
+        first, last = np.searchsorted(times, [x - lead for x in span.work])
+        here = np.clip(times[first:last] + lead, *span.work)
         if len(here):
-            speeds = trajectory.s(here, 1)
             s = trajectory.s(here) - span.s[0]
-            full = _full_speeds(contour, s, limits, output)
-            share = np.minimum(speeds / full, 1.0)
-            worth = output.rest + (output.full - output.rest) * share
-            on = _switched_on(contour, s, process)
+            worth = _worth(output, trajectory.s(here, 1), _full_speeds(contour, s, limits, output))
+            on = _switched_on(contour, s, process.of_layer(contour.layer))
             values[first:last] = np.where(on, worth, output.off)
     return values
+
+
+def _worth(output: Analog, speed: FloatArray, full: FloatArray | float) -> FloatArray | float:
+    """Values of an output at tool speeds [m/s], whose full speeds are given [m/s]."""
+    if output.rest == output.full:
+        return output.full
+    return output.rest + (output.full - output.rest) * np.minimum(speed / full, 1.0)
 
 
 def _full_speeds(

@@ -2,7 +2,7 @@
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
 from armcontour.program.preparing import arrange, prepare
-from armcontour.program.process import Analog, Lead, Leads, Process, Switch
+from armcontour.program.process import Analog, LayerProcess, Lead, Leads, Process, Switch, Tabs
 from armcontour.program.rounding import round_corners
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "Contour",
     "Dwell",
     "Event",
+    "LayerProcess",
     "Lead",
     "Leads",
     "Move",
@@ -17,6 +18,7 @@ __all__ = [
     "Program",
     "Rapid",
     "Switch",
+    "Tabs",
     "arrange",
     "contour_called",
     "prepare",
