@@ -166,6 +166,7 @@ _CUT = {
     "passes": 1,
     "tabs": {"count": 1, "width": 1e-3},
 }
+_WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01, "tolerance": 1e-5}}
 _SPACED = {"switch": {}, "tabs": {"spacing": 0.1, "width": 1e-3}}
 _JOINTS = {
     "joint_velocity": 2.0,
@@ -231,6 +232,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process=_PROCESS),
     _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
     _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
+    _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
     _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
     _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),

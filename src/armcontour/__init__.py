@@ -63,6 +63,7 @@ if TYPE_CHECKING:
         Rapid,
         Switch,
         Tabs,
+        Weave,
         prepare,
         round_corners,
     )
@@ -120,6 +121,7 @@ _HOME = {
         "Rapid",
         "Switch",
         "Tabs",
+        "Weave",
         "prepare",
         "round_corners",
     ),
@@ -178,6 +180,7 @@ __all__ = [
     "TaughtData",
     "Trajectory",
     "Unreachable",
+    "Weave",
     "__version__",
     "arm_names",
     "certify",

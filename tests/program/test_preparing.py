@@ -22,6 +22,7 @@ from armcontour.program import (
     Program,
     Rapid,
     Switch,
+    Weave,
     prepare,
     round_corners,
 )
@@ -731,3 +732,36 @@ def test_refuses_values_that_no_layer_has(refuses: Callable[..., None]) -> None:
     many = Process(passes=1000)
     teeth = Path.polyline([*([0.001 * i, 0.001 * (i % 2)] for i in range(1200)), [0.0, 0.0]])
     refuses(lambda: prepare(program(teeth), many), InvalidInput, "fewer passes")
+
+
+# ----------------------------------------------------------------------------------------- weave
+
+
+def test_a_layer_is_woven_between_its_leads(refuses: Callable[..., None]) -> None:
+    seam = Path.polyline([[0.3, 0.1], [0.4, 0.1]], demand=Demand(speed=0.01))
+    lead = Lead(length=2e-3)
+    process = Process(
+        lead_in=lead,
+        lead_out=lead,
+        switch=Switch(name="arc"),
+        events=(Event(name="pulse", s=0.05),),
+        by_layer={"WELD": {"weave": Weave(width=4e-3, pitch=5e-3)}},
+    )
+    drawn = [Contour(path=seam, layer=x, name=x) for x in ("WELD", "TACK")]
+    weld, tack = prepare(program(*drawn), process).contours
+    assert tack.path.length == pytest.approx(0.104)
+    start, end = weld.at_work
+    np.testing.assert_allclose(weld.path([0.0, start]), [[0.298, 0.1], [0.3, 0.1]], atol=1e-12)
+    # Half of the waves are before the middle of the seam.
+    (pulse,) = [x for x in weld.events if x.name == "pulse"]
+    np.testing.assert_allclose(weld.path(pulse.s), [0.35, 0.1], atol=1e-5)
+    s = np.linspace(start, end, 4001)
+    sides = weld.path(s)[:, 1] - 0.1
+    assert sides.max() == pytest.approx(2e-3, abs=2e-5) == -sides.min()
+    assert np.sum(np.diff(np.sign(sides[1:-1])) != 0) == 2 * 20 - 1
+    assert (end - start) / weld.path.speeds[5] == pytest.approx(0.1 / 0.01)
+    wide = Process(weave=Weave(width=0.1, pitch=0.01))
+    ring = Contour(path=Path.from_segments([Arc.circle((0.05, 0), (0, 0))]), name="ring")
+    refuses(lambda: prepare(program(ring), wide), InvalidInput, "weave of contour ring", "50 mm")
+    refuses(lambda: Weave(width=0.0, pitch=1.0), InvalidInput, "width")
+    refuses(lambda: Weave(width=1.0, pitch=1.0, shape="moon"), InvalidInput, "shape", "zigzag")

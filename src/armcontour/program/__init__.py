@@ -2,7 +2,16 @@
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
 from armcontour.program.preparing import arrange, prepare
-from armcontour.program.process import Analog, LayerProcess, Lead, Leads, Process, Switch, Tabs
+from armcontour.program.process import (
+    Analog,
+    LayerProcess,
+    Lead,
+    Leads,
+    Process,
+    Switch,
+    Tabs,
+    Weave,
+)
 from armcontour.program.rounding import round_corners
 
 __all__ = [
@@ -19,6 +28,7 @@ __all__ = [
     "Rapid",
     "Switch",
     "Tabs",
+    "Weave",
     "arrange",
     "contour_called",
     "prepare",

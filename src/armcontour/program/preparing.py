@@ -9,16 +9,25 @@ import numpy as np
 
 from armcontour._checks import LONGEST_NAME, FloatArray
 from armcontour._text import shorten
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.weaving import weave_path
 from armcontour.program.closed_contours import close_contour
 from armcontour.program.leads import WASTE, lead_path
-from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
+from armcontour.program.moves import (
+    Contour,
+    Dwell,
+    Event,
+    Move,
+    Program,
+    Rapid,
+    contour_called,
+)
 from armcontour.program.off_between import switch_off_between
 from armcontour.program.ordering import order_contours
-from armcontour.program.process import Lead, Leads, Process
+from armcontour.program.process import Lead, Leads, Process, Weave
 from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
 from armcontour.program.resuming import resume
 from armcontour.program.scrap_side import waste_sides
@@ -214,7 +223,21 @@ def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
                 s=x.s,
                 allowed=path.length,
             )
-    return dataclasses.replace(contour, events=(*contour.events, *process.events))
+    contour = dataclasses.replace(contour, events=(*contour.events, *process.events))
+    return contour if process.weave is None else _weave(contour, process.weave, process.up)
+
+
+def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
+    """A contour along which the tool weaves; events keep their share of the length.
+
+    Raises:
+        InvalidInput: The contour is too tight for the weave, or goes straight up.
+    """
+    with locate_errors(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
+        path = weave_path(contour.path, up=up, **dataclasses.asdict(weave))
+    factor = path.length / contour.path.length
+    events = (dataclasses.replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
+    return dataclasses.replace(contour, path=path, events=tuple(events), ring=contour.closed)
 
 
 def _lead_sides(contours: Sequence[Contour], process: Process) -> list[str]:

@@ -24,6 +24,7 @@ from armcontour._quantities import (
 )
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
+from armcontour.geometry.weaving import SHAPES as WEAVES
 from armcontour.program.leads import SHAPES, SIDES, WASTE
 from armcontour.program.moves import Event, Value
 
@@ -142,11 +143,33 @@ class Tabs:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Weave:
+    """How the tool weaves to both sides of a seam, square to it and to the process's `up`.
+
+    Args:
+        width: Distance between the crests on both sides [m].
+        pitch: Length of the seam per wave [m]; a contour has a whole number of waves.
+        shape: "sine", or "zigzag", lines from crest to crest whose corners are rounded as others.
+        tolerance: Largest distance of the arcs from the sine [m].
+    """
+
+    width: Length
+    pitch: Length
+    shape: Annotated[str, Choice(WEAVES)] = "sine"
+    tolerance: Distance = 1e-5
+
+    def __post_init__(self) -> None:
+        for name in ("width", "pitch", "tolerance"):
+            _checks.positive(f"{name} of a weave", getattr(self, name), "m")
+        _checks.choice("shape", self.shape, WEAVES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
 
     Args:
-        lead_in, lead_out, switch, tabs: As in the process; None for none.
+        lead_in, lead_out, switch, tabs, weave: As in the process; None for none.
         overlap, dwell, events, analog, passes: As in the process.
     """
 
@@ -159,6 +182,7 @@ class LayerProcess:
     analog: tuple[Analog, ...] = ()
     passes: Annotated[int, AtLeast(1)] = 1
     tabs: Tabs | None = None
+    weave: Weave | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -186,6 +210,7 @@ class Process:
         passes: How often every contour is run. Closed contours are run in laps without a stop;
             open ones again from their start, as contours of their own.
         tabs: Places at which closed contours are not cut.
+        weave: How the tool weaves along contours; speeds are along the seam.
         by_layer: Values of some of these for the contours of a layer, by their names; those of
             `LayerProcess`.
         layers: Speed and tolerance of contours by layer, for segments that have none.
@@ -217,6 +242,7 @@ class Process:
     analog: tuple[Analog, ...] = ()
     passes: Annotated[int, AtLeast(1)] = 1
     tabs: Tabs | None = None
+    weave: Weave | None = None
     by_layer: Mapping[str, Annotated[Mapping[str, Any], Some(LayerProcess)]] = field(
         default_factory=dict
     )
