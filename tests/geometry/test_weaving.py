@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Arc, Demand, Line, Path
+from armcontour.geometry import Arc, Demand, Line, Path, round_corners
 from armcontour.geometry.weaving import weave_path
 
 WIDTH, PITCH = 4e-3, 5e-3
@@ -99,6 +99,8 @@ def test_a_weave_in_space_is_square_to_up_and_keeps_the_orientation(angle: float
     np.testing.assert_allclose(woven(s * woven.length), there, atol=2e-8)
     assert woven.orientation is not None and woven.orientation.axis_only
     np.testing.assert_allclose(woven.orientation(woven.length / 3), hold, atol=1e-12)
+    zigzag = weave_path(seam, width=WIDTH, pitch=PITCH, up=turn[:, 2], shape="zigzag")
+    assert len(round_corners(zigzag, tolerance=1e-4, acceleration=1.0).stops) == 0
 
 
 def test_the_tool_turns_with_the_seam() -> None:

@@ -11,8 +11,10 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
+from armcontour.frames import log
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.fit import fit_arcs
+from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
@@ -137,13 +139,22 @@ def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
     breaks = segments.breaks
     ratio = float(breaks[-1]) / seam.length
     rows = seam.locate((breaks[:-1] + breaks[1:]) / 2 / ratio)
-    orientation = seam.orientation
-    if orientation is not None:
-        # It no longer follows the tangent of its path.
-        orientation = dataclasses.replace(orientation.place(np.eye(3), ratio), follows=False)
+    orientation = None
+    if seam.orientation is not None:
+        orientation = _stretch(seam.orientation, segments, breaks / breaks[-1] * seam.length)
     columns = {name: getattr(seam.segments, name)[rows] for name in ("tolerances", "tags")}
     segments = segments.replace(speeds=seam.speeds[rows] * ratio, **columns)
     return Path(segments=segments, orientation=orientation)
+
+
+def _stretch(orientation: Orientation, segments: Segments, s: FloatArray) -> Orientation:
+    """The orientation of a seam on woven segments, which end at arc lengths `s` of the seam [m]."""
+    starts = orientation(s[:-1])
+    ends = orientation(s[1:], side="left")
+    rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
+    if orientation.fixed:
+        rates = np.zeros_like(rates)
+    return Orientation.even(segments.lengths, starts, rates, axis_only=orientation.axis_only)
 
 
 def _fit_sine(wave: _Wave, tolerance: float) -> Segments:
