@@ -148,8 +148,26 @@ _PROCESS = {
     "dwell": 0.01,
     "switch": {"on_lead": 0.01, "off_lead": 0.01},
     "events": [{"name": "tool", "value": 1.0, "at": 1e-3, "lead_time": 0.01}],
+    "analog": [
+        {"name": "power", "rest": 0.2, "full": 1.0, "speed": 0.1, "off": 0.0, "lead_time": 0.0}
+    ],
     "from_s": 0.0,
 }
+_CUT = {
+    "overlap": 1e-3,
+    "lead_in": {"length": 5e-3},
+    "lead_out": {"length": 5e-3},
+    "dwell": 0.01,
+    "switch": {"value": 1.0, "on_lead": 0.01, "off_lead": 0.01},
+    "events": [
+        {"name": "tool", "value": 1.0, "at": 0.02, "lead_time": 0.01, "lead_distance": 1e-3}
+    ],
+    "analog": _PROCESS["analog"],
+    "passes": 1,
+    "tabs": {"count": 1, "width": 1e-3},
+}
+_WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01, "tolerance": 1e-5}}
+_SPACED = {"switch": {}, "tabs": {"spacing": 0.1, "width": 1e-3}}
 _JOINTS = {
     "joint_velocity": 2.0,
     "joint_acceleration": 0.7,
@@ -178,6 +196,10 @@ _FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
 # The schema allows them, but what they stand in is refused whatever the number is.
 NEVER: set[Place] = {
+    # Only a .xacro has arguments, and no job can trust one.
+    ("arm", "arguments", ANY),
+    # The drawing has no colour.
+    ("path", "colors", 0),
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
@@ -210,8 +232,14 @@ BASES: list[dict[str, Any]] = [
     _path(**_DRAWN),
     _path(**_DRAWN, layers={"cut": {"speed": 0.05, "tolerance": 1e-3}}) | {"process": _PROCESS},
     _path(**{**_DRAWN, "frame": _PLACED[0]}),
+    _path(**_DRAWN, colors=[7]),
+    _path(**_DRAWN, repeat={"columns": 2, "column_spacing": 0.04, "rows": 1, "row_spacing": 0.03}),
     _with(PLANE, process=_PROCESS),
     _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
+    _with(PLANE, process={"kerf": 2e-4}, path=_CLOSED),
+    _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
+    _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
+    _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
     _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
     SPACE,
@@ -227,6 +255,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, runs={"one": {"compensation": {"poles": [[-100.0, -100.0, -150.0]] * 2}}}),
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
+    {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
 ]  # fmt: skip
 
 

@@ -57,11 +57,11 @@ set-points lead by 40 ms
 """,
     "06_drawing": """\
 gasket.dxf: 8 contours, 895 mm
-41.7 s, contour error 0.0005 mm at most, on handle 33
+40.9 s, contour error 0.0008 mm at most, on handle 3A
   laser on at 0.296 s, 0.020 s ahead
   laser off at 1.857 s, 0.000 s ahead
 From 500 mm on, after a stop:
-10.7 s, contour error 0.0007 mm at most, on handle 3A
+9.9 s, contour error 0.0007 mm at most, on handle 3A
 """,
 }
 # A length, a time, or a number with decimals on the edge between two printed ones may come out as

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from armcontour.jobs import Goal, Job, Study, run
     from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
     from armcontour.program import (
+        Analog,
         Contour,
         Dwell,
         Event,
@@ -61,6 +62,8 @@ if TYPE_CHECKING:
         Program,
         Rapid,
         Switch,
+        Tabs,
+        Weave,
         prepare,
         round_corners,
     )
@@ -108,6 +111,7 @@ _HOME = {
     "jobs": ("Goal", "Job", "Study", "run"),
     "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
     "program": (
+        "Analog",
         "Contour",
         "Dwell",
         "Event",
@@ -116,6 +120,8 @@ _HOME = {
         "Program",
         "Rapid",
         "Switch",
+        "Tabs",
+        "Weave",
         "prepare",
         "round_corners",
     ),
@@ -127,6 +133,7 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
+    "Analog",
     "Arc",
     "Arm",
     "ArmContourError",
@@ -169,9 +176,11 @@ __all__ = [
     "Study",
     "Sweep",
     "Switch",
+    "Tabs",
     "TaughtData",
     "Trajectory",
     "Unreachable",
+    "Weave",
     "__version__",
     "arm_names",
     "certify",

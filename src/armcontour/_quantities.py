@@ -40,6 +40,13 @@ class AtLeast:
     least: int
 
 
+@dataclass(frozen=True, slots=True)
+class Some:
+    """Values of some fields of a dataclass, by their names: annotates a mapping."""
+
+    of: type
+
+
 Length = Annotated[float, Quantity("m", "5 mm")]
 Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
 Speed = Annotated[float, Quantity("m/s", "0.15 m/s", "positive")]

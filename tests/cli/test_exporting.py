@@ -191,3 +191,37 @@ def test_outputs_are_of_all_formats_or_of_one() -> None:
         read_outputs(["kuka:arc=1"], targets)
     with pytest.raises(InvalidInput, match="'arc' two outputs"):
         read_outputs(["abb:arc=a", "abb:arc=b"], targets)
+
+
+# -------------------------------------------------------------------------------- analog outputs
+
+LASER = """name: laser
+arm: pmk3s
+path:
+  points: [[0.30, 0.20], [0.34, 0.20]]
+process:
+  lead_in: {length: 5 mm}
+  switch: {name: laser}
+  analog: [{name: power, rest: 20 %, full: 1000}]
+limits: {speed: 50 mm/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {taught: {}}
+"""
+
+
+def test_analog_outputs_are_columns_of_a_run_and_said_of_a_result(
+    call: Call, folder: FilePath
+) -> None:
+    (folder / "laser.yaml").write_text(LASER)
+    given = ("--no-simulation", "--export", "csv", "--export", "ros-yaml", "--out", "laser")
+    code, said = call("run", "laser.yaml", *given)
+    assert code == 0, said
+    told = " ".join(said.split())
+    assert told.count("no place for analog outputs (power)") == 1 and "--export ros-yaml" in told
+    found = pd.read_csv(folder / "laser" / "taught" / "export" / "reference.csv")
+    power = found["analog power"]
+    assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6
+    assert call("run", "laser.yaml", "--no-simulation", "--out", "plain")[0] == 0
+    code, said = call("export", "plain", "laser.csv")
+    assert code == 0 and "Not exported: the analog outputs power" in " ".join(said.split())
+    assert not any(x.startswith("analog") for x in pd.read_csv(folder / "laser.csv").columns)

@@ -168,7 +168,10 @@ REFUSED = {
     "1.D16-plane": (f"run mm.csv --cell pmk3s --flat {RUN}", "--units mm"),
     "1.D16-half": ("show half.dxf", "it seems to be cut off"),
     "1.D16-parsec": ("show lines.dxf --units parsec", "1e+12 m"),
-    "1.D16-layer": ("show lines.dxf --layer FOO", "the drawing has something on '0', 'MARK'"),
+    "1.D16-layer": (
+        "show lines.dxf --layer FOO",
+        "no contour on the layer 'FOO': it has entities on '0', 'MARK'",
+    ),
     "1.D16-dwg": ("show old.dwg", "save it as DXF"),
     "1.D16-check": ("check two.csv --arm ur5e", "two.csv has positions of 2 joints"),
     "1.D16-from": ("identify two.csv --from 0.5", "'0.5 s'"),

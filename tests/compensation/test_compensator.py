@@ -45,25 +45,36 @@ def test_a_ramp_in_closed_form(uneven):
     t = np.arange(10) * 0.1
     lead = np.array([0.5, -1.0]) / KP  # the velocity error of the servo
     expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
-    np.testing.assert_allclose(taught.q[:-1], expected, atol=1e-14)
+    # Before it the arm stands at the start of the plan.
+    np.testing.assert_array_equal(taught.q[0], (0.3, -0.2))
+    np.testing.assert_allclose(taught.q[1:-1], expected, atol=1e-14)
     np.testing.assert_allclose(taught.q[-1], (0.8, -1.2), atol=1e-14)
-    assert len(taught.q) == 11 and taught.period == 0.1 and taught.method == "inverse"
+    assert taught.start_time == -0.1
+    assert len(taught.q) == 12 and taught.period == 0.1 and taught.method == "inverse"
 
 
 def test_a_parabola_in_closed_form(uneven):
     a = np.array([0.7, -0.4])
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
     taught = ac.compensate(curve, uneven, method="inverse", period=0.25)
-    t = taught.t[:-1, None]
+    t = taught.t[1:-1, None]
     dq = np.array([0.1, 0.0]) + a * t
     q = np.array([0.3, -0.2]) + np.array([0.1, 0.0]) * t + a * t**2 / 2
-    np.testing.assert_allclose(taught.q[:-1], q + dq / KP + a / (KP * KV), atol=1e-14)
+    np.testing.assert_allclose(taught.q[1:-1], q + dq / KP + a / (KP * KV), atol=1e-14)
 
 
 def test_where_derivatives_jump_the_right_side_counts(uneven):
     bent = laps([0.0, 0.5, 1.0], [(1.0, 0.0), (0.0, 1.0)], np.zeros((2, 2)))
     taught = ac.compensate(bent, uneven, method="inverse", period=0.25)
-    np.testing.assert_allclose(taught.q[2], bent(0.5) + np.array([0.0, 1.0]) / KP, atol=1e-14)
+    np.testing.assert_allclose(taught.q[3], bent(0.5) + np.array([0.0, 1.0]) / KP, atol=1e-14)
+
+
+@pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
+def test_the_arm_stands_at_the_start_of_the_plan_first(uneven, method):
+    # At full acceleration from rest, as optimal plans begin.
+    plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
+    taught = ac.compensate(plan, uneven, method=method, period=0.01)
+    np.testing.assert_array_equal(taught.q[0], plan(0.0))
 
 
 def test_none_teaches_the_trajectory_itself(uneven):

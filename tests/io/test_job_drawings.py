@@ -74,6 +74,28 @@ def test_a_file_of_one_plain_contour_is_a_job_of_one_path(
     refuses(lambda: switched.single_path, InvalidInput, "with other moves")
 
 
+def test_a_drawing_is_repeated_in_its_own_coordinates(
+    folder: FilePath, refuses: Callable[..., None]
+) -> None:
+    repeat = {"columns": 2, "rows": 2, "column_spacing": "70 mm", "row_spacing": "80 mm"}
+    turned = {"position": [0.3, 0.1, 0], "rpy": [0, 0, "90 deg"]}
+    program = job(folder, path={"repeat": repeat, "scale": 0.5, "frame": turned}).program
+    order = [f"{x} {y}" for y in ("[1,1]", "[1,2]", "[2,2]", "[2,1]") for x in "ab"]
+    assert [x.name for x in program.contours] == order
+    # 70 mm along the drawing's x, which is y here, and 80 mm along its y.
+    np.testing.assert_allclose(program.contours[4].path(0.0), [0.22, 0.17], atol=1e-12)
+    one = job(folder, path={"repeat": repeat, "names": ["a [2,1]"]}).program
+    assert [x.name for x in one.contours] == ["a [2,1]"]
+    all_of = job(folder, path={"repeat": repeat, "names": ["b"]}).program
+    assert [x.name for x in all_of.contours] == [x for x in order if x[0] == "b"]
+    wrong = {"columns": 2}
+    refuses(lambda: job(folder, path={"repeat": wrong}), InvalidInput, "path.repeat", "column_sp")
+    unknown = {"repeat": repeat, "names": ["c [1,1]"]}
+    refuses(lambda: job(folder, path=unknown), InvalidInput, "no contour 'c [1,1]'", "'a [1,1]'")
+    points = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]], "repeat": repeat}}
+    refuses(lambda: parse_job(yaml.safe_dump(points)), InvalidInput, "path.repeat", "path.file")
+
+
 def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
     process = job(
         folder,
@@ -84,6 +106,7 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
             "lead_out": {"length": "auto"},
             "switch": {"name": "laser", "on_lead": "20 ms", "off_lead": "5 ms"},
             "events": [{"name": "gas", "value": 2.5, "at": "1 mm", "lead_time": "-10 ms"}],
+            "analog": [{"name": "power", "rest": "20 %", "speed": "100 mm/s", "lead_time": "5 ms"}],
             "from_s": "12 mm",
             "order": "shortest",
             "reverse_open": True,
@@ -106,11 +129,47 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
     (event,) = process.events
     assert (event.name, event.value, event.s, event.lead_time) == ("gas", 2.5, 0.001, -0.01)
     assert process.from_s == 0.012
+    (analog,) = process.analog
+    assert (analog.name, analog.rest, analog.full, analog.off) == ("power", 0.2, 1.0, 0.0)
+    assert (analog.speed, analog.lead_time) == (0.1, 0.005)
+
+
+def test_a_process_has_values_by_layer_with_their_units(folder: FilePath) -> None:
+    layers = {"contour,": "contour,layer,", "a,0": "a,CUT,0", "a,60": "a,CUT,60", "b,": "b,MARK,"}
+    text = TWO
+    for old, new in layers.items():
+        text = text.replace(old, new)
+    (folder / "layers.csv").write_text(text)
+    given = {
+        "lead_in": {"length": "5 mm"},
+        "switch": {"name": "laser"},
+        "by_layer": {
+            "MARK": {
+                "lead_in": None,
+                "switch": {"name": "laser", "value": 0.2},
+                "passes": 2,
+                "tabs": {"count": 2, "width": "1 mm"},
+            },
+            "GONE": {"dwell": "1 s"},
+        },
+    }
+    made = job(folder, path={"file": "layers.csv"}, process=given)
+    own = made.process.of_layer("MARK")
+    assert own.lead_in is None and own.passes == 2 and own.tabs is not None
+    assert own.tabs.width == 1e-3 and own.switch is not None and own.switch.value == 0.2
+    assert made.process.of_layer("CUT").lead_in is not None
+    assert made.objective is not None
+    cut, mark = made.objective.contours
+    assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
+    assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"process": {"by_layer": {"": {"order": "drawn"}}}}, ("process.by_layer", "order")),
+        ({"process": {"by_layer": {"": {"dwell": "1 mm"}}}}, ("process.by_layer", "dwell")),
+        ({"process": {"by_layer": {"": {"passes": None}}}}, ("by_layer", "passes")),
         ({"path": {"file": "no.csv"}}, ("There is no file", "no.csv")),
         ({"path": {"file": "two.step"}}, ("two.step", ".dxf")),
         ({"path": {"points": [[0, 0], [1, 1]]}}, ("file, or points",)),

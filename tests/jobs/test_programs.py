@@ -62,6 +62,20 @@ def speeds_at_ends(program: Program, trajectory: Trajectory) -> list[tuple[float
     return found
 
 
+def test_automatic_leads_are_those_of_the_layers() -> None:
+    moves = [dataclasses.replace(x, layer=of) for x, of in zip(TWO, ("CUT", "MARK"), strict=True)]
+    line = Lead(length=3e-3)
+    process = Process(lead_in=Lead(), by_layer={"MARK": {"lead_in": line, "lead_out": Lead()}})
+    alone = [job(Process(lead_in=Lead()), moves[0]), job(Process(lead_out=Lead()), moves[1])]
+    (cut, _), (_, mark) = (programs_of(x, x.runs[0])[0].contours * 2 for x in alone)
+    done = job(process, *moves)
+    first, second = programs_of(done, done.runs[0])[0].contours
+    assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
+    assert second.work is not None and second.work[0] == pytest.approx(3e-3, abs=1e-12)
+    after = second.path.length - second.work[1]
+    assert after == pytest.approx(mark.path.length - mark.at_work[1], abs=1e-12) and after > 1e-3
+
+
 def test_automatic_leads_are_those_of_the_contours_in_their_new_order() -> None:
     hole = Path.from_segments([Arc.circle((0.33, 0.13), (0.32, 0.13))])
     contours = [Contour(path=SQUARE, name="outline"), Contour(path=hole, name="hole")]

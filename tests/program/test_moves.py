@@ -235,3 +235,60 @@ def test_rounding_gives_back_what_it_was_given() -> None:
     assert isinstance(path, ac.RoundedPath) and isinstance(program, Program)
     np.testing.assert_array_equal(program.path.breaks, path.breaks)
     assert program.single_path is program.path
+
+
+# -------------------------------------------------------------------------------------- repeated
+
+
+def test_repeats_every_move_in_rows_and_columns() -> None:
+    program = Program(
+        moves=(
+            Event(name="vacuum"),
+            Contour(path=LINE, name="hole", events=(Event(name="x", s=0.025),), work=(0.01, 0.09)),
+            Rapid(path=ac.Path.polyline([[0.1, 0.0], [0.1, 0.1]])),
+            Dwell(duration=0.5),
+            Contour(path=ac.Path.polyline([[0.1, 0.1], [0.0, 0.1]])),
+        )
+    )
+    size = {"columns": 3, "rows": 2, "column_spacing": 0.2, "row_spacing": -0.3}
+    done = program.repeated(**size)
+    kinds = [type(x) for x in program.moves]
+    assert [type(x) for x in done.moves] == kinds * 6
+    # Row and column; the second row runs back.
+    order = ["[1,1]", "[1,2]", "[1,3]", "[2,3]", "[2,2]", "[2,1]"]
+    assert [x.name for x in done.contours[::2]] == [f"hole {x}" for x in order]
+    assert [x.name for x in done.contours[1::2]] == order
+    for k, (column, row) in enumerate([(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1)]):
+        shift = np.array([column * 0.2, row * -0.3])
+        moves = done.moves[5 * k : 5 * k + 5]
+        for old, new in zip(program.moves, moves, strict=True):
+            if isinstance(old, Contour | Rapid):
+                assert isinstance(new, Contour | Rapid) and old.path and new.path
+                np.testing.assert_allclose(new.path.vertices, old.path.vertices + shift, atol=1e-15)
+            else:
+                assert new == old
+        first = done.contours[2 * k]
+        assert first.work == pytest.approx((0.01, 0.09)) and first.events[0].s == 0.025
+    plain = program.repeated(**size, serpentine=False)
+    assert [x.name for x in plain.contours[1::2]] == [*order[:3], *order[:2:-1]]
+    (alone,) = done.selected(names=["hole [2,1]"]).contours
+    np.testing.assert_allclose(alone.path(0.0), [0.0, -0.3], atol=1e-15)
+
+
+def test_copies_of_long_names_keep_their_places() -> None:
+    program = Program(moves=(Contour(path=LINE, name="a" * 80),))
+    names = [x.name for x in program.repeated(columns=12, column_spacing=1.0).contours]
+    assert len(set(names)) == 12 and names[11].endswith(" [1,12]")
+
+
+def test_refuses_copies_that_cannot_be(refuses: Callable[..., None]) -> None:
+    program = Program(moves=(Contour(path=LINE), Rapid()))
+    refuses(lambda: program.repeated(columns=2), InvalidInput, "column_spacing", "left out")
+    refuses(lambda: program.repeated(rows=2, row_spacing=0.0), InvalidInput, "row_spacing", "0 m")
+    refuses(lambda: program.repeated(rows=0, row_spacing=1.0), InvalidInput, "rows", "0")
+    refuses(
+        lambda: program.repeated(columns=500, rows=101, column_spacing=1, row_spacing=1),
+        InvalidInput,
+        "50500 copies of 2 moves",
+        "100000",
+    )

@@ -22,6 +22,7 @@ from armcontour.program import (
     Program,
     Rapid,
     Switch,
+    Weave,
     prepare,
     round_corners,
 )
@@ -662,3 +663,105 @@ def test_resuming_where_something_is_switched_tells_its_last_state_only():
         (200.0, 0.0),
         (0.0, 0.02),
     ]
+
+
+# --------------------------------------------------------------------------- passes and by layer
+
+
+def test_closed_contours_are_run_in_laps_and_open_ones_again() -> None:
+    inner = Event(name="mark", s=0.03)
+    closed = Contour(path=SQUARE, name="part", events=(inner, Event(name="end", s=SQUARE.length)))
+    bend = Contour(path=BEND, name="bend", events=(Event(name="mark", s=0.02),))
+    process = Process(begin="drawn", passes=3, overlap=1e-3, switch=Switch(name="laser"))
+    done = prepare(program(closed, bend), process).contours
+    assert [x.name for x in done] == ["part", "bend", "bend (2)", "bend (3)"]
+    lap = SQUARE.length
+    assert done[0].path.length == pytest.approx(3 * lap + 1e-3, abs=1e-12)
+    s = np.linspace(0, lap, 50)[:-1]
+    for k in range(3):
+        np.testing.assert_allclose(done[0].path(s + k * lap), SQUARE(s), atol=1e-12)
+    marks = [x.s for x in done[0].events if x.name == "mark"]
+    np.testing.assert_allclose(marks, [0.03 + k * lap for k in range(3)], atol=1e-12)
+    ends = [(x.name, x.value) for x in done[0].events if x.s > 3 * lap]
+    assert ends == [("end", True), ("laser", False)]
+    for x in done[1:]:
+        np.testing.assert_array_equal(x.path.vertices, BEND.vertices)
+        assert [y.name for y in x.events] == ["laser", "mark", "laser"]
+
+
+def test_contours_of_a_layer_have_values_of_their_own() -> None:
+    lead = Lead(length=2e-3, shape="arc")
+    process = Process(
+        begin="drawn",
+        overlap=1e-3,
+        lead_in=lead,
+        dwell=0.5,
+        switch=Switch(name="laser"),
+        by_layer={
+            "MARK": {
+                "lead_in": None,
+                "overlap": 0.0,
+                "dwell": 0.0,
+                "switch": Switch(name="laser", value=0.2),
+                "passes": 2,
+            }
+        },
+    )
+    moves = [Contour(path=SQUARE, name=x, layer=x) for x in ("CUT", "MARK")]
+    done = prepare(program(*moves), process)
+    cut, mark = done.contours
+    assert cut.path.length == pytest.approx(SQUARE.length + 3e-3, abs=1e-12)
+    assert mark.path.length == pytest.approx(2 * SQUARE.length, abs=1e-12)
+    assert [x.value for x in cut.events] == [True, False]
+    assert [x.value for x in mark.events] == [0.2, False]
+    assert [type(x) for x in done.moves] == [Dwell, Contour, Contour]
+    assert process.cuts and not process.of_layer("MARK").cuts
+    assert process.of_layer("other") is process
+
+
+def test_refuses_values_that_no_layer_has(refuses: Callable[..., None]) -> None:
+    refuses(
+        lambda: Process(by_layer={"M": {"order": "drawn"}}), InvalidInput, "by_layer.M", "order"
+    )
+    refuses(lambda: Process(by_layer={"M": {"passes": 0}}), InvalidInput, "by_layer.M", "passes")
+    refuses(lambda: Process(by_layer={"M": {"dwell": None}}), InvalidInput, "by_layer.M", "dwell")
+    refuses(lambda: Process(passes=1.5), InvalidInput, "passes")  # type: ignore[arg-type]
+    unknown = Process(by_layer={"MARK": {"passes": 2}})
+    refuses(lambda: prepare(program(BEND), unknown), InvalidInput, "'MARK'")
+    refuses(lambda: Switch(value=False), InvalidInput, "tool", "off")
+    many = Process(passes=1000)
+    teeth = Path.polyline([*([0.001 * i, 0.001 * (i % 2)] for i in range(1200)), [0.0, 0.0]])
+    refuses(lambda: prepare(program(teeth), many), InvalidInput, "fewer passes")
+
+
+# ----------------------------------------------------------------------------------------- weave
+
+
+def test_a_layer_is_woven_between_its_leads(refuses: Callable[..., None]) -> None:
+    seam = Path.polyline([[0.3, 0.1], [0.4, 0.1]], demand=Demand(speed=0.01))
+    lead = Lead(length=2e-3)
+    process = Process(
+        lead_in=lead,
+        lead_out=lead,
+        switch=Switch(name="arc"),
+        events=(Event(name="pulse", s=0.05),),
+        by_layer={"WELD": {"weave": Weave(width=4e-3, pitch=5e-3)}},
+    )
+    drawn = [Contour(path=seam, layer=x, name=x) for x in ("WELD", "TACK")]
+    weld, tack = prepare(program(*drawn), process).contours
+    assert tack.path.length == pytest.approx(0.104)
+    start, end = weld.at_work
+    np.testing.assert_allclose(weld.path([0.0, start]), [[0.298, 0.1], [0.3, 0.1]], atol=1e-12)
+    # Half of the waves are before the middle of the seam.
+    (pulse,) = [x for x in weld.events if x.name == "pulse"]
+    np.testing.assert_allclose(weld.path(pulse.s), [0.35, 0.1], atol=1e-5)
+    s = np.linspace(start, end, 4001)
+    sides = weld.path(s)[:, 1] - 0.1
+    assert sides.max() == pytest.approx(2e-3, abs=2e-5) == -sides.min()
+    assert np.sum(np.diff(np.sign(sides[1:-1])) != 0) == 2 * 20 - 1
+    assert (end - start) / weld.path.speeds[5] == pytest.approx(0.1 / 0.01)
+    wide = Process(weave=Weave(width=0.1, pitch=0.01))
+    ring = Contour(path=Path.from_segments([Arc.circle((0.05, 0), (0, 0))]), name="ring")
+    refuses(lambda: prepare(program(ring), wide), InvalidInput, "weave of contour ring", "50 mm")
+    refuses(lambda: Weave(width=0.0, pitch=1.0), InvalidInput, "width")
+    refuses(lambda: Weave(width=1.0, pitch=1.0, shape="moon"), InvalidInput, "shape", "zigzag")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -80,14 +81,16 @@ class Exports:
         return bool(self.targets)
 
     def write(self, target: Target, table: Table, file: FilePath) -> None:
-        """Write a table to one of the files.
+        """Write a table to one of the files, analog outputs only to formats that have them.
 
         Raises:
             InvalidInput: The format cannot hold the table; names the option of the format.
         """
         from armcontour.errors import locate_errors
-        from armcontour.io.exports import write_table
+        from armcontour.io.exports import WITH_ANALOG, write_table
 
+        if target.kind not in WITH_ANALOG:
+            table = dataclasses.replace(table, analog={})
         outputs = self.outputs.get("", {}) | self.outputs.get(target.name, {})
         with locate_errors(target.option):
             write_table(
@@ -240,9 +243,11 @@ def _events_of(job: Job) -> list[Event]:
     """All events of a job, each name and value once."""
     from armcontour.program import Contour, Event
 
-    found = list(job.process.events)
-    if job.process.switch is not None:
-        found += [Event(name=job.process.switch.name, value=x) for x in (True, False)]
+    found: list[Event] = []
+    for own in job.process.variants:
+        found += own.events
+        if own.switch is not None:
+            found += [Event(name=own.switch.name, value=x) for x in (own.switch.value, False)]
     for move in job.program.moves:
         if isinstance(move, Event):
             found.append(move)
@@ -268,6 +273,7 @@ def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) ->
             TimedEvent(name=y.name, value=y.value, t=0.0, due=0.0, s=0.0, point=point)
             for y in events
         ),
+        analog={y: np.zeros(2) for y in job.process.analog_names},
         **x.table_options(job.arm),
     )
 
@@ -281,16 +287,22 @@ def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports
 ) -> list[str]:
     """Export taught data and plan of one run to the result folder; returns warnings."""
-    from armcontour.io.exports import make_table
+    from armcontour.io.exports import WITH_ANALOG, make_table
+    from armcontour.jobs import analog_outputs
 
-    warnings = []
-
+    analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
+    warnings = [
+        f"{y.option}, run {name}: the format has no place for analog outputs "
+        f"({', '.join(analog)}): {', '.join(WITH_ANALOG)} have."
+        for y in x.targets
+        if analog and y.kind not in WITH_ANALOG
+    ]
     for label, data, period in (
         (TAUGHT, result.taught, None),
         (REFERENCE, result.trajectory, x.period or result.run.period),
     ):
         title, options = _title(job, label), x.table_options(job.arm)
-        table = make_table(data, name=title, period=period, **options)
+        table = make_table(data, name=title, period=period, analog=analog, **options)
         for target in x.targets:
             folder.place(f"{name}/export/{label}{target.ending}", partial(x.write, target, table))
             if label == TAUGHT and target.kind in JOINED_BY_QUINTICS:
@@ -358,6 +370,11 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
     put(file, partial(x.write, target, table), folder=kind == "mcap")
     what = REFERENCE if options.reference else TAUGHT
+    if run.analog:
+        Console().say(
+            f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
+            "their values: export them with armcontour run."
+        )
     Console().say(
         f"Exported {what} of run {run.name}: {len(table.t)} points, {table.duration:.4f} s: {file}"
     )

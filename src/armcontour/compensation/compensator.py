@@ -48,7 +48,8 @@ def compensate(
         servo: Servo model whose delay is compensated.
         method: "pole_placement" is the paper's compensator (26). "inverse" is the exact inverse of
             the unsaturated servo, from the trajectory's derivatives (right-sided where they jump);
-            the servo saturates if accelerations jump at their limits. "none" is the trajectory
+            the servo saturates if accelerations jump at their limits. The first set-point, one
+            interval before time 0, is the start of the plan. "none" is the trajectory
             itself, without time advance.
         period: Command interval [s].
         limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
@@ -155,4 +156,10 @@ def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[
         found = inverse_servo(servo, trajectory(t), trajectory(t, 1), trajectory(t, 2))
         return np.concatenate([found, final])[:, joints]
 
-    return advance_set_points(trajectory, time_advances(servo, period), period, command)
+    start = trajectory(np.zeros(1))
+    first = inverse_servo(servo, start, trajectory(np.zeros(1), 1), trajectory(np.zeros(1), 2))
+    # The arm stands still at the first set-point, so that must be the start of the plan.
+    least = 0 if np.array_equal(first, start) else 1
+    return advance_set_points(
+        trajectory, time_advances(servo, period), period, command, least=least
+    )

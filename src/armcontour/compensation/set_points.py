@@ -70,6 +70,8 @@ def advance_set_points(
     lead: FloatArray,
     period: float,
     command: Callable[[SetPointTimes, IntArray], FloatArray],
+    *,
+    least: int = 0,
 ) -> tuple[float, FloatArray]:
     """Set-points with a time advance per joint.
 
@@ -83,11 +85,12 @@ def advance_set_points(
         period: Command interval [s].
         command: Function that computes the set-points of the joints with given indices, (k,), at
             given times and after the end [rad], (n, k).
+        least: Smallest number of set-points before time 0.
 
     Returns:
         Time of the first set-point, not above 0 [s], and set-points [rad], (n, dof).
     """
-    early = max(0, int(np.ceil(lead.max() / period - SNAP)))
+    early = max(least, int(np.ceil(lead.max() / period - SNAP)))
     columns: dict[int, FloatArray] = {}
     for own in np.unique(lead):
         joints = np.flatnonzero(lead == own)

@@ -200,6 +200,25 @@ class SkipModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatModel:
+    """Copies of a drawing in columns along its x and rows along its y.
+
+    Args:
+        columns: Number of copies along x.
+        rows: Number of copies along y.
+        column_spacing: Distance from one column to the next [m]; below zero against x.
+        row_spacing: Distance from one row to the next [m]; below zero against y.
+        serpentine: Whether every second row runs back from its last column.
+    """
+
+    columns: Annotated[int, AtLeast(1)] = 1
+    rows: Annotated[int, AtLeast(1)] = 1
+    column_spacing: Length | None = None
+    row_spacing: Length | None = None
+    serpentine: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PathModel:
     """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
 
@@ -219,6 +238,8 @@ class PathModel:
         names: Names of contours to run; the report lists all names.
         colors: Colours of DXF entities, or of strokes in SVG, to run: names, `"#rrggbb"`, and for
             DXF also AutoCAD's numbers.
+        repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
+            contours have names such as `hole [2,1]` (row, column).
         flat: Whether to leave out z, and the tool orientation that the file gives.
         chord_tolerance: Largest distance between a curve and its arcs [m].
         join_tolerance: Distance below which two ends are one point [m].
@@ -244,6 +265,7 @@ class PathModel:
     layers: list[str] | dict[str, Demand] | None = None
     names: list[str] | None = None
     colors: list[str | int] | None = None
+    repeat: RepeatModel | None = None
     flat: bool = False
     chord_tolerance: Distance = 1e-5
     join_tolerance: Distance = 1e-5

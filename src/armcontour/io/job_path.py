@@ -17,9 +17,16 @@ from armcontour.geometry.placing import keeps_plane, lift_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of, rotation_of
-from armcontour.io.job_model import OrientationModel, PathModel, SegmentModel, SkipModel
+from armcontour.io.job_model import (
+    OrientationModel,
+    PathModel,
+    RepeatModel,
+    SegmentModel,
+    SkipModel,
+)
 from armcontour.io.problems import place
 from armcontour.program import Contour, Program, contour_called
+from armcontour.program.moves import name_copy
 
 # Keys that are arguments of `read_path`.
 READING = (
@@ -46,7 +53,7 @@ def path_of(
     if model.file is not None:
         return _drawn(model, model.file, folder, dimension, progress)
     for x in dataclasses.fields(model):
-        if x.name in (*READING, "frame") and getattr(model, x.name) != x.default:
+        if x.name in (*READING, "repeat", "frame") and getattr(model, x.name) != x.default:
             raise InvalidInput(
                 f"path.{x.name} is an option for reading a file and needs path.file; if this job "
                 "is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
@@ -93,7 +100,12 @@ def _drawn(
     options = {name: getattr(model, name) for name in READING}
     if isinstance(model.unknown, SkipModel):
         options["unknown"] = {"skip": model.unknown.skip}
+    if model.repeat is not None:
+        # The names may be those of copies.
+        options["names"] = None
     program = read_path(folder / file, **options, progress=progress)
+    if model.repeat is not None:
+        program = _repeat(program, model.repeat, model.names)
     frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)
     if dimension == 2:
         _refuse_space(model, program, frame)
@@ -111,6 +123,25 @@ def _drawn(
         else:
             program = _orient_contours(program, how)
     return program.placed(frame)
+
+
+def _repeat(program: Program, how: RepeatModel, names: list[str] | None) -> Program:
+    """Copies of a program; with `names` only these copies, or all copies of these contours.
+
+    Raises:
+        InvalidInput: Copies that cannot be made, or an unknown name.
+    """
+    with locate_errors("path.repeat"):
+        copies = program.repeated(**dataclasses.asdict(how))
+    if names is None:
+        return copies
+    drawn = {x.name for x in program.contours}
+    places = [(row, column) for row in range(how.rows) for column in range(how.columns)]
+    chosen = [
+        [name_copy(name, row, column) for row, column in places] if name in drawn else [name]
+        for name in names
+    ]
+    return copies.selected(names=[x for of in chosen for x in of])
 
 
 def _orient_contours(program: Program, how: OrientationModel) -> Program:

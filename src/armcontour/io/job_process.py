@@ -27,8 +27,14 @@ def add_process(
         # The process sets the start point of a closed path of points, as for a drawing.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
+    process = process or Process()
     layers = {x.layer for x in program.contours}
-    return program, _on_drawing(process or Process(), drawing, layers)
+    missing = [x for x in process.by_layer if x not in layers]
+    if missing:
+        # A cell is for many drawings, which need not have all of its layers.
+        notes = [f"process.by_layer: no contour is on the layer {x!r}." for x in missing]
+        program = dataclasses.replace(program, notes=(*program.notes, *notes))
+    return program, _on_drawing(process, drawing, layers)
 
 
 def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
@@ -43,4 +49,5 @@ def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) ->
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
     known = {name: x for name, x in layers.items() if name in there}
-    return dataclasses.replace(process, up=frame.rotation[:, 2], layers=known)
+    own = {name: x for name, x in process.by_layer.items() if name in there}
+    return dataclasses.replace(process, up=frame.rotation[:, 2], layers=known, by_layer=own)

@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 import types
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -25,7 +26,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import AtLeast, Choice, Quantity
+from armcontour._quantities import AtLeast, Choice, Quantity, Some
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -169,6 +170,8 @@ def _type_of(hint: Any) -> Any:
         return _annotated(*parts)
     if origin in (Union, types.UnionType):
         return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
+    if origin is Mapping:
+        origin = dict
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
@@ -186,6 +189,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
         return Literal[mark.known]
     if isinstance(mark, AtLeast):
         return Annotated[StrictInt, Field(ge=mark.least)]
+    if isinstance(mark, Some):
+        return Annotated[dict[str, Any], Given(mark.of, null=True)]
     if isinstance(mark, Given):
         return Annotated[of, mark]
     return Annotated[(_type_of(of), *marks)]

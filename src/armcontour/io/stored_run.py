@@ -31,6 +31,7 @@ class StoredRun:
         joint_names: Names of the joints.
         period: Command interval, which is also the time between rows of the plan [s].
         events: Events with their times from the start of the plan.
+        analog: Names of analog outputs, whose values a result does not have.
     """
 
     folder: FilePath
@@ -39,6 +40,7 @@ class StoredRun:
     joint_names: tuple[str, ...]
     period: float
     events: tuple[TimedEvent, ...]
+    analog: tuple[str, ...] = ()
 
     def taught(
         self, *, arm: Arm | None = None, derivatives: int = 2, tool_motion: bool = False
@@ -137,6 +139,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             joint_names=tuple(data["arm"]["joints"]),
             period=about["period"],
             events=tuple(_event(x) for x in about.get("events", ())),
+            analog=tuple(about.get("analog", ())),
         )
     except InvalidInput:
         raise

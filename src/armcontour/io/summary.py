@@ -149,6 +149,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
         "full_stops": {"count": sum(plan.full_stops.values()), "reasons": plan.full_stops},
         "merged_points": () if single_path is None else single_path.merged,
         "warnings": plan.warnings,
+        **({"analog": job.process.analog_names} if job.process.analog_names else {}),
         **_moves(job, plan),
     }
     if isinstance(single_path, RoundedPath):

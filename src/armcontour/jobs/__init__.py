@@ -1,5 +1,6 @@
 """Jobs, and `run`, which does all steps of a job and returns a study."""
 
+from armcontour.jobs.analog import analog_outputs
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Experiment, Job, Published, Rounding, Run
 from armcontour.jobs.programs import programs_of
@@ -30,6 +31,7 @@ __all__ = [
     "RunPlan",
     "RunResult",
     "Study",
+    "analog_outputs",
     "path_of",
     "programs_of",
     "run",

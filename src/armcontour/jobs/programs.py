@@ -78,6 +78,10 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
     process = job.process
+    layers = {
+        layer: {key: x for key, x in given.items() if key not in ("lead_in", "lead_out")}
+        for layer, given in process.by_layer.items()
+    }
     plain = dataclasses.replace(
         process,
         lead_in=None,
@@ -86,6 +90,7 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         retract=0.0,
         order="drawn",
         kerf=None,
+        by_layer=layers,
     )
     found = []
     for x in prepare(arrange(job.program, process), plain).contours:
@@ -94,11 +99,12 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         def end_speeds(before: float, after: float, x: Contour = contour) -> tuple[float, float]:
             return _end_speeds(job, this, x, Leads(before=before, after=after))
 
+        own = process.of_layer(x.layer)
         lengths = []
         with locate_errors("leads"):
             for lead, s, side, speed in (
-                (process.lead_in, 0.0, "right", lambda x: end_speeds(x, 0.0)[0]),
-                (process.lead_out, x.path.length, "left", lambda x: end_speeds(0.0, x)[1]),
+                (own.lead_in, 0.0, "right", lambda x: end_speeds(x, 0.0)[0]),
+                (own.lead_out, x.path.length, "left", lambda x: end_speeds(0.0, x)[1]),
             ):
                 automatic = lead is not None and lead.length is None
                 assigned = assigned_speed(x, s, side, this)
@@ -109,11 +115,12 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
 
 def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[float, float]:
     """Speeds where the process goes on and off [m/s], of one contour that is planned alone."""
+    own = job.process.of_layer(contour.layer)
     ends = Process(
         begin="drawn",
-        lead_in=job.process.lead_in if leads.before else None,
-        lead_out=job.process.lead_out if leads.after else None,
-        up=job.process.up,
+        lead_in=own.lead_in if leads.before else None,
+        lead_out=own.lead_out if leads.after else None,
+        up=own.up,
     )
     alone = round_program(prepare(Program(moves=(contour,)), ends, [leads]), this)
     (only,) = alone.contours

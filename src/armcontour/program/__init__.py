@@ -2,13 +2,24 @@
 
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
 from armcontour.program.preparing import arrange, prepare
-from armcontour.program.process import Lead, Leads, Process, Switch
+from armcontour.program.process import (
+    Analog,
+    LayerProcess,
+    Lead,
+    Leads,
+    Process,
+    Switch,
+    Tabs,
+    Weave,
+)
 from armcontour.program.rounding import round_corners
 
 __all__ = [
+    "Analog",
     "Contour",
     "Dwell",
     "Event",
+    "LayerProcess",
     "Lead",
     "Leads",
     "Move",
@@ -16,6 +27,8 @@ __all__ = [
     "Program",
     "Rapid",
     "Switch",
+    "Tabs",
+    "Weave",
     "arrange",
     "contour_called",
     "prepare",

@@ -23,14 +23,14 @@ MOST_SEGMENTS = 1_000_000
 
 
 def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
-    """A closed contour with the start point and the overlap of the process.
+    """A closed contour with the start point, the laps and the overlap of the process.
 
     An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
     dwell or event leads to the contour, the contour has events, or its end orientations differ.
 
     Args:
         contour: The contour, which ends at its start point.
-        process: Start point and overlap.
+        process: Start point, passes and overlap.
         led: Whether a rapid, dwell or event of the program leads to the start of the contour.
 
     Raises:
@@ -39,11 +39,16 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
             point of another dimension; or an overlap with too many segments.
     """
     start = find_start(contour, process, led=led)
-    if process.overlap > REPEATED_POINT:
+    lap = contour.path.length
+    more = (process.passes - 1) * lap + process.overlap
+    if more > REPEATED_POINT:
         _refuse_turned_end(contour)
     contour = begin_at(contour, start)
-    longer = _add_overlap(contour.path, process.overlap)
-    events = _move_last_events(contour.events, contour.path.length, longer.length)
+    longer = _add_overlap(contour.path, more)
+    events = (
+        *_move_last_events(contour.events, lap, longer.length),
+        *_repeat_events(contour.events, lap, process.passes),
+    )
     return dataclasses.replace(contour, path=longer, events=events, ring=True)
 
 
@@ -98,6 +103,12 @@ def _move_last_events(events: tuple[Event, ...], drawn: float, end: float) -> tu
     )
 
 
+def _repeat_events(events: tuple[Event, ...], lap: float, passes: int) -> list[Event]:
+    """Events along the first lap of a contour [m], on the laps after it."""
+    along = [x for x in events if REPEATED_POINT < x.s < lap - REPEATED_POINT]
+    return [dataclasses.replace(x, s=x.s + k * lap) for k in range(1, passes) for x in along]
+
+
 def _has_equal_end_orientations(path: Path) -> bool:
     """Whether the tool orientations at both ends of a closed path are equal."""
     orientation = path.orientation
@@ -122,9 +133,9 @@ def _add_overlap(path: Path, overlap: float) -> Path:
     rounds = overlap / path.length
     if rounds * len(path) > MOST_SEGMENTS:
         raise InvalidInput(
-            f"An overlap of {overlap:g} m goes {rounds:.3g} times around a contour of "
-            f"{path.length:.4g} m, which makes more than {MOST_SEGMENTS} segments: take a shorter "
-            "overlap."
+            f"Overlap and further passes of {overlap:g} m go {rounds:.3g} times around a contour "
+            f"of {path.length:.4g} m, which makes more than {MOST_SEGMENTS} segments: take a "
+            "shorter overlap or fewer passes."
         )
     parts, rest = [path], overlap
     while rest > REPEATED_POINT:

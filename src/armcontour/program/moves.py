@@ -28,6 +28,9 @@ from armcontour.geometry.placing import (
 from armcontour.geometry.segments import REPEATED_POINT
 
 Value = bool | float | str
+# Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
+MOST_MOVES = 100_000
+MOST_SEGMENTS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +158,27 @@ def contour_called(contour: Contour, number: int) -> str:
     if not contour.name:
         return f"contour {number + 1}"
     return contour.name if contour.name.startswith("contour ") else f"contour {contour.name}"
+
+
+def name_copy(name: str, row: int, column: int) -> str:
+    """Name of a copy of a contour in a row and a column, which are given from 0."""
+    place = f"[{row + 1},{column + 1}]"
+    return f"{shorten(name, _checks.LONGEST_NAME - 1 - len(place))} {place}" if name else place
+
+
+def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
+    """The distance between copies [m]; 0 for a single copy.
+
+    Raises:
+        InvalidInput: Several copies without a distance, or with the distance 0.
+    """
+    distance = 0.0 if spacing is None else _checks.number(name, spacing, "m")
+    if copies > 1 and abs(distance) <= REPEATED_POINT:
+        raise InvalidInput(
+            f"{name} must be the distance from one copy to the next, for {copies} copies, and not "
+            f"{'left out' if spacing is None else f'{distance:g} m'}."
+        )
+    return distance if copies > 1 else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -356,6 +380,72 @@ class Program:
             scale: Factor of all lengths, before the program is placed.
         """
         return self.mapped(lambda path: place_path(path, frame, scale=scale))
+
+    def repeated(
+        self,
+        *,
+        columns: int = 1,
+        rows: int = 1,
+        column_spacing: float | None = None,
+        row_spacing: float | None = None,
+        serpentine: bool = True,
+    ) -> Program:
+        """Copies of the whole program in columns along x and rows along y, row after row.
+
+        Rapids, dwells and events are copied, too. A contour `hole` becomes `hole [1,1]` (row,
+        column), `hole [1,2]`, and so on.
+
+        Args:
+            columns: Number of copies along x.
+            rows: Number of copies along y.
+            column_spacing: Distance from one column to the next [m]; below zero against x.
+            row_spacing: Distance from one row to the next [m]; below zero against y.
+            serpentine: Whether every second row runs back from its last column; otherwise all rows
+                run from their first column.
+
+        Raises:
+            InvalidInput: A spacing is missing or zero, or the copies have too many moves or
+                segments.
+        """
+        columns, rows = (
+            _checks.whole(name, value, 1, MOST_MOVES)
+            for name, value in (("columns", columns), ("rows", rows))
+        )
+        dx = _checked_spacing("column_spacing", column_spacing, columns)
+        dy = _checked_spacing("row_spacing", row_spacing, rows)
+        self._refuse_too_many(columns * rows)
+        moves: list[Move] = []
+        for row in range(rows):
+            back = serpentine and row % 2 == 1
+            for column in reversed(range(columns)) if back else range(columns):
+                copy = self.placed(Frame(position=np.array([column * dx, row * dy, 0.0])))
+                moves += [
+                    dataclasses.replace(x, name=name_copy(x.name, row, column))
+                    if isinstance(x, Contour)
+                    else x
+                    for x in copy.moves
+                ]
+        return dataclasses.replace(self, moves=tuple(moves))
+
+    def _refuse_too_many(self, copies: int) -> None:
+        """Refuse copies with more than MOST_MOVES moves or MOST_SEGMENTS segments together.
+
+        Raises:
+            InvalidInput: There are more.
+        """
+        paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
+        segments = sum(len(x) for x in paths if x is not None)
+        for what, count, most in (
+            ("moves", len(self.moves), MOST_MOVES),
+            ("segments", segments, MOST_SEGMENTS),
+        ):
+            if copies * count > most:
+                raise InvalidInput(
+                    f"{copies} copies of {count} {what} are more than {most} {what}: take fewer "
+                    "columns or rows.",
+                    needed=copies * count,
+                    allowed=most,
+                )
 
     def without_z(self) -> Program:
         """The program without z; purely vertical moves are left out, their events stay.

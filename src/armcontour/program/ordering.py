@@ -249,8 +249,9 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     else:
         places = begin_places(path, count).tolist()
         makers = [partial(_begun_at, contour, s) for s in places]
+    overlap = process.of_layer(contour.layer).overlap
     return [
-        (maker, path([s, (s + process.overlap) % path.length]))
+        (maker, path([s, (s + overlap) % path.length]))
         for maker, s in zip(makers, places, strict=True)
     ]
 

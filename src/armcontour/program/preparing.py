@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.errors import InvalidInput
+from armcontour._checks import LONGEST_NAME, FloatArray
+from armcontour._text import shorten
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.weaving import weave_path
 from armcontour.program.closed_contours import close_contour
 from armcontour.program.kerf import apply_kerf
 from armcontour.program.leads import WASTE, lead_path
-from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid
+from armcontour.program.moves import (
+    Contour,
+    Dwell,
+    Event,
+    Move,
+    Program,
+    Rapid,
+    contour_called,
+)
 from armcontour.program.off_between import switch_off_between
 from armcontour.program.ordering import order_contours
-from armcontour.program.process import Lead, Leads, Process
+from armcontour.program.process import Lead, Leads, Process, Weave
 from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
 from armcontour.program.resuming import resume
 from armcontour.program.scrap_side import waste_sides
+from armcontour.program.tabs import add_tabs
 
 
 def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
@@ -36,12 +47,14 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
         InvalidInput: `from_s` is past the end of the program, a layer does not exist, a lead has no
             side, lengths of leads are missing, or a program in the plane has approach or retract.
     """
-    _refuse_unknown_layers(program, process.layers)
+    _refuse_unknown_layers(program, (*process.layers, *process.by_layer))
     if process.approach or process.retract:
         _refuse_plane(program)
-    program = arrange(program, process)
+    program = _pass_again(arrange(program, process), process)
     moves: list[Move] = [
-        _start_contour(x, process, is_meant(program.moves, i)) if isinstance(x, Contour) else x
+        _start_contour(x, process.of_layer(x.layer), is_meant(program.moves, i))
+        if isinstance(x, Contour)
+        else x
         for i, x in enumerate(program.moves)
     ]
     rapids_away = leading_away(program.moves)
@@ -50,7 +63,7 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
     program, run_in = resume(
         dataclasses.replace(program, moves=tuple(moves)),
         process.from_s,
-        run_in=process.lead_in is not None,
+        run_in=lambda x: process.of_layer(x.layer).lead_in is not None,
     )
     if process.automatic and (lengths is None or len(lengths) != len(program.contours)):
         raise InvalidInput(
@@ -59,12 +72,11 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
             "or give the leads a length."
         )
     sides = sides[len(sides) - len(program.contours) :]
-    contours = [
-        _add_leads(
-            x, process, _lead_lengths(process, lengths, k), run_in if k == 0 else None, sides[k]
-        )
-        for k, x in enumerate(program.contours)
-    ]
+    contours = []
+    for k, x in enumerate(program.contours):
+        own = process.of_layer(x.layer)
+        leads = _lead_lengths(own, lengths, k)
+        contours.append(_add_leads(x, own, leads, run_in if k == 0 else None, sides[k]))
     result = _link(program.moves, contours, process, rapids_away)
     return dataclasses.replace(program, moves=tuple(result))
 
@@ -81,6 +93,18 @@ def arrange(program: Program, process: Process) -> Program:
             not fit a contour.
     """
     return order_contours(apply_kerf(program, process), process)
+
+
+def _pass_again(program: Program, process: Process) -> Program:
+    """The program with every open contour as often as its layer has passes."""
+    moves: list[Move] = []
+    for x in program.moves:
+        moves.append(x)
+        if isinstance(x, Contour) and not x.closed:
+            for k in range(2, process.of_layer(x.layer).passes + 1):
+                name = f"{shorten(x.name, LONGEST_NAME - len(f' ({k})'))} ({k})" if x.name else ""
+                moves.append(dataclasses.replace(x, name=name))
+    return dataclasses.replace(program, moves=tuple(moves))
 
 
 def _link(
@@ -112,8 +136,9 @@ def _link(
             result[k] = reroute(result[k], end=contour.path(0.0))
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         added = _add_heights(contour, process, linked=before is not None, followed=followed)
-        if process.dwell:
-            added.insert(added.index(contour), Dwell(duration=process.dwell))
+        dwell = process.of_layer(contour.layer).dwell
+        if dwell:
+            added.insert(added.index(contour), Dwell(duration=dwell))
         result += added
         number += 1
     return result
@@ -134,7 +159,7 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
     )
 
 
-def _refuse_unknown_layers(program: Program, layers: Mapping[str, Demand]) -> None:
+def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
     """Refuse layers on which the program has no contour.
 
     Raises:
@@ -189,7 +214,8 @@ def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
     """
     contour = _add_demand(contour, process.layers.get(contour.layer))
     if contour.closed:
-        contour = close_contour(contour, process, led=led)
+        lap = contour.path.length
+        contour = add_tabs(close_contour(contour, process, led=led), process, lap)
     path = contour.path
     for x in process.events:
         if x.s > path.length + REPEATED_POINT:
@@ -199,12 +225,26 @@ def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
                 s=x.s,
                 allowed=path.length,
             )
-    return dataclasses.replace(contour, events=(*contour.events, *process.events))
+    contour = dataclasses.replace(contour, events=(*contour.events, *process.events))
+    return contour if process.weave is None else _weave(contour, process.weave, process.up)
+
+
+def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
+    """A contour along which the tool weaves; events keep their share of the length.
+
+    Raises:
+        InvalidInput: The contour is too tight for the weave, or goes straight up.
+    """
+    with locate_errors(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
+        path = weave_path(contour.path, up=up, **dataclasses.asdict(weave))
+    factor = path.length / contour.path.length
+    events = (dataclasses.replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
+    return dataclasses.replace(contour, path=path, events=tuple(events), ring=contour.closed)
 
 
 def _lead_sides(contours: Sequence[Contour], process: Process) -> list[str]:
     """The scrap side of every contour; "left" if no lead is on the scrap side."""
-    needed = any(x is not None and x.side == WASTE for x in (process.lead_in, process.lead_out))
+    needed = any(x.side == WASTE for x in process.leads)
     return waste_sides(contours, process.up) if needed else ["left"] * len(contours)
 
 
@@ -223,8 +263,10 @@ def _add_leads(
     path, events = contour.path, list(contour.events)
     if process.switch is not None:
         on, off = process.switch.on_lead, process.switch.off_lead
-        events.append(Event(name=process.switch.name, value=True, s=0.0, lead_time=on))
-        events.append(Event(name=process.switch.name, value=False, s=path.length, lead_time=off))
+        # Before what resuming switches again at the start, which may lie on a tab.
+        name, value = process.switch.name, process.switch.value
+        events.insert(0, Event(name=name, value=value, s=0.0, lead_time=on))
+        events.append(Event(name=name, value=False, s=path.length, lead_time=off))
     before = 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:

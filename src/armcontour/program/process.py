@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._quantities import Choice, Distance, Duration, Length
-from armcontour.errors import InvalidInput
+from armcontour._quantities import (
+    AtLeast,
+    Choice,
+    Distance,
+    Duration,
+    Length,
+    Ratio,
+    Some,
+    Speed,
+    Time,
+)
+from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
+from armcontour.geometry.weaving import SHAPES as WEAVES
 from armcontour.program.leads import SHAPES, SIDES, WASTE
-from armcontour.program.moves import Event
+from armcontour.program.moves import Event, Value
 
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
+# Most laps and tabs of a contour: more are a mistake in the unit or in a digit.
+MOST_PASSES, MOST_TABS = 1000, 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 
 
@@ -53,18 +66,123 @@ class Switch:
 
     Args:
         name: Name of the output.
+        value: Value of the output while it is on, such as a power.
         on_lead: Time by which it is switched on before the tool is at the start [s].
         off_lead: Time by which it is switched off before the tool is at the end [s].
     """
 
     name: str = "tool"
+    value: Value = True
     on_lead: Duration = 0.0
     off_lead: Duration = 0.0
 
     def __post_init__(self) -> None:
         # Invalid values are refused here, not later when contours get the events.
         for lead in (self.on_lead, self.off_lead):
-            Event(name=self.name, lead_time=lead)
+            Event(name=self.name, value=self.value, lead_time=lead)
+        if self.value is False:
+            raise InvalidInput(f"The switch {self.name} must have another value on than off.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analog:
+    """An analog output, such as a power or a flow, that follows the planned tool speed.
+
+    Its value is linear in the speed, from `rest` for a tool at rest to `full` at the full speed,
+    and `full` above. Exports have it as a column.
+
+    Args:
+        name: Name of the output.
+        rest: Value for a tool at rest on a contour.
+        full: Value at the full speed.
+        speed: The full speed [m/s]; None is the assigned velocity at the place of the tool.
+        off: Value while the process is off: in rapids, dwells, leads and where it is switched off.
+        lead_time: Time by which the output leads the tool [s]; after it if negative.
+    """
+
+    name: str
+    rest: Ratio = 0.0
+    full: Ratio = 1.0
+    speed: Speed | None = None
+    off: Ratio = 0.0
+    lead_time: Time = 0.0
+
+    def __post_init__(self) -> None:
+        _checks.check_name("name of an analog output", self.name)
+        if not self.name.strip():
+            raise InvalidInput("An analog output needs a name.")
+        for key in ("rest", "full", "off"):
+            _checks.number(f"{key} of the analog output {self.name}", getattr(self, key))
+        _checks.number(f"lead time of the analog output {self.name}", self.lead_time, "s")
+        if self.speed is not None:
+            _checks.positive(f"speed of the analog output {self.name}", self.speed, "m/s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tabs:
+    """Places of closed contours where the switch of the process is off, so that parts stay put.
+
+    Args:
+        width: Length along the contour over which the process is off [m].
+        count: Number of tabs of every contour.
+        spacing: Approximate length of contour per tab, in the place of a number [m].
+    """
+
+    width: Length
+    count: Annotated[int, AtLeast(1)] | None = None
+    spacing: Length | None = None
+
+    def __post_init__(self) -> None:
+        _checks.positive("width of tabs", self.width, "m")
+        if (self.count is None) == (self.spacing is None):
+            raise InvalidInput("Tabs need either their count or their spacing.")
+        if self.count is not None:
+            _checks.whole("count of tabs", self.count, 1, MOST_TABS)
+        else:
+            _checks.positive("spacing of tabs", self.spacing, "m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weave:
+    """How the tool weaves to both sides of a seam, square to it and to the process's `up`.
+
+    Args:
+        width: Distance between the crests on both sides [m].
+        pitch: Length of the seam per wave [m]; a contour has a whole number of waves.
+        shape: "sine", or "zigzag", lines from crest to crest whose corners are rounded as others.
+        tolerance: Largest distance of the arcs from the sine [m].
+    """
+
+    width: Length
+    pitch: Length
+    shape: Annotated[str, Choice(WEAVES)] = "sine"
+    tolerance: Distance = 1e-5
+
+    def __post_init__(self) -> None:
+        for name in ("width", "pitch", "tolerance"):
+            _checks.positive(f"{name} of a weave", getattr(self, name), "m")
+        _checks.choice("shape", self.shape, WEAVES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerProcess:
+    """Values for the contours of one layer, in the place of those of the process.
+
+    Args:
+        lead_in, lead_out, switch, tabs, weave: As in the process; None for none.
+        overlap, dwell, events, analog, passes: As in the process.
+    """
+
+    overlap: Distance = 0.0
+    lead_in: Lead | None = None
+    lead_out: Lead | None = None
+    dwell: Duration = 0.0
+    switch: Switch | None = None
+    events: tuple[Event, ...] = ()
+    analog: tuple[Analog, ...] = ()
+    passes: Annotated[int, AtLeast(1)] = 1
+    tabs: Tabs | None = None
+    weave: Weave | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,6 +206,13 @@ class Process:
         off_between: Names of outputs, such as a laser, that are switched off during rapids: off at
             the end of a contour, and on again at the start of the next one.
         events: Events on every contour; an event past the end of a contour is refused.
+        analog: Analog outputs that follow the planned tool speed.
+        passes: How often every contour is run. Closed contours are run in laps without a stop;
+            open ones again from their start, as contours of their own.
+        tabs: Places at which closed contours are not cut.
+        weave: How the tool weaves along contours; speeds are along the seam.
+        by_layer: Values of some of these for the contours of a layer, by their names; those of
+            `LayerProcess`.
         layers: Speed and tolerance of contours by layer, for segments that have none.
         order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" has each contour
             after all that lie in it. "nearest" goes on with the nearest contour. "shortest" looks
@@ -118,12 +243,20 @@ class Process:
     switch: Switch | None = None
     off_between: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
+    analog: tuple[Analog, ...] = ()
+    passes: Annotated[int, AtLeast(1)] = 1
+    tabs: Tabs | None = None
+    weave: Weave | None = None
+    by_layer: Mapping[str, Annotated[Mapping[str, Any], Some(LayerProcess)]] = field(
+        default_factory=dict
+    )
     layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
     order: Annotated[str, Choice(ORDERS)] = "auto"
     reverse_open: bool = False
     kerf: Distance | None = None
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     from_s: Distance = 0.0
+    _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("overlap", "approach", "retract", "from_s"):
@@ -145,22 +278,69 @@ class Process:
             listed = begin.tolist()
             object.__setattr__(self, "begin", tuple(listed) if begin.ndim else listed)
         object.__setattr__(self, "events", tuple(self.events))
+        object.__setattr__(self, "analog", tuple(self.analog))
+        names = [x.name for x in self.analog]
+        if len(set(names)) < len(names):
+            raise InvalidInput("Two analog outputs have the same name.")
         up = _checks.numbers("up", self.up)
         if up.shape != (3,) or not np.linalg.norm(up) > 0:
             raise InvalidInput("up must be a direction in space.")
         object.__setattr__(self, "up", _checks.lock_floats(up / np.linalg.norm(up)))
+        _checks.whole("passes", self.passes, 1, MOST_PASSES)
+        if self.tabs is not None and self.switch is None:
+            raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
+        self._make_layers()
+
+    def _make_layers(self) -> None:
+        """Make the processes of layers.
+
+        Raises:
+            InvalidInput: A layer has a value that is not valid, or one that no layer can have.
+        """
+        known = [x.name for x in fields(LayerProcess)]
+        made: dict[str, Process] = {}
+        for layer, given in self.by_layer.items():
+            with locate_errors(f"by_layer.{layer}"):
+                for name in given:
+                    _checks.choice("name of a value", name, tuple(known))
+                made[layer] = replace(self, by_layer={}, **given)
+        object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
+        object.__setattr__(self, "_of_layers", MappingProxyType(made))
+
+    def of_layer(self, layer: str) -> Process:
+        """The process of the contours of a layer, without `by_layer`.
+
+        Args:
+            layer: Name of the layer.
+        """
+        return self._of_layers.get(layer, self)
+
+    @property
+    def variants(self) -> tuple[Process, ...]:
+        """The process, and those of layers that differ from it."""
+        return (self, *self._of_layers.values())
+
+    @property
+    def analog_names(self) -> tuple[str, ...]:
+        """Names of the analog outputs of all layers."""
+        return tuple(dict.fromkeys(x.name for own in self.variants for x in own.analog))
+
+    @property
+    def leads(self) -> tuple[Lead, ...]:
+        """The leads of all layers."""
+        pairs = ((x.lead_in, x.lead_out) for x in self.variants)
+        return tuple(x for pair in pairs for x in pair if x is not None)
 
     @property
     def automatic(self) -> bool:
         """Whether a lead has no given length."""
-        return any(x is not None and x.length is None for x in (self.lead_in, self.lead_out))
+        return any(x.length is None for x in self.leads)
 
     @property
     def cuts(self) -> bool:
         """Whether material is thrown away: there is a kerf, or an arc lead lies in the waste."""
-        leads = (self.lead_in, self.lead_out)
         return self.kerf is not None or any(
-            x is not None and x.shape == "arc" and x.side == WASTE for x in leads
+            x.shape == "arc" and x.side == WASTE for x in self.leads
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program.moves import Contour, Event, Program
 
 
-def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, Contour | None]:
+def resume(
+    program: Program, from_s: float, *, run_in: Callable[[Contour], bool]
+) -> tuple[Program, Contour | None]:
     """The rest of a program, and the part of the resumed contour before the arc length.
 
     Outputs switched before the arc length are switched again: at the arc length if they were
@@ -22,7 +25,7 @@ def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, C
     Args:
         program: The program.
         from_s: Arc length at which to resume, over all contours [m].
-        run_in: Whether a lead-in comes before that arc length.
+        run_in: Whether a lead-in comes before that arc length, on its contour.
 
     Returns:
         The rest of the program, and the part of its first contour before the arc length; None if
@@ -55,7 +58,7 @@ def resume(program: Program, from_s: float, *, run_in: bool) -> tuple[Program, C
             for x in move.events:
                 switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
-        rest = _cut_after(move, s, run_in)
+        rest = _cut_after(move, s, run_in(move))
         moves = (*switched.values(), rest, *program.moves[i + 1 :])
         resumed = dataclasses.replace(program, moves=moves)
         return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)

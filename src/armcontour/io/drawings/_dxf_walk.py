@@ -93,7 +93,7 @@ class Walk:
         hidden: Numbers of entities on layers that are off or frozen, by their layers.
         invisible: Number of entities that are marked invisible.
         others: Numbers of entities of other colours than those of `colors`, by their colours.
-        passed: Numbers of entities on other layers than those of `wanted`, by their layers.
+        elsewhere: Layers with entities that are not wanted.
         labels: Names of entities and layers as the contours get them.
     """
 
@@ -109,7 +109,7 @@ class Walk:
     hidden: Counter[str] = field(default_factory=Counter)
     invisible: int = 0
     others: Counter[str] = field(default_factory=Counter)
-    passed: Counter[str] = field(default_factory=Counter)
+    elsewhere: set[str] = field(default_factory=set)
     labels: Labels = field(default_factory=Labels)
     _copies: int = 0
     _sizes: dict[str, int] = field(default_factory=dict)
@@ -159,7 +159,8 @@ class Walk:
                     yield from self._insert(entity, block, name, layer)
                 elif self.wanted is not None and self.labels(layer) not in self.wanted:
                     # Nothing on other layers matters, broken or not.
-                    self.passed[layer] += 1
+                    self.elsewhere.add(self.labels(layer))
+                    continue
                 elif kind == "MLINE":
                     for k, part in enumerate(entity.virtual_entities()):
                         yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)

@@ -22,8 +22,6 @@ from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
-# Largest number of layers that a refusal names.
-NAMED = 12
 # Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
 UNITS = {
     1: 0.0254,
@@ -85,14 +83,14 @@ def read_dxf(
         pieces = _pieces(found, walk, source, reading, tell)
     notes += walk.notes
     if not pieces:
+        if walk.elsewhere:
+            wanted = ", ".join(repr(x) for x in sorted(reading.layers or ()))
+            there = list_some([repr(x) for x in sorted(walk.elsewhere)], 12)
+            raise InvalidInput(
+                f"{source} has no contour on the layer {wanted}: it has entities on {there}."
+            )
         if walk.others:
             notes.append(f"Of other colours than chosen: {count_names(walk.others)}.")
-        if walk.passed:
-            chosen, others = (sorted(map(repr, x)) for x in (reading.layers or (), walk.passed))
-            notes.append(
-                f"Chosen are the layers {list_some(chosen, NAMED)}; the drawing has something on "
-                f"{list_some(others, NAMED)}."
-            )
         left_out = f" ({' '.join(notes).rstrip('.')})" if notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
     contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)

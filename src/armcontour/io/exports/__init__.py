@@ -1,6 +1,7 @@
 """Writers of joint set-points and events in the formats of robot controllers and of tables."""
 
 from armcontour.io.exports.exporting import (
+    WITH_ANALOG,
     chosen_format,
     export,
     formats,
@@ -12,6 +13,7 @@ from armcontour.io.exports.template import templates
 from armcontour.io.exports.text import csv_text
 
 __all__ = [
+    "WITH_ANALOG",
     "Table",
     "chosen_format",
     "csv_text",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.destination import put
@@ -26,6 +27,8 @@ FORMATS = {
     "urscript": ".script",
     "template": "",
 }
+# Formats with analog outputs.
+WITH_ANALOG = ("csv", "parquet", "npz", "template")
 _PLAIN: dict[str, Callable[[Table, FilePath], None]] = {
     "csv": write_csv,
     "parquet": write_parquet,
@@ -53,6 +56,7 @@ def export(
     outputs: Mapping[str, int | str] | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
+    analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> None:
     """Write taught data or a trajectory to a file.
 
@@ -73,6 +77,8 @@ def export(
             interpolates by quintics, cubics or lines.
         tool_motion: Whether csv, parquet, npz and template get the tool's point, orientation
             (quaternion) and speed. For taught data they are those of the set-points.
+        analog: Analog outputs by their names, for the same formats: functions from times of the
+            plan [s], (n,), to values, as `armcontour.jobs.analog_outputs` gives them.
 
     Raises:
         InvalidInput: The format is unknown or does not have an option, an output is of an unknown
@@ -89,6 +95,7 @@ def export(
         period=period,
         derivatives=derivatives,
         tool_motion=tool_motion,
+        analog=analog,
     )
     refuse_unknown_outputs(
         outputs or {}, (x.name for x in table.events), option="outputs", owner=repr(table.name)
@@ -146,6 +153,11 @@ def write_table(
     kind = chosen_format(file, format, template)
     if outputs is not None and kind not in ("urscript", "template"):
         raise InvalidInput(f"Outputs are for urscript and template, not for {kind}.")
+    if table.analog and kind not in WITH_ANALOG:
+        raise InvalidInput(
+            f"The format {kind} has no place for the analog output {next(iter(table.analog))}: it "
+            f"is a column in {', '.join(WITH_ANALOG)}."
+        )
     if kind == "urscript":
         write_urscript(table, file, outputs)
     elif kind == "template" and template is not None:

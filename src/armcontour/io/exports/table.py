@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -40,6 +41,7 @@ class Table:
         tool_rotation: Tool orientations as quaternions x, y, z, w, (n, 4), whose signs do not jump.
         tool_speed: Speed of the tool point [m/s], (n,).
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
+        analog: Values of analog outputs by their names, (n,) each.
 
     Raises:
         InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
@@ -58,6 +60,7 @@ class Table:
     tool_rotation: FloatArray | None = None
     tool_speed: FloatArray | None = None
     start_time: float = 0.0
+    analog: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_names", tuple(str(x) for x in self.joint_names))
@@ -65,6 +68,11 @@ class Table:
             if getattr(self, name) is not None:
                 values = _checks.lock_numbers(f"{name} of {self.name!r}", getattr(self, name))
                 object.__setattr__(self, name, values)
+        analog = {
+            key: _checks.lock_numbers(f"analog output {key} of {self.name!r}", x)
+            for key, x in self.analog.items()
+        }
+        object.__setattr__(self, "analog", MappingProxyType(analog))
         _checks.positive("period", self.period, "s")
         self._check_shapes()
         self._check_names()
@@ -99,6 +107,12 @@ class Table:
                 raise InvalidInput(
                     f"{name} of {self.name!r} has shape {values.shape}, but must have {shape}."
                 )
+        for key, values in self.analog.items():
+            if values.shape != (n,):
+                raise InvalidInput(
+                    f"The analog output {key} of {self.name!r} has shape {values.shape}, but must "
+                    f"have {(n,)}."
+                )
         if self.tool is not None and self.tool.shape not in ((n, 2), (n, 3)):
             raise InvalidInput(
                 f"tool of {self.name!r} has shape {self.tool.shape}, but must have {(n, 3)}."
@@ -113,6 +127,7 @@ class Table:
             InvalidInput: There is such a name.
         """
         given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
+        given += [("name of an analog output", x) for x in self.analog]
         for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
             if not text.strip() or not text.isprintable():
                 raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
@@ -162,6 +177,7 @@ def make_table(
     period: float | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
+    analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> Table:
     """The table of taught data or of a sampled trajectory; time counts from the first point.
 
@@ -178,6 +194,8 @@ def make_table(
         period: Sampling period of a trajectory [s]; taught data have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
+        analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
+            values, as `armcontour.jobs.analog_outputs` gives them.
 
     Raises:
         InvalidInput: The period of a trajectory is missing, or differs from that of taught data;
@@ -204,6 +222,7 @@ def make_table(
         joint_names=joint_names,
         derivatives=derivatives,
         tool_motion=tool_motion,
+        analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
     )
 
 
@@ -218,6 +237,7 @@ def tabulate(
     joint_names: Sequence[str] | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
+    analog: Mapping[str, FloatArray] | None = None,
 ) -> Table:
     """The table of samples; the arguments are those of `Table` and of `make_table`.
 
@@ -240,6 +260,7 @@ def tabulate(
         ddq=samples.ddq if derivatives > 1 else None,
         events=events,
         start_time=start_time,
+        analog=analog or {},
         **({} if arm is None else _tool(arm, samples, tool_motion)),
     )
 

@@ -23,7 +23,8 @@ from armcontour.io.exports.text import (
 def write_csv(table: Table, file: FilePath) -> None:
     """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
 
-    If the table has the speed of the tool, its point, orientation and speed are columns too.
+    If the table has the speed of the tool, its point, orientation and speed are columns too; so
+    are analog outputs, `analog power`.
     An event is in the row of the last point at or before it and has its own time:
     `tool=on@0.104000000000; gas=2.5@0.104500000000`.
     """
@@ -76,8 +77,9 @@ def write_npz(table: Table, file: FilePath) -> None:
     """Write the table to an npz file.
 
     The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
-    tool_rotation and tool_speed; and for the
-    events `event_name`, `event_value` (JSON), `event_t`, `event_due` and `event_s`, (events,).
+    tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
+    (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
+    `event_s`, (events,).
     Arrays that the table does not have are left out. Nothing is pickled.
     """
     events = table.events
@@ -94,6 +96,9 @@ def write_npz(table: Table, file: FilePath) -> None:
     for key in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
         if getattr(table, key) is not None:
             arrays[key] = getattr(table, key)
+    if table.analog:
+        arrays["analog_name"] = np.array(list(table.analog), dtype=np.str_)
+        arrays["analog"] = np.column_stack(list(table.analog.values()))
     # An open file keeps numpy from adding .npz to the name.
     with file.open("wb") as stream:
         np.savez(stream, **arrays)
@@ -113,6 +118,9 @@ def _columns(table: Table, *, tool: bool) -> tuple[list[str], list[FloatArray]]:
     if tool and table.tool_speed is not None:
         header.append("speed [m/s]")
         columns.append(table.tool_speed)
+    for name, values in table.analog.items():
+        header.append(f"analog {name}")
+        columns.append(values)
     return header, columns
 
 

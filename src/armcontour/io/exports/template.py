@@ -47,6 +47,7 @@ class Point:
         tool: Tool point [m]; None without an arm.
         tool_rotation: Tool orientation as a quaternion x, y, z, w; None unless exported.
         tool_speed: Speed of the tool point [m/s]; None unless exported.
+        analog: Values of analog outputs by their names.
         events: Events from this point to the next one.
     """
 
@@ -59,6 +60,7 @@ class Point:
     tool: tuple[float, ...] | None
     tool_rotation: tuple[float, ...] | None
     tool_speed: float | None
+    analog: Mapping[str, float]
     events: tuple[Switch, ...]
 
 
@@ -205,6 +207,7 @@ def _points(table: Table) -> tuple[Point, ...]:
         *(table.q, np.degrees(table.q), table.dq, table.ddq, table.tool, table.tool_rotation),
         None if table.tool_speed is None else table.tool_speed[:, None],
     )
+    analog = {key: values.tolist() for key, values in table.analog.items()}
     rows = zip(*(_tuples(x, count) for x in arrays), strict=True)
     return tuple(
         Point(
@@ -217,6 +220,7 @@ def _points(table: Table) -> tuple[Point, ...]:
             tool=tool,
             tool_rotation=rotation,
             tool_speed=None if speed is None else speed[0],
+            analog={key: values[i] for key, values in analog.items()},
             events=tuple(switches.get(i, ())),
         )
         for i, (t, (q, degrees, dq, ddq, tool, rotation, speed)) in enumerate(

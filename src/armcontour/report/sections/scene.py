@@ -16,8 +16,6 @@ SCENE = 1.45
 # Height of a row of buttons, and width of a letter of their labels [pixels].
 ROW = 38
 LETTER = 8
-# Distance of a title from the top of its figure [pixels].
-TITLE = 24
 # Position of the eye and upward direction of every view.
 VIEWS = {
     "oblique": ((1.1, -1.5, 0.9), (0, 0, 1)),
@@ -42,6 +40,10 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
 def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
     """Set the layout of a figure in space: equal axes, a legend at the left, rows of buttons."""
     finish(figure, title=title, height=height)
+    # Above the rows of buttons, not in the middle of the margin.
+    figure.update_layout(
+        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
+    )
     axis = {
         "nticks": 6,
         "backgroundcolor": "#FAFAFA",
@@ -63,8 +65,6 @@ def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
             "yanchor": "top",
             "bgcolor": "rgba(255,255,255,0.8)",
         },
-        # At the top, because rows of buttons are between the title and the scene.
-        title={"yref": "container", "y": 1, "yanchor": "top", "pad": {"t": TITLE}},
         margin={"l": 10, "r": 10, "t": 72 + ROW * rows, "b": 10},
     )
 

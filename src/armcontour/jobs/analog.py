@@ -1,0 +1,119 @@
+"""Values of analog outputs over the time of a plan, from the planned tool speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray
+from armcontour.arms import Limits
+from armcontour.errors import InvalidInput
+from armcontour.motion import Trajectory
+from armcontour.program import Analog, Contour, Process, Program, contour_called
+
+Values = Callable[[FloatArray], FloatArray]
+
+
+def analog_outputs(
+    program: Program, trajectory: Trajectory, process: Process, limits: Limits
+) -> Mapping[str, Values]:
+    """Functions from times of a plan to the values of the analog outputs of its process.
+
+    A function takes increasing times [s], (n,), where the plan starts at 0, and gives (n,). The
+    value is that of the planned tool speed while the process is at work on a contour and has not
+    been switched off along it, and the value of `Analog.off` otherwise.
+
+    Args:
+        program: The program that was planned, with rounded corners.
+        trajectory: Its plan.
+        process: The process with the outputs.
+        limits: Limits of the plan; their speed is the assigned velocity where contours have none.
+
+    Raises:
+        InvalidInput: An output depends on the assigned velocity, and a contour has none.
+    """
+    found: dict[str, Values] = {}
+    for name in process.analog_names:
+        # Contours of a layer without the output get None.
+        outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
+        for k, (output, contour) in enumerate(zip(outputs, program.contours, strict=True)):
+            _refuse_open_speed(output, contour, k, limits)
+        off = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
+        found[name] = partial(_values, program, trajectory, process, limits, outputs, off)
+    return found
+
+
+def _output(process: Process, name: str) -> Analog | None:
+    """The analog output of a name, if the process has one."""
+    return next((x for x in process.analog if x.name == name), None)
+
+
+def _refuse_open_speed(
+    output: Analog | None, contour: Contour, number: int, limits: Limits
+) -> None:
+    """Refuse an output that depends on the assigned velocity for a contour that has none."""
+    if output is None or output.rest == output.full:
+        return
+    if output.speed is None and limits.speed is None and np.isnan(contour.path.speeds).any():
+        raise InvalidInput(
+            f"The analog output {output.name} follows the assigned velocity, which "
+            f"{contour_called(contour, number)} does not have: give limits.speed, or the output a "
+            "speed."
+        )
+
+
+def _values(
+    program: Program,
+    trajectory: Trajectory,
+    process: Process,
+    limits: Limits,
+    outputs: Sequence[Analog | None],
+    off: float,
+    t: FloatArray,
+) -> FloatArray:
+    """Values of an output at increasing times [s]; `outputs` has it for each contour, or None."""
+    times = np.asarray(t, dtype=np.float64)
+    values = np.full(len(times), off)
+    spans = trajectory.contour_spans
+    for contour, span, output in zip(program.contours, spans, outputs, strict=True):
+        if output is None:
+            continue
+        assert span.work is not None
+        # The output leads the tool by its lead time.
+        lead = output.lead_time
+        first, last = np.searchsorted(times, [x - lead for x in span.work])
+        here = np.clip(times[first:last] + lead, *span.work)
+        if len(here):
+            s = trajectory.s(here) - span.s[0]
+            worth = _worth(output, trajectory.s(here, 1), _full_speeds(contour, s, limits, output))
+            on = _switched_on(contour, s, process.of_layer(contour.layer))
+            values[first:last] = np.where(on, worth, output.off)
+    return values
+
+
+def _worth(output: Analog, speed: FloatArray, full: FloatArray | float) -> FloatArray | float:
+    """Values of an output at tool speeds [m/s], whose full speeds are given [m/s]."""
+    if output.rest == output.full:
+        return output.full
+    return output.rest + (output.full - output.rest) * np.minimum(speed / full, 1.0)
+
+
+def _full_speeds(
+    contour: Contour, s: FloatArray, limits: Limits, output: Analog
+) -> FloatArray | float:
+    """Tool speeds at which an output has its full value, at arc lengths of a contour [m/s]."""
+    if output.speed is not None:
+        return output.speed
+    most = np.inf if limits.speed is None else limits.speed
+    return np.asarray(np.fmin(contour.path.speeds, most)[contour.path.locate(s)])
+
+
+def _switched_on(contour: Contour, s: FloatArray, process: Process) -> BoolArray:
+    """Whether the process has not been switched off along a contour, at arc lengths [m]."""
+    name = None if process.switch is None else process.switch.name
+    own = [x for x in contour.events if x.name == name]
+    places = [x.s for x in own]
+    on = np.array([True, *(x.value is not False for x in own)])
+    return np.asarray(on[np.searchsorted(places, s, side="right")])

@@ -1,0 +1,139 @@
+"""Weaving along seams, against the sine of a formula, sampled much denser than the arcs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Arc, Demand, Line, Path, round_corners
+from armcontour.geometry.weaving import weave_path
+
+WIDTH, PITCH = 4e-3, 5e-3
+SLOW = Demand(speed=0.01, tolerance=1e-4, tag="weld")
+LINE = Path.from_segments([Line(start=[0.1, 0.2], end=[0.15, 0.2], demand=SLOW)])
+# A line and a quarter of a circle, tangent to each other.
+BENT = Path.from_segments(
+    [
+        Line(start=[0.0, 0.0], end=[0.03, 0.0], demand=SLOW),
+        Arc(start=[0.03, 0.0], center=[0.03, 0.02], angle=np.pi / 2),
+    ]
+)
+
+
+def offset(share: np.ndarray, waves: int) -> np.ndarray:
+    """Height of the wave over the share of the seam, written out."""
+    found = WIDTH / 2 * np.sin(2 * np.pi * waves * share)
+    for k, x in enumerate(share):
+        near = min(x, 1 - x) * waves
+        if near < 0.5:
+            u = near / 0.5
+            found[k] *= 3 * u**2 - 2 * u**3
+    return found
+
+
+def exact(path: Path, count: int) -> np.ndarray:
+    """Points of the woven seams LINE and BENT, from their geometry alone."""
+    share = np.linspace(0, 1, count)
+    off = offset(share, round(path.length / PITCH))
+    s = share * path.length
+    if path is LINE:
+        return np.column_stack([0.1 + s, 0.2 + off])
+    angle = np.maximum(s - 0.03, 0) / 0.02
+    x = np.minimum(s, 0.03) + (0.02 - off) * np.sin(angle)
+    return np.column_stack([x, 0.02 - (0.02 - off) * np.cos(angle)])
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-6])
+@pytest.mark.parametrize("path", [LINE, BENT], ids=["line", "line and arc"])
+def test_a_sine_is_within_its_tolerance_and_has_no_corner(path: Path, tolerance: float) -> None:
+    woven = weave_path(path, width=WIDTH, pitch=PITCH, tolerance=tolerance)
+    points = exact(path, 400_001)
+    assert woven.project(points[::20]).distance.max() <= tolerance
+    # Samples of the sine are 0.3 um apart or less.
+    own = woven(np.linspace(0, woven.length, 20_001))
+    assert cKDTree(points).query(own)[0].max() <= tolerance + 2e-7
+    assert len(woven.stops) == 0
+    for s in (0.0, 1.0):
+        tangents = path(s * path.length, 1, side="left"), woven(s * woven.length, 1, side="left")
+        np.testing.assert_allclose(*tangents, atol=1e-9)
+    # The speed is along the seam, and what belongs to the seam stays.
+    ratio = woven.length / path.length
+    assert ratio > 1.3
+    assert woven.speeds[0] == pytest.approx(0.01 * ratio) and woven.tags[0] == "weld"
+    assert np.isnan(woven.speeds[-1]) == (path is BENT)
+
+
+def test_a_zigzag_goes_from_crest_to_crest() -> None:
+    woven = weave_path(LINE, width=WIDTH, pitch=PITCH, shape="zigzag")
+    crests = [[0.1 + (k + 0.5) * PITCH / 2, 0.2 + (-1) ** k * WIDTH / 2] for k in range(20)]
+    np.testing.assert_allclose(woven.vertices, [[0.1, 0.2], *crests, [0.15, 0.2]], atol=1e-12)
+    assert woven.speeds[3] == pytest.approx(0.01 * woven.length / 0.05)
+
+
+def test_corners_of_the_seam_stay_and_short_parts_are_not_woven() -> None:
+    path = Path.polyline([[0.0, 0.0], [0.02, 0.0], [0.02, 0.002], [0.06, 0.002]])
+    woven = weave_path(path, width=WIDTH, pitch=PITCH)
+    corners = woven(woven.stops)
+    np.testing.assert_allclose(corners, [[0.02, 0.0], [0.02, 0.002]], atol=1e-12)
+    closed = Path.from_segments([Arc.circle((0.03, 0.0), (0.0, 0.0))])
+    around = weave_path(closed, width=WIDTH, pitch=PITCH)
+    np.testing.assert_allclose(around(0.0), around(around.length), atol=1e-12)
+    np.testing.assert_allclose(around(0.0, 1), around(around.length, 1, side="left"), atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_a_weave_in_space_is_square_to_up_and_keeps_the_orientation(angle: float) -> None:
+    turn = Rotation.from_euler("xyz", [angle, 0.3, -0.5]).as_matrix()
+    lifted = np.column_stack([LINE.vertices, np.zeros(2)]) @ turn.T
+    flat = weave_path(LINE, width=WIDTH, pitch=PITCH)
+    hold = Rotation.from_euler("y", 2.0).as_matrix()
+    seam = Path.polyline(lifted).oriented(hold, axis_only=True)
+    woven = weave_path(seam, width=WIDTH, pitch=PITCH, up=3 * turn[:, 2])
+    s = np.linspace(0, 1, 500)
+    there = np.column_stack([flat(s * flat.length), np.zeros(500)]) @ turn.T
+    np.testing.assert_allclose(woven(s * woven.length), there, atol=2e-8)
+    assert woven.orientation is not None and woven.orientation.axis_only
+    np.testing.assert_allclose(woven.orientation(woven.length / 3), hold, atol=1e-12)
+    zigzag = weave_path(seam, width=WIDTH, pitch=PITCH, up=turn[:, 2], shape="zigzag")
+    assert len(round_corners(zigzag, tolerance=1e-4, acceleration=1.0).stops) == 0
+
+
+def test_the_tool_turns_with_the_seam() -> None:
+    ring = Path.from_segments(
+        [Arc(start=[0.05, 0, 0.1], center=[0, 0, 0.1], angle=np.pi, normal=[0, 0, 1])]
+    ).following_tangent([0, 0, 1])
+    woven = weave_path(ring, width=WIDTH, pitch=PITCH)
+    assert woven.orientation is not None and ring.orientation is not None
+    assert not woven.orientation.follows and len(woven.stops) == 0
+    s = np.linspace(0, woven.length, 1001)
+    point = woven(s)
+    around = np.arctan2(point[:, 1], point[:, 0])
+    needed = ring.orientation(np.clip(around / np.pi, 0, 1) * ring.length)
+    turn = Rotation.from_matrix(woven.orientation(s)) * Rotation.from_matrix(needed).inv()
+    # Less than half a pitch of seam ahead or behind; measured 0.142 pitches, at both ends.
+    assert turn.magnitude().max() <= 0.15 * PITCH / 0.05
+
+
+def test_refuses_weaves_that_cannot_be(refuses: Callable[..., None]) -> None:
+    refuses(lambda: weave_path(BENT, width=0.04, pitch=PITCH), InvalidInput, "40 mm", "20 mm")
+    refuses(lambda: weave_path(LINE, width=WIDTH, pitch=1e-9), InvalidInput, "longer pitch")
+    refuses(lambda: weave_path(LINE, width=-1.0, pitch=PITCH), InvalidInput, "width")
+    refuses(lambda: weave_path(LINE, width=WIDTH, pitch=0.0), InvalidInput, "pitch")
+    refuses(
+        lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, shape="moon"), InvalidInput, "zigzag"
+    )
+    refuses(
+        lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, up=[0, 0, 0]), InvalidInput, "direction"
+    )
+    tall = Path.polyline([[0, 0, 0], [0, 0, 0.1]])
+    refuses(lambda: weave_path(tall, width=WIDTH, pitch=PITCH), InvalidInput, "straight up")
+    refuses(
+        lambda: weave_path(BENT, width=WIDTH, pitch=PITCH, tolerance=1e-14),
+        InvalidInput,
+        "tolerance",
+    )

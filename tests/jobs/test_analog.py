@@ -1,0 +1,149 @@
+"""Analog outputs over the time of a plan, against the executed geometry of the plan itself."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Demand, Line
+from armcontour.jobs import analog_outputs
+from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare
+
+SLOW, FAST = 0.02, 0.05
+LEAD = 2e-3
+POWER = Analog(name="power", rest=0.2, full=1.0)
+
+
+def planned(process: Process, limits: ac.Limits) -> tuple[ac.Trajectory, Program]:
+    lines = [
+        Line(start=[0.30, 0.20], end=[0.34, 0.20], demand=Demand(speed=SLOW)),
+        Line(start=[0.34, 0.20], end=[0.38, 0.20]),
+    ]
+    gap = Event(name="laser", value=False, s=0.01), Event(name="laser", value=True, s=0.013)
+    first = Contour(path=ac.Path.from_segments(lines), events=gap)
+    second = Contour(path=ac.Path.polyline([[0.38, 0.24], [0.30, 0.24]]))
+    program = prepare(Program(moves=(first, second)), process)
+    return ac.plan(program, ac.load_arm("pmk3s"), limits), program
+
+
+@pytest.fixture(scope="module")
+def process() -> Process:
+    lead = Lead(length=LEAD)
+    outputs = (
+        POWER,
+        Analog(name="flow", rest=0.0, full=8.0, speed=0.1, off=-1.0),
+        Analog(name="early", rest=0.2, full=1.0, lead_time=0.05),
+    )
+    return Process(lead_in=lead, lead_out=lead, switch=Switch(name="laser"), analog=outputs)
+
+
+@pytest.fixture(scope="module")
+def limits() -> ac.Limits:
+    return ac.load_arm("pmk3s").limits.replace(speed=FAST)
+
+
+def test_values_follow_the_speed_of_the_tool(process: Process, limits: ac.Limits) -> None:
+    trajectory, program = planned(process, limits)
+    functions = analog_outputs(program, trajectory, process, limits)
+    t = np.linspace(-0.1, trajectory.duration + 0.1, 4001)
+    inside = (t >= 0) & (t <= trajectory.duration)
+    arm = ac.load_arm("pmk3s")
+    q, dq = (trajectory(t[inside], order) for order in (0, 1))
+    tool, velocity = arm.forward(q), arm.tool_velocity(q, dq)
+    x, y = tool.T
+    # Off in leads, in the rapid and where the contour switches the laser off; by the tool alone.
+    first = (np.abs(y - 0.20) < 1e-6) & (x >= 0.30) & (x <= 0.38)
+    second = (np.abs(y - 0.24) < 1e-6) & (x >= 0.30) & (x <= 0.38)
+    on = (first & ~((x >= 0.31) & (x < 0.313))) | second
+    assigned = np.where(first & (x < 0.34), SLOW, FAST)
+    speed = np.linalg.norm(velocity, axis=1)
+    power = functions["power"](t)
+    np.testing.assert_array_equal(power[~inside], 0.0)
+    expected = np.where(on, 0.2 + 0.8 * speed / assigned, 0.0)
+    np.testing.assert_allclose(power[inside], expected, atol=1e-6)
+    assert power.max() == pytest.approx(1.0, abs=1e-6) and (power <= 1.0).all()
+    flow = functions["flow"](t)
+    np.testing.assert_allclose(flow[inside], np.where(on, 80 * speed, -1.0), atol=1e-5)
+    np.testing.assert_allclose(functions["early"](t), functions["power"](t + 0.05), atol=1e-12)
+
+
+def test_layers_have_outputs_of_their_own(limits: ac.Limits) -> None:
+    lines = [ac.Path.polyline([[0.30, y], [0.34, y]]) for y in (0.20, 0.22, 0.24)]
+    drawn = [
+        Contour(path=x, layer=of) for x, of in zip(lines, ("CUT", "MARK", "NONE"), strict=True)
+    ]
+    gas = Analog(name="gas", rest=3.0, full=3.0, off=1.0)
+    process = Process(
+        analog=(POWER,), by_layer={"MARK": {"analog": (gas,)}, "NONE": {"analog": ()}}
+    )
+    program = prepare(Program(moves=tuple(drawn)), process)
+    trajectory = ac.plan(program, ac.load_arm("pmk3s"), limits)
+    functions = analog_outputs(program, trajectory, process, limits)
+    cut, mark, none = (np.mean(x.t) for x in trajectory.contour_spans)
+    times = np.array([cut, mark, none])
+    np.testing.assert_allclose(functions["power"](times), [1.0, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(functions["gas"](times), [1.0, 3.0, 1.0])
+    # A constant needs no assigned velocity.
+    only = dataclasses.replace(process, analog=())
+    lifted = limits.replace(speed=None)
+    found = analog_outputs(program, trajectory, only, lifted)["gas"](times)
+    np.testing.assert_array_equal(found, [1.0, 3.0, 1.0])
+
+
+def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(
+    process: Process, limits: ac.Limits, tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    trajectory, program = planned(process, limits)
+    analog = analog_outputs(program, trajectory, process, limits)
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
+    taught = ac.compensate(trajectory, servo, period=0.004)
+    assert taught.start_time < 0
+    expected = np.column_stack([of(taught.t) for of in analog.values()])
+    assert expected.any(axis=0).all()
+    for ending in ("csv", "parquet", "npz"):
+        ac.export(taught, tmp_path / f"a.{ending}", analog=analog)
+    columns = [f"analog {x.name}" for x in process.analog]
+    for found in (pd.read_csv(tmp_path / "a.csv"), pd.read_parquet(tmp_path / "a.parquet")):
+        np.testing.assert_allclose(found[columns], expected, rtol=0, atol=1e-12)
+    stored = np.load(tmp_path / "a.npz")
+    # Times of the table count from the first set-point, and back: by some rounding errors.
+    np.testing.assert_allclose(stored["analog"], expected, rtol=0, atol=1e-12)
+    assert stored["analog_name"].tolist() == [x.name for x in process.analog]
+    text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
+    (tmp_path / "own.j2").write_text(text)
+    ac.export(taught, tmp_path / "a.txt", analog=analog, template=tmp_path / "own.j2")
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "a.txt"), expected[:, 0], atol=1e-6)
+    refuses(
+        lambda: ac.export(taught, tmp_path / "a.yaml", analog=analog),
+        InvalidInput,
+        "ros-yaml has no place for the analog output power",
+    )
+    short = {"power": lambda t: t[1:]}
+    refuses(lambda: ac.export(taught, tmp_path / "b.csv", analog=short), InvalidInput, "shape")
+
+
+def test_refuses_outputs_without_a_full_speed_and_odd_ones(
+    process: Process, limits: ac.Limits, refuses: Callable[..., None]
+) -> None:
+    trajectory, program = planned(process, limits)
+    lifted = limits.replace(speed=None)
+    refuses(
+        lambda: analog_outputs(program, trajectory, process, lifted),
+        InvalidInput,
+        "power",
+        "contour 1",
+        "limits.speed",
+    )
+    own = dataclasses.replace(process, analog=(process.analog[1],))
+    assert list(analog_outputs(program, trajectory, own, lifted)) == ["flow"]
+    refuses(lambda: Process(analog=(POWER, POWER)), InvalidInput, "same name")
+    refuses(lambda: Analog(name=" "), InvalidInput, "name")
+    refuses(lambda: Analog(name="x", speed=0.0), InvalidInput, "speed", "x")
+    refuses(lambda: Analog(name="x", full=float("nan")), InvalidInput, "full", "x")
