@@ -21,6 +21,7 @@ def _switched(name: str, *values: object) -> Of:
 def _position(axis: int) -> Of:
     def value(machine: Machine) -> float:
         machine.tool.refuse_lost((axis,), "the tool's position")
+        machine.compensation.refuse("a parameter of the tool's position")
         return machine.systems.to_program(machine.tool.at)[axis] / machine.modes.unit
 
     return value
@@ -33,7 +34,7 @@ def _shift(axis: int) -> Of:
 NAMED: dict[str, Of] = {
     "_motion_mode": lambda m: float(-1 if m.modes.motion is None else m.modes.motion),
     "_plane": lambda m: float(m.modes.plane),
-    "_ccomp": lambda m: 400.0,
+    "_ccomp": lambda m: float(m.compensation.code),
     "_metric": lambda m: float(not m.modes.inch),
     "_imperial": lambda m: float(m.modes.inch),
     "_absolute": lambda m: float(m.modes.absolute),
