@@ -55,6 +55,9 @@ BY_HAND = {
     "by diameter": ("G42.1 D2 G1 X5\nX9\nG40 X11", [[0, 0], [5, -1], [9, -1], [11, 0]]),
     "set by G10": ("G10 L1 P5 R1\nG42 D5 G1 X5\nX9\nG40 X11", [[0, 0], [5, -1], [9, -1], [11, 0]]),
     "straight back": ("G41 D1 G1 X5\nX1\nG40 X0", [[0, 0], [5, 1], [5, -1], [1, -1], [0, 0]]),
+    # An arc that goes back on the tool's side makes an inside corner, on the other side a tip.
+    "cusp": ("G41 D1 G1 X5\nG2 X2 Y3 J3\nG40 G1 X0", [[0, 0], [5 - 12**0.5, 1], [1, 3], [0, 3]]),
+    "tip": ("G42 D1 G1 X5\nG2 X2 Y3 J3\nG40 G1 X0", [[0, 0], [5, -1], [5, 1], [3, 3], [0, 3]]),
     # Without G40 the end of the program ends it.
     "open end": ("G41 D1 G1 X5\nX9\nM2", [[0, 0], [5, 1], [9, 1]]),
 }
@@ -88,6 +91,12 @@ def test_an_arc_may_lead_to_the_contour():
     center = path.vertices[1] - [0, 1 / path.curvatures[0]]
     assert 1 / path.curvatures[0] == pytest.approx((25 + 36) / 12 * 1e-3)
     assert np.linalg.norm(center) == pytest.approx(1 / path.curvatures[0])
+
+
+def test_a_radius_that_the_program_sets_is_not_left_out():
+    assert not read("F60\nG10 L1 P5 R1\nG41 D5 G1 X5\n").notes
+    assert "G10 L1 (1 time" in read("F60\nG10 L1 P5 Z9 R1\nG41 D5 G1 X5\n").notes[0]
+    assert "G10 L12 (1 time" in read("F60\nG10 L12 P5 R1\nG1 X5\n").notes[0]
 
 
 def test_the_side_may_change_without_a_move_between():

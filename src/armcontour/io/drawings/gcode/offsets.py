@@ -73,17 +73,28 @@ def _set_data(block: Block, tool: Tool, unknown: Unknown, table: ToolTable) -> N
             del words[letter]
         unknown.count("G10", tool.line)
     elif kind in OF_TOOLS:
-        if "R" in words and "P" in words:
-            number = whole(words["P"], "G10 with a tool P")
-            table.set_radius(kind, number, words["R"] * tool.modes.unit)
-        for letter in [x for x in words if x in "XYZPRIJQ"]:
+        read = _set_radius(words, kind, tool.modes.unit, table)
+        rest = [x for x in words if x in "XYZPRIJQ"]
+        for letter in rest:
             del words[letter]
-        unknown.count(f"G10 L{kind}", tool.line)
+        if rest or not read:
+            unknown.count(f"G10 L{kind}", tool.line)
     elif kind in (ORIGIN, ORIGIN_HERE):
         _set_origin(block, tool, here=kind == ORIGIN_HERE)
     else:
         said = "without L" if kind is None else f"L{kind}"
         raise Fault(f"G10 {said}, which this reader does not know: it reads L2 and L20")
+
+
+def _set_radius(words: dict[str, float], kind: int, unit: float, table: ToolTable) -> bool:
+    """G10 with R for a tool P: takes both from the line if it reads them; whether it does."""
+    if "R" not in words or "P" not in words:
+        return False
+    number = whole(words["P"], "G10 with a tool P")
+    if not table.set_radius(kind, number, words["R"] * unit):
+        return False
+    del words["P"], words["R"]
+    return True
 
 
 def _set_origin(block: Block, tool: Tool, *, here: bool) -> None:

@@ -23,12 +23,19 @@ class ToolTable:
     def __init__(self, diameters: Mapping[int, float]) -> None:
         self.diameters = dict(diameters)
 
-    def set_radius(self, kind: int, number: int, radius: float) -> None:
-        """G10 with P and R: the radius of a tool [m]."""
+    def set_radius(self, kind: int, number: int, radius: float) -> bool:
+        """G10 with P and R: the radius of a tool [m]; whether it is read.
+
+        Args:
+            kind: L, which says what is set.
+            number: Number of the tool.
+            radius: Its radius, if L means that [m].
+        """
         if kind in SETS_RADIUS:
             self.diameters[number] = 2 * radius
         elif kind in SETS_WEAR:
             self.diameters[number] = math.nan
+        return kind in SETS_RADIUS
 
     def diameter_for(self, block: Block, code: int, unit: float, in_spindle: int) -> float:
         """The diameter that G41 or G42 of a line goes by [m]; takes its words from the line.
