@@ -157,6 +157,8 @@ def test_inverse_time_goes_by_the_programmed_length():
 def test_parameters_tell_the_state():
     path = read("F60\nG41 D1 G1 X5\nG1 X[#<_ccomp>/41]\nG40\nG1 X[#<_ccomp>/20]\n").path
     assert in_mm(path) == [[0, 0], [5, 1], [10, 1], [20, 0]]
+    path = read("F60\nT1 M6\nG1 X#5410\nG20\nG1 X[#5410*25.4]\n").path
+    assert in_mm(path) == [[0, 0], [2, 0], [50.8, 0]]
 
 
 REFUSED = {
@@ -174,6 +176,7 @@ REFUSED = {
     "G41 D1 G1 X5\nT2 M6": (2, "another tool while"),
     "M70\nG41 D1 G1 X5\nM72": (3, "changes cutter radius compensation"),
     "G41 D1 G1 X5\nG1 X[#5420+1]": (2, "the tool's position while"),
+    "G1 X#5410": (1, "#5410"),
     "G41 D1 G1 X1": (1, "1 mm long", "longer than the tool's radius of 1 mm"),
     "G41 D1 G3 X0.5 Y0.1 R5": (1, "longer than the tool's radius of 1 mm"),
     "G41 D1 G1 X5\nG3 X6 Y1 J1": (2, "an inside arc of radius 1 mm", "must be below 2 mm"),

@@ -5,13 +5,14 @@ Source: LinuxCNC manual, "Numbered Parameters" and "Predefined Named Parameters"
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.parameters import Key
 
-Of = Callable[[Machine], float]
+Of = Callable[[Machine], float | None]
 
 
 def _switched(name: str, *values: object) -> Of:
@@ -29,6 +30,12 @@ def _position(axis: int) -> Of:
 
 def _shift(axis: int) -> Of:
     return lambda m: m.systems.shift[axis] / m.modes.unit
+
+
+def _diameter(machine: Machine) -> float | None:
+    """That of the tool in the spindle; None where nothing gives it."""
+    found = machine.table.diameters.get(machine.switches.tool, math.nan)
+    return None if math.isnan(found) else found / machine.modes.unit
 
 
 NAMED: dict[str, Of] = {
@@ -74,6 +81,7 @@ NUMBERED: dict[int, Of] = {
     5210: lambda m: float(any(m.systems.shift)),
     5220: lambda m: float(m.systems.active + 1),
     5400: NAMED["_current_tool"],
+    5410: _diameter,
     **{5211 + i: _shift(i) for i in (0, 1, 2)},
     **{5420 + i: _position(i) for i in (0, 1, 2)},
     **{5423 + i: NAMED["_a"] for i in range(6)},
