@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from armcontour.geometry.segments import REPEATED_POINT
@@ -19,57 +18,21 @@ from armcontour.io.drawings.gcode.arcs import Circle, Piece, chords_of, point_of
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
 from armcontour.io.drawings.gcode.draft import Draft, Point
 from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.parallels import (
+    Beside,
+    cross,
+    cut_corner,
+    dot,
+    minus,
+    shifted,
+    turn_between,
+    turned,
+    way_to,
+)
 from armcontour.program.moves import Value
 
 # Ends of parallels that are this near are one point [m]: half of what a path takes for a gap.
 SAME_END = REPEATED_POINT / 2
-# Sine of a turn below which a move goes straight back [rad].
-STRAIGHT_BACK = 1e-9
-# Lengths along parallels that differ by so little are one [m].
-SLACK = REPEATED_POINT
-
-
-@dataclass(slots=True)
-class Beside:
-    """The way of the tool's centre beside a move, as long as no corner has shortened it.
-
-    Args:
-        start: Start [m].
-        end: End [m].
-        tangents: Unit tangents at start and end.
-        corner: Programmed start of the move [m].
-        z: Height at the end [m].
-        length: Length [m].
-        bend: Curvature of the programmed move [1/m], positive to the left.
-        curvature: Curvature of this way [1/m], positive to the left.
-        line: Line of the program; 0 for a rapid.
-        speed: Speed [m/s].
-        tolerance: Largest corner error [m].
-        first: Where it begins, by its length [m]: above 0 behind an inside corner.
-        entry: Whether it is the straight move that leads to the contour.
-    """
-
-    start: InPlane
-    end: InPlane
-    tangents: tuple[InPlane, InPlane]
-    corner: InPlane
-    z: float
-    length: float
-    bend: float = 0.0
-    curvature: float = 0.0
-    line: int = 0
-    speed: float = math.nan
-    tolerance: float = math.nan
-    first: float = 0.0
-    entry: bool = False
-
-    def at(self, way: float) -> tuple[InPlane, InPlane]:
-        """Point and unit tangent behind the start by a length [m]."""
-        (x, y), (tx, ty), k = self.start, self.tangents[0], self.curvature
-        along = math.sin(k * way) / k if k else way
-        across = 2 * math.sin(k * way / 2) ** 2 / k if k else 0.0
-        point = (x + along * tx - across * ty, y + along * ty + across * tx)
-        return point, _turned((tx, ty), k * way)
 
 
 class Compensation:
@@ -189,17 +152,17 @@ class Compensation:
         x, y, z = self.at
         z += rise
         start, radius = (x, y), 1 / piece.curvature
-        turn = math.copysign(1.0, _cross(piece.tangent, piece.normal))
+        turn = math.copysign(1.0, cross(piece.tangent, piece.normal))
         inner = radius - turn * self.left
         if inner <= REPEATED_POINT:
             raise Fault(
                 f"an inside arc of radius {1e3 * radius:.6g} mm for a tool of "
                 f"{2e3 * abs(self.left):.6g} mm: its diameter must be below {2e3 * radius:.6g} mm"
             )
-        tangent = _turned(piece.tangent, turn * piece.length / radius)
+        tangent = turned(piece.tangent, turn * piece.length / radius)
         found = Beside(
-            start=_shifted(start, piece.tangent, self.left),
-            end=_shifted(piece.end, tangent, self.left),
+            start=shifted(start, piece.tangent, self.left),
+            end=shifted(piece.end, tangent, self.left),
             tangents=(piece.tangent, tangent),
             corner=start,
             z=z,
@@ -261,8 +224,8 @@ class Compensation:
             self._refuse_short_entry(length)
         tangent = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
         return Beside(
-            start=_shifted(start, tangent, self.left),
-            end=_shifted(end, tangent, self.left),
+            start=shifted(start, tangent, self.left),
+            end=shifted(end, tangent, self.left),
             tangents=(tangent, tangent),
             corner=start,
             z=z,
@@ -286,17 +249,17 @@ class Compensation:
         """
         start = self.draft.last[:2]
         self._refuse_short_entry(math.dist(start, end))
-        back = _minus(start, found.end)
-        curvature = 2 * _cross(found.tangents[1], back) / _dot(back, back)
+        back = minus(start, found.end)
+        curvature = 2 * cross(found.tangents[1], back) / dot(back, back)
         if curvature * found.bend <= 0:
             raise Fault(
                 f"the first move under {codes.g_name(self.code)}, an arc that the tool cannot "
                 "enter from where it is: enter by a straight move"
             )
-        way = -_way(found.tangents[1], curvature, back)
+        way = -way_to(found.tangents[1], curvature, back)
         found.start, found.curvature = start, curvature
         found.length = way if way > 0 else way + 2 * math.pi / abs(curvature)
-        first = _turned(found.tangents[1], -curvature * found.length)
+        first = turned(found.tangents[1], -curvature * found.length)
         found.tangents = (first, found.tangents[1])
 
     def _follow(self, found: Beside, end: Point) -> None:
@@ -308,9 +271,9 @@ class Compensation:
 
     def _turn_corner(self, before: Beside, found: Beside) -> None:
         gap = math.dist(before.end, found.start)
-        angle = _turn_between(before, found, self.left)
+        angle = turn_between(before, found, self.left)
         if gap > SAME_END and angle * self.left > 0:
-            way = _cut_corner(before, found, abs(self.left))
+            way = cut_corner(before, found, abs(self.left))
             self._end_open(way)
             return
         self._end_open(before.length)
@@ -369,135 +332,3 @@ class Compensation:
             point = point_of(circle, 1, i / n) if i < n else end
             z = last + i / n * (x.z - last)
             self.draft.feed(*point, z, x.speed, x.tolerance, x.line)
-
-
-def _turn_between(before: Beside, found: Beside, left: float) -> float:
-    """The angle from one move to the next, positive to the left [rad].
-
-    A move straight back turns around the outside of the tip, as in LinuxCNC, unless it bends away
-    to the tool's side, where both make an inside corner.
-    """
-    a, b = before.tangents[1], found.tangents[0]
-    sine, cosine = _cross(a, b), _dot(a, b)
-    if cosine < 0 and abs(sine) <= STRAIGHT_BACK:
-        inside = (before.bend + found.bend) * left < 0
-        return math.copysign(math.pi, left if inside else -left)
-    return math.atan2(sine, cosine)
-
-
-def _cut_corner(before: Beside, found: Beside, radius: float) -> float:
-    """Shortens two ways at an inside corner up to where they cross.
-
-    Returns:
-        The length at which the first one ends [m].
-
-    Raises:
-        Fault: They do not cross, or one of them is too short.
-    """
-    x, y = (1e3 * v for v in found.corner)
-    corner = f"an inside corner at ({x:.6g}, {y:.6g}) mm for a tool of {2e3 * radius:.6g} mm"
-    mend = "take a smaller tool, or round the corner by more than the tool's radius"
-    ways = [x for x in _ways_to_crossings(before, found) if min(x) >= -SLACK]
-    if not ways:
-        raise Fault(f"{corner}, into which it does not fit: {mend}")
-    back, ahead = min(ways)
-    left = before.length - before.first
-    if back > left + SLACK and not before.entry:
-        raise Fault(
-            f"{corner}, which shortens the move before it by {1e3 * back:.6g} mm, of which "
-            f"{1e3 * left:.6g} mm are left: {mend}"
-        )
-    if ahead > found.length + SLACK:
-        raise Fault(
-            f"{corner}, which shortens the move after it by {1e3 * ahead:.6g} mm, which is "
-            f"{1e3 * found.length:.6g} mm long: {mend}"
-        )
-    found.first = ahead
-    return before.length - back
-
-
-def _ways_to_crossings(before: Beside, found: Beside) -> list[tuple[float, float]]:
-    """How far crossings of two ways lie before the end of one, and behind the start of the other.
-
-    Relative to the ends, so that crossings of nearly tangent arcs of any radius are exact: a circle
-    through a point with tangent t, left normal n and curvature k has k x.x / 2 = n.x there.
-    """
-    ta, tb, ka, kb = before.tangents[1], found.tangents[0], before.curvature, found.curvature
-    apart = _minus(found.start, before.end)
-    if not (ka or kb):
-        sine = _cross(ta, tb)
-        return [(-_cross(apart, tb) / sine, _cross(apart, ta) / sine)]
-    if abs(ka) >= abs(kb):
-        crossings = _crossings(ta, ka, tb, kb, apart)
-    else:
-        others = _crossings(tb, kb, ta, ka, _minus((0.0, 0.0), apart))
-        crossings = [(x + apart[0], y + apart[1]) for x, y in others]
-    return [
-        (_wrapped(-_way(ta, ka, x), ka), _wrapped(_way(tb, kb, _minus(x, apart)), kb))
-        for x in crossings
-    ]
-
-
-def _crossings(ta: InPlane, ka: float, tb: InPlane, kb: float, apart: InPlane) -> list[InPlane]:
-    """Where a circle crosses a line or a larger circle, relative to the first one's point.
-
-    Args:
-        ta: Unit tangent of the circle.
-        ka: Its curvature [1/m].
-        tb: Unit tangent of the other one.
-        kb: Its curvature [1/m].
-        apart: From the point of the one to the point of the other [m].
-    """
-    na, nb = (-ta[1], ta[0]), (-tb[1], tb[0])
-    # The crossings lie on one line, on which the difference of both equations vanishes.
-    w = (
-        ka * nb[0] - kb * na[0] + ka * kb * apart[0],
-        ka * nb[1] - kb * na[1] + ka * kb * apart[1],
-    )
-    size = _dot(w, w)
-    if size == 0.0:
-        return []
-    share = ka * (kb * _dot(apart, apart) / 2 + _dot(nb, apart)) / size
-    foot = (share * w[0], share * w[1])
-    along = (-w[1] / math.sqrt(size), w[0] / math.sqrt(size))
-    a, b, c = ka / 2, _dot(na, along), ka * _dot(foot, foot) / 2 - _dot(na, foot)
-    inside = b * b - 4 * a * c
-    if inside < 0:
-        return []
-    larger = (b + math.copysign(math.sqrt(inside), b)) / 2
-    roots = (larger / a, c / larger) if larger else (0.0,)
-    return [(foot[0] + s * along[0], foot[1] + s * along[1]) for s in roots]
-
-
-def _way(tangent: InPlane, curvature: float, chord: InPlane) -> float:
-    """The length along a line or a circle to the end of a chord, negative backwards [m]."""
-    along = _dot(tangent, chord)
-    if not curvature:
-        return along
-    return math.atan2(curvature * along, 1 - curvature * _cross(tangent, chord)) / curvature
-
-
-def _wrapped(way: float, curvature: float) -> float:
-    """A length along a circle, forwards."""
-    return way + 2 * math.pi / abs(curvature) if curvature and way < -SLACK else way
-
-
-def _shifted(point: InPlane, tangent: InPlane, left: float) -> InPlane:
-    return point[0] - left * tangent[1], point[1] + left * tangent[0]
-
-
-def _turned(vector: InPlane, angle: float) -> InPlane:
-    c, s = math.cos(angle), math.sin(angle)
-    return vector[0] * c - vector[1] * s, vector[0] * s + vector[1] * c
-
-
-def _minus(a: InPlane, b: InPlane) -> InPlane:
-    return a[0] - b[0], a[1] - b[1]
-
-
-def _dot(a: InPlane, b: InPlane) -> float:
-    return a[0] * b[0] + a[1] * b[1]
-
-
-def _cross(a: InPlane, b: InPlane) -> float:
-    return a[0] * b[1] - a[1] * b[0]
