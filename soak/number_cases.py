@@ -131,6 +131,7 @@ _DRAWN: dict[str, Any] = {
     "chord_tolerance": 1e-5,
     "join_tolerance": 1e-5,
     "mend_vertices": 1e-6,
+    "tools": {1: 3e-3},
 }
 _FRAMED = {"position": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}
 _UP = {"up": [0.0, 0.0, 1.0]}
@@ -360,6 +361,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--tolerance": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
     "--from-s": ("# m", "# mm"),
+    "--tool": ("1: # m", "1: # mm"),
     "--period": ("# s", "# ms"),
     "--memory": ("# byte", "# GB"),
     "--servo": ("# m", "# um"),

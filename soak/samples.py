@@ -39,6 +39,21 @@ g1 x3 y2
 m9 m30
 """,
     "G21\nG0 X0 Y0 Z5\nG1 Z-1 F300\nG2 X10 Y0 Z-2 I5 J0\nG1 X20 Y5 Z-2\nG0 Z5\nM2\n",
+    """G21 F600
+G0 X-20 Y0
+G10 L1 P4 R1.5
+G41 D4 G1 X0
+G2 X20 Y0 I10
+G1 Y-30 Z-1
+X40
+Y0
+G3 X60 Y20 J20
+G0 Z5
+G40 G1 X70
+G42.1 D2 X80
+G3 I5 Z1 P2
+M2
+""",
 )
 SVG = (
     """<?xml version="1.0"?>

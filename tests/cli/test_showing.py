@@ -38,6 +38,19 @@ def test_options_of_drawings_choose_and_scale() -> None:
     assert size == pytest.approx([0.28, 0.245], abs=1e-12)
 
 
+def test_tools_have_diameters(tmp_path: FilePath) -> None:
+    file = tmp_path / "part.ngc"
+    file.write_text("F600\nG41 D1 G1 X10\nG42.1\n")
+    with pytest.raises(InvalidInput, match="--tool '1: 3 mm'"):
+        show(file)
+    file.write_text("F600\nG41 D2 G1 X10\nX20\nM2\n")
+    data = json.loads(show(file, "--tool", "1: 3 mm, 2:4mm", "--json"))
+    assert data["extent"][1] == pytest.approx([0.02, 2e-3])
+    for text in ("3 mm", "x: 3 mm", "1: 3", "1: 3 mm, 1: 4 mm", "123456789: 1 mm"):
+        with pytest.raises(InvalidInput, match="--tool"):
+            show(file, "--tool", text)
+
+
 def test_writes_a_preview_once(tmp_path: FilePath) -> None:
     file = tmp_path / "gasket.html"
     assert file.as_uri() in show(GASKET, "--out", file)

@@ -403,6 +403,21 @@ def test_errors_of_one_plain_contour_of_a_file_may_end_when_the_job_says(folder,
     )
 
 
+def test_tools_have_diameters_by_their_numbers(folder: FilePath, refuses: Any) -> None:
+    (folder / "part.nc").write_text("F600\nG41 D1 G1 X10\nX20\nM2\n")
+    for diameter in ("4 mm", 4e-3):
+        found = job(folder, path={"file": "part.nc", "tools": {1: diameter}}).path
+        assert isinstance(found, Program)
+        y = found.path.vertices[:, 1]
+        np.testing.assert_allclose(y[1:] - y[0], 2e-3, atol=1e-12)
+    for tools in ({"one": "4 mm"}, {1: "4"}, {-1: 4e-3}):
+        refuses(
+            lambda tools=tools: job(folder, path={"file": "part.nc", "tools": tools}),
+            InvalidInput,
+            "tool",
+        )
+
+
 def test_words_of_g_code_are_left_out_by_name(folder: FilePath, refuses: Any) -> None:
     (folder / "part.nc").write_text("T1 M6\nG1 X60 F600\nG55 G0 Y9\nG1 X0\n")
     named = job(folder, path={"file": "part.nc", "unknown": {"skip": ["t", "M06", "G55"]}}).path

@@ -41,6 +41,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         flat=x.flat,
         skip_unknown=x.skip_unknown,
         skip_words=split_words(x.skip),
+        tools=read_tools(x.tool),
         speed=read_option("--speed", x.speed, kinds.Speed),
         corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
         from_s=read_option("--from-s", x.from_s, kinds.Distance),
@@ -83,3 +84,30 @@ def split_words(given: list[str] | None) -> tuple[str, ...] | None:
     if given is None:
         return None
     return tuple(x.strip() for text in given for x in text.split(",") if x.strip())
+
+
+def read_tools(given: list[str] | None) -> dict[int, float] | None:
+    """Diameters of tools by their numbers, from options such as '1: 3 mm'; None without any.
+
+    Raises:
+        InvalidInput: Text of another form, or a tool twice.
+    """
+    from armcontour import _quantities as kinds
+    from armcontour.errors import InvalidInput
+
+    if given is None:
+        return None
+    found: dict[int, float] = {}
+    for text in (part for x in given for part in x.split(",")):
+        number, colon, diameter = (x.strip() for x in text.partition(":"))
+        if not (colon and number.isascii() and number.isdigit() and len(number) <= 8):
+            raise InvalidInput(
+                f"--tool takes the number and the diameter of a tool, such as '1: 3 mm', not "
+                f"{text!r}."
+            )
+        if int(number) in found:
+            raise InvalidInput(f"--tool gives the tool {number} twice: give one diameter.")
+        length = read_option("--tool", diameter, kinds.Length)
+        assert length is not None
+        found[int(number)] = length
+    return found

@@ -118,6 +118,10 @@ class DrawingOptions:
         list[str] | None,
         typer.Option("--skip", help="Leave out these words of G-code, such as 'T,M6'."),
     ] = None
+    tool: Annotated[
+        list[str] | None,
+        typer.Option("--tool", help="Number and diameter of a tool, for G41 and G42: '1: 3 mm'."),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

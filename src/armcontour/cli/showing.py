@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.console import Console, open_page
-from armcontour.cli.opening import split_words
+from armcontour.cli.opening import read_tools, split_words
 
 if TYPE_CHECKING:
     from armcontour._progress import Progress
@@ -83,6 +83,7 @@ def read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Progr
         colors=x.color or None,
         flat=x.flat,
         unknown=unknown,
+        tools=read_tools(x.tool),
         progress=progress,
     )
 

@@ -250,6 +250,8 @@ class PathModel:
             for G-code, `{skip: [T, M6]}` leaves out these words.
         offsets: For G-code, `file` reads only offsets that the file gives; `zero` states that all
             offsets in the table of the controller are zero.
+        tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
+            `{1: 3 mm}`; a negative one puts the tool on the other side.
         orientation: The required tool orientation in space: one for the whole path, or one per
             waypoint; for a file, in the coordinates of the drawing.
     """
@@ -272,6 +274,7 @@ class PathModel:
     mend_vertices: Distance | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     offsets: Annotated[str, Choice(OFFSETS)] = "file"
+    tools: dict[int, Length] | None = None
     orientation: OrientationModel | list[OrientationModel] | None = None
 
 

@@ -26,6 +26,7 @@ class JobOverrides:
         flat: Whether to leave z out.
         skip_unknown: Whether to skip elements that the reader does not know.
         skip_words: Words and codes of G-code to leave out, such as M6.
+        tools: Diameters of tools for G-code [m], by their numbers.
         speed: Assigned velocity where the drawing gives none [m/s]; replaces the speed of runs,
             too.
         corner_tolerance: Largest corner error where the drawing gives none [m]; replaces the
@@ -44,6 +45,7 @@ class JobOverrides:
     flat: bool = False
     skip_unknown: bool = False
     skip_words: tuple[str, ...] | None = None
+    tools: dict[int, float] | None = None
     speed: float | None = None
     corner_tolerance: float | None = None
     from_s: float | None = None
@@ -96,6 +98,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "names": None if x.names is None else list(x.names),
         "colors": None if x.colors is None else list(x.colors),
         "flat": x.flat or None,
+        "tools": x.tools,
         "unknown": SkipModel(skip=list(x.skip_words))
         if x.skip_words
         else ("skip" if x.skip_unknown else None),

@@ -56,6 +56,12 @@ def test_a_drawing_is_scaled_and_then_placed(folder):
     assert lifted.contours[0].path(0.0)[2] == 0.5
 
 
+def test_tools_keep_their_diameters_when_a_drawing_is_scaled(tmp_path):
+    (tmp_path / "part.ngc").write_text("F600\nG41 D1 G1 X10\nX20\nM2\n")
+    path = ac.read_path(tmp_path / "part.ngc", tools={1: 4e-3}, scale=3.0).path
+    np.testing.assert_allclose(path.vertices, [[0, 0], [0.03, 2e-3], [0.06, 2e-3]], atol=1e-12)
+
+
 def test_layers_and_names_choose_contours(folder):
     file = folder / "w.csv"
     by_layer = ac.read_path(file, units="mm", layers=["MARK"])

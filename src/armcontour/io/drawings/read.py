@@ -51,6 +51,7 @@ def read_path(
     mend_vertices: float | None = None,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
     offsets: str = "file",
+    tools: Mapping[int, float] | None = None,
     progress: Progress | None = None,
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
@@ -79,6 +80,8 @@ def read_path(
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
         offsets: For G-code, "zero" states that all offsets in the table of the controller are zero;
             "file" reads only offsets that the file gives.
+        tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
+            {1: 0.003}; a negative one puts the tool on the other side.
         progress: Called from time to time with the name of the file and the fraction of it that is
             read, where the reader can tell.
 
@@ -94,11 +97,14 @@ def read_path(
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
         offsets=offsets,
+        tools={} if tools is None else tools,
         layers=_layer_set(layers),
         layer_tolerances=_layer_tolerances(layers),
         colors=_color_set(colors, suffix),
     )
     factor = _checks.positive("scale", scale)
+    # The scale is that of the file's lengths, and tools are as they are.
+    reading = replace(reading, tools={n: x / factor for n, x in reading.tools.items()})
     module, name, options = READERS[suffix]
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:

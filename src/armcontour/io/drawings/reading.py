@@ -12,6 +12,7 @@ from armcontour._checks import LONGEST_NAME
 from armcontour._files import SMALL, read_bytes
 from armcontour._progress import Progress, Step, under
 from armcontour._text import make_printable, show
+from armcontour.errors import InvalidInput
 
 # Largest file that is read [bytes]: the data structures made from it take many times its size.
 LARGEST = SMALL
@@ -20,6 +21,8 @@ KEPT = LONGEST_NAME - 12
 # Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
 # two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
+# Largest number of a tool: tables have some hundred, and G-code eight digits at most.
+MOST_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 OFFSETS = ("file", "zero")
 # How messages advise the user to choose "skip".
@@ -42,12 +45,14 @@ class Reading:
         skip: Words and codes of G-code to leave out, such as "M6" or "T".
         offsets: Where offsets of G-code come from that are in the table of a controller: "file"
             reads only those that the file gives, "zero" states that all others are zero.
+        tools: Diameters of tools for G41 and G42 of G-code [m], by their numbers.
         layers: Unknown entities on other layers are ignored; None means all layers.
         layer_tolerances: Largest corner errors on layers that have one [m], by their names.
         colors: Only entities of these colours are read, as `color_of` names them; None means all.
 
     Raises:
-        InvalidInput: A length is not above zero, or `unknown` is another word.
+        InvalidInput: A length is not above zero, a tool has no whole number or no length, or
+            `unknown` is another word.
     """
 
     unit: float | None = None
@@ -57,6 +62,7 @@ class Reading:
     unknown: str = "refuse"
     skip: frozenset[str] = frozenset()
     offsets: str = "file"
+    tools: Mapping[int, float] = field(default_factory=dict)
     layers: frozenset[str] | None = None
     layer_tolerances: Mapping[str, float] = field(default_factory=dict)
     colors: frozenset[str] | None = None
@@ -70,6 +76,25 @@ class Reading:
             _checks.not_negative("mend_vertices", self.mend_vertices, "m")
         _checks.choice("unknown", self.unknown, UNKNOWN)
         _checks.choice("offsets", self.offsets, OFFSETS)
+        object.__setattr__(self, "tools", _checked_tools(self.tools))
+
+
+def _checked_tools(tools: Mapping[int, float]) -> dict[int, float]:
+    """Diameters of tools by their numbers.
+
+    Raises:
+        InvalidInput: A number that is not whole, or a diameter that is no number.
+    """
+    if not isinstance(tools, Mapping):
+        raise InvalidInput(
+            "tools must be diameters in metres by the numbers of tools, such as {1: 0.003}, not "
+            f"{show(tools)}."
+        )
+    found = {}
+    for number, diameter in tools.items():
+        which = _checks.whole("number of a tool", number, 0, MOST_TOOLS)
+        found[which] = _checks.number(f"diameter of tool {which}", diameter, "m")
+    return found
 
 
 Tell = Callable[[float], None]

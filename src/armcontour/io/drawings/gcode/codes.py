@@ -25,6 +25,9 @@ SET_DATA, LOCAL, MACHINE, SHIFT = 100, 520, 530, 920
 # G92.1, G92.2, G92.3: the shift of G92 erased, suspended, restored.
 SHIFT_STATES = (921, 922, 923)
 RETURN_TO_START, RETURN_TO_R = 980, 990
+# Cutter radius compensation; the second and the fourth have the tool's diameter itself as D.
+NO_COMPENSATION, COMPENSATION = 400, (410, 411, 420, 421)
+ON_THE_RIGHT, BY_DIAMETER = (420, 421), (411, 421)
 MOTION = "motion"
 
 _MEMBERS: dict[str, tuple[int, ...]] = {
@@ -39,7 +42,7 @@ _MEMBERS: dict[str, tuple[int, ...]] = {
     "distance mode of arcs": (ARC_ABSOLUTE, ARC_RELATIVE),
     "feed mode": (INVERSE_TIME, PER_MINUTE, PER_TURN),
     "units": (INCH, MILLIMETRE),
-    "cutter compensation": (400, 410, 411, 420, 421),
+    "cutter compensation": (NO_COMPENSATION, *COMPENSATION),
     "tool length": TOOL_LENGTH,
     "return level": (980, 990),
     "coordinate systems": SYSTEMS,
@@ -55,15 +58,15 @@ M_GROUP: dict[float, str] = {
     **dict.fromkeys((48, 49), "overrides"),
 }
 
-# Codes that are carried out, or that ask for what is so anyway: no cutter compensation (G40), feed
-# and speed in the usual units (G94, G97), radius (G8), no scale, rotation or polar coordinates
-# (G15, G69), nothing called at every move (G67).
+# Codes that are carried out, or that ask for what is so anyway: feed and speed in the usual units
+# (G94, G97), radius (G8), no scale, rotation or polar coordinates (G15, G69), nothing called at
+# every move (G67).
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
         *(INCH, MILLIMETRE, ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE),
         *(INVERSE_TIME, PER_MINUTE, PER_TURN, EXACT_PATH, EXACT_STOP, BLEND),
-        *(80, 150, 400, 670, 690, 970, RETURN_TO_START, RETURN_TO_R),
+        *(NO_COMPENSATION, *COMPENSATION, 80, 150, 670, 690, 970, RETURN_TO_START, RETURN_TO_R),
         *(*TOOL_LENGTH, *SYSTEMS, *CYCLES, *REFERENCE_MOVES, *REFERENCE_STORES),
         *(SET_DATA, LOCAL, MACHINE, SHIFT, *SHIFT_STATES),
     )
@@ -79,11 +82,6 @@ HARMLESS_G = frozenset((50, 51, 110, 290, 500, SURFACE_SPEED, 1870))
 # Why what shifts or turns the rest of the program is not read.
 REFUSED_G = {
     70: "diameter mode, in which X is twice the radius: let the post-processor write radii (G8)",
-    **dict.fromkeys(
-        (410, 411, 420, 421),
-        "cutter radius compensation, whose tool radius the file does not give: let the "
-        "post-processor write the path of the tool's centre",
-    ),
     **dict.fromkeys((120, 130), "a circular pocket or polar coordinates: write G1, G2 and G3"),
     **dict.fromkeys((121, 131, 160, 1120), "polar coordinates: write X and Y"),
     **dict.fromkeys(

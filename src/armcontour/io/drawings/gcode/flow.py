@@ -41,7 +41,7 @@ class Call:
     own_scope: bool
     again: int = 0
     counts: dict[int, int] = field(default_factory=dict)
-    saved: tuple[Modes, int] | None = None
+    saved: tuple[Modes, int, tuple[int, float]] | None = None
     restores: bool = False
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.arc_words import PLANES
+from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.cycles import Cycles
 from armcontour.io.drawings.gcode.draft import Draft
 from armcontour.io.drawings.gcode.faults import Fault
@@ -23,6 +24,7 @@ from armcontour.io.drawings.gcode.offsets import set_offsets
 from armcontour.io.drawings.gcode.references import References
 from armcontour.io.drawings.gcode.switches import Extruder, Switches
 from armcontour.io.drawings.gcode.systems import Systems
+from armcontour.io.drawings.gcode.tool_table import ToolTable
 from armcontour.io.drawings.gcode.unknown import Unknown
 from armcontour.io.drawings.gcode.words import Block
 from armcontour.io.drawings.reading import Reading
@@ -47,9 +49,11 @@ class Machine:
         self.modes = Modes(unit=reading.unit or MILLIMETRE, stated=stated)
         self.draft = Draft()
         self.systems = Systems(reading.offsets == "zero")
-        self.tool = Tool(self.draft, self.modes, self.systems, reading.chord_tolerance)
+        self.compensation = Compensation(self.draft, reading.chord_tolerance)
+        self.table = ToolTable(reading.tools)
+        self.tool = Tool(self.compensation, self.modes, self.systems, reading.chord_tolerance)
         self.unknown = Unknown(reading.skip, reading.unknown == "skip")
-        self.switches = Switches(self.draft, changes_tools)
+        self.switches = Switches(self.compensation, changes_tools)
         self.extruder = Extruder(self.switches)
         self.references = References(self.tool)
         self.cycles = Cycles(self.tool, self.modes, self.switches)
@@ -57,7 +61,7 @@ class Machine:
         self.first_compensated = 0
         self.long_dwell: tuple[float, int] | None = None
         self.surface_speed = False
-        self.saved: tuple[Modes, int] | None = None
+        self.saved: tuple[Modes, int, tuple[int, float]] | None = None
         self.restores_at_return = False
 
     @property
@@ -74,6 +78,7 @@ class Machine:
             and modes.feed_mode == codes.PER_MINUTE
             and modes.unit <= 0.1
             and self.draft.begun
+            and self.compensation.off
             and not self.tool.away
             and not self.extruder.on
             and self.systems.plain
@@ -128,8 +133,11 @@ class Machine:
         self._save(block)
         self.extruder.set_mode(block)
         if dwell is not None:
-            self.draft.dwell(dwell)
+            self.compensation.dwell(dwell)
+        if codes.NO_COMPENSATION in block.g:
+            self.compensation.stop()
         self._set_modes(block)
+        self._compensate_radius(block)
         if self._move_once(block):
             self._set_motion(block)
         else:
@@ -190,6 +198,8 @@ class Machine:
             modes.unit, modes.stated = unit, True
         for code in block.g:
             if code in PLANES:
+                if code != modes.plane:
+                    self.compensation.refuse(f"another plane ({codes.g_name(code)})")
                 modes.plane = code
             elif code in (codes.ABSOLUTE, codes.RELATIVE):
                 modes.absolute = code == codes.ABSOLUTE
@@ -206,6 +216,21 @@ class Machine:
                 self.systems.select(codes.SYSTEMS.index(code))
             elif code in codes.TOOL_LENGTH:
                 self._compensate_length(block, code)
+
+    def _compensate_radius(self, block: Block) -> None:
+        """G41, G42: the tool beside the contour from the next move on."""
+        code = next((x for x in block.g if x in codes.COMPENSATION), None)
+        if code is None:
+            return
+        name = codes.g_name(code)
+        if self.modes.plane != codes.XY:
+            raise Fault(f"{name} in the plane {codes.g_name(self.modes.plane)}: it is read in G17")
+        if self.tool.away:
+            raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
+        tool = self.switches.tool
+        diameter = self.table.diameter_for(block, code, self.modes.unit, tool)
+        left = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
+        self.compensation.start(code, left)
 
     def _compensate_length(self, block: Block, code: int) -> None:
         """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
@@ -227,6 +252,8 @@ class Machine:
     def _move_once(self, block: Block) -> bool:
         """Codes that take the coordinates of their line for themselves; whether there is one."""
         g = block.g
+        for code in codes.OWN_THE_LINE.intersection(g):
+            self.compensation.refuse(codes.g_name(code))
         reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
         if reference is not None:
             self.references.move(block, reference)
@@ -240,7 +267,7 @@ class Machine:
             for letter in AXES:
                 block.words.pop(letter, None)
         else:
-            return set_offsets(block, self.tool, self.extruder, self.unknown)
+            return set_offsets(block, self.tool, self.extruder, self.unknown, self.table)
         return True
 
     def _set_motion(self, block: Block) -> None:
@@ -262,6 +289,7 @@ class Machine:
         if modes.motion is None:
             raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
         if modes.motion in codes.CYCLES:
+            self.compensation.refuse(f"the cycle {codes.g_name(modes.motion)}")
             self.cycles.run(block)
             return
         self.extruder.switch(feeds)
@@ -288,7 +316,7 @@ class Machine:
                     del block.words[letter]
                 self.unknown.count(f"M{code}", self.line)
             elif code in (70, 73):
-                self.saved = (dataclasses.replace(self.modes), self.systems.active)
+                self.saved = (dataclasses.replace(self.modes), self.systems.active, self._side)
                 self.restores_at_return = self.restores_at_return or code == 73
             elif code == 71:
                 self.saved, self.restores_at_return = None, False
@@ -301,20 +329,33 @@ class Machine:
         """Brings back what was in force when it was saved, but for the motion."""
         if self.saved is None:
             return
-        saved, self.systems.active = self.saved
+        saved, self.systems.active, side = self.saved
+        if side != self._side:
+            raise Fault(
+                "M72, or the return after M73, that changes cutter radius compensation: write "
+                "G40, G41 or G42 as it was before"
+            )
         for field in dataclasses.fields(Modes):
             if field.name != "motion":
                 setattr(self.modes, field.name, getattr(saved, field.name))
 
+    @property
+    def _side(self) -> tuple[int, float]:
+        return self.compensation.code, self.compensation.left
+
     def _stop(self, block: Block) -> bool:
         for code, value in ((0, True), (60, True), (1, "optional")):
             if code in block.m:
-                self.draft.rest()
-                self.draft.event("pause", value)
+                self.compensation.rest()
+                self.compensation.event("pause", value)
         if 2 not in block.m and 30 not in block.m:
             return False
         self.switches.off()
         return True
+
+    def finish(self) -> None:
+        """The end of the program, which ends compensation too."""
+        self.compensation.stop()
 
     def notes(self, where: Callable[[int], str]) -> list[str]:
         """Sentences on what was left out, and on how something was read.

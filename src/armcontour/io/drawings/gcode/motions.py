@@ -23,7 +23,7 @@ from armcontour.io.drawings.gcode.arcs import (
     with_radius,
 )
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
-from armcontour.io.drawings.gcode.draft import Draft
+from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.feed import speed_of
 from armcontour.io.drawings.gcode.modes import Modes
@@ -41,14 +41,14 @@ class Tool:
     """Where the tool is in the drawing, and its moves from there.
 
     Args:
-        draft: The program that takes the moves.
+        draft: What takes the moves.
         modes: What is in force.
         systems: Coordinate systems of the program.
         chord_tolerance: Largest distance between a helix and its chords [m].
     """
 
     def __init__(
-        self, draft: Draft, modes: Modes, systems: Systems, chord_tolerance: float
+        self, draft: Compensation, modes: Modes, systems: Systems, chord_tolerance: float
     ) -> None:
         self.draft, self.modes, self.systems = draft, modes, systems
         self.chord_tolerance = chord_tolerance
@@ -174,18 +174,20 @@ class Tool:
             raise Fault("an arc across the plane XY in a coordinate system that is turned")
         a, b, c = axes = PLANES[modes.plane]
         turns = turns_of(block)
-        last = self.draft.last
+        last = self.draft.start_of_arc()
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
-        if abs(rise) > CLOSE:
+        if abs(rise) > CLOSE and not self.draft.left:
             speed = self.speed(helix_length(circle, turns, rise))
             self._helix(circle, turns, target, speed)
         else:
             self.draft.room_for(turns - 1)
             pieces = pieces_of(circle, turns)
-            speed = self.speed(sum(x.length for x in pieces))
-            for piece in pieces:
-                self.draft.bend(piece, axes, speed, modes.tolerance, self.line)
+            length = sum(x.length for x in pieces)
+            speed = self.speed(math.hypot(length, rise))
+            for x in pieces:
+                share = rise * x.length / length
+                self.draft.bend(x, axes, speed, modes.tolerance, self.line, rise=share)
         self.at[:] = target
 
     def _helix(self, circle: Circle, turns: int, target: list[float], speed: float) -> None:
@@ -193,7 +195,7 @@ class Tool:
         a, b, c = PLANES[self.modes.plane]
         n = chords_of(circle, turns, self.chord_tolerance)
         self.draft.room_for(n)
-        point = list(self.draft.last)
+        point = list(self.draft.start_of_arc())
         first = point[c]
         for i in range(1, n + 1):
             share = i / n

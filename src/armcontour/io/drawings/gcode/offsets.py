@@ -8,6 +8,7 @@ from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.motions import AXES, Tool
 from armcontour.io.drawings.gcode.switches import Extruder
+from armcontour.io.drawings.gcode.tool_table import ToolTable
 from armcontour.io.drawings.gcode.unknown import Unknown
 from armcontour.io.drawings.gcode.words import Block, whole
 
@@ -16,7 +17,9 @@ ORIGIN, ORIGIN_HERE = 2, 20
 OF_TOOLS = (0, 1, 3, 10, 11, 12, 13)
 
 
-def set_offsets(block: Block, tool: Tool, extruder: Extruder, unknown: Unknown) -> bool:
+def set_offsets(
+    block: Block, tool: Tool, extruder: Extruder, unknown: Unknown, table: ToolTable
+) -> bool:
     """Carries out G10, G52, G92 and G92.1 to G92.3; takes their words from the line.
 
     Args:
@@ -24,6 +27,7 @@ def set_offsets(block: Block, tool: Tool, extruder: Extruder, unknown: Unknown) 
         tool: What the coordinates belong to.
         extruder: What E of G92 belongs to.
         unknown: Counts what is left out.
+        table: Takes radii of tools.
 
     Returns:
         Whether there is one on the line.
@@ -33,7 +37,7 @@ def set_offsets(block: Block, tool: Tool, extruder: Extruder, unknown: Unknown) 
     """
     g = block.g
     if codes.SET_DATA in g:
-        _set_data(block, tool, unknown)
+        _set_data(block, tool, unknown, table)
     elif codes.LOCAL in g:
         tool.systems.set_local(_lengths(block, tool))
     elif codes.SHIFT in g:
@@ -59,8 +63,8 @@ def _lengths(block: Block, tool: Tool) -> dict[int, float]:
     return {i: block.words.pop(x) * unit for i, x in enumerate(AXES) if x in block.words}
 
 
-def _set_data(block: Block, tool: Tool, unknown: Unknown) -> None:
-    """G10: origins of coordinate systems; what it says of tools is left out."""
+def _set_data(block: Block, tool: Tool, unknown: Unknown, table: ToolTable) -> None:
+    """G10: origins of coordinate systems, radii of tools; what else it says of them is left out."""
     words = block.words
     kind = whole(words.pop("L"), "G10 L") if "L" in words else None
     if kind is None and words.keys().isdisjoint(AXES):
@@ -69,14 +73,28 @@ def _set_data(block: Block, tool: Tool, unknown: Unknown) -> None:
             del words[letter]
         unknown.count("G10", tool.line)
     elif kind in OF_TOOLS:
-        for letter in [x for x in words if x in "XYZPRIJQ"]:
+        read = _set_radius(words, kind, tool.modes.unit, table)
+        rest = [x for x in words if x in "XYZPRIJQ"]
+        for letter in rest:
             del words[letter]
-        unknown.count(f"G10 L{kind}", tool.line)
+        if rest or not read:
+            unknown.count(f"G10 L{kind}", tool.line)
     elif kind in (ORIGIN, ORIGIN_HERE):
         _set_origin(block, tool, here=kind == ORIGIN_HERE)
     else:
         said = "without L" if kind is None else f"L{kind}"
         raise Fault(f"G10 {said}, which this reader does not know: it reads L2 and L20")
+
+
+def _set_radius(words: dict[str, float], kind: int, unit: float, table: ToolTable) -> bool:
+    """G10 with R for a tool P: takes both from the line if it reads them; whether it does."""
+    if "R" not in words or "P" not in words:
+        return False
+    number = whole(words["P"], "G10 with a tool P")
+    if not table.set_radius(kind, number, words["R"] * unit):
+        return False
+    del words["P"], words["R"]
+    return True
 
 
 def _set_origin(block: Block, tool: Tool, *, here: bool) -> None:

@@ -173,6 +173,7 @@ class _Runner:
         try:
             while self._run_on():
                 pass
+            self.machine.finish()
         except Fault as fault:
             name, number = flow.place(max(self.machine.tool.line, 1))
             raise InvalidInput(f"{name}, line {number}: {fault}.", index=number - 1) from None

@@ -5,13 +5,14 @@ Source: LinuxCNC manual, "Numbered Parameters" and "Predefined Named Parameters"
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.parameters import Key
 
-Of = Callable[[Machine], float]
+Of = Callable[[Machine], float | None]
 
 
 def _switched(name: str, *values: object) -> Of:
@@ -21,6 +22,7 @@ def _switched(name: str, *values: object) -> Of:
 def _position(axis: int) -> Of:
     def value(machine: Machine) -> float:
         machine.tool.refuse_lost((axis,), "the tool's position")
+        machine.compensation.refuse("a parameter of the tool's position")
         return machine.systems.to_program(machine.tool.at)[axis] / machine.modes.unit
 
     return value
@@ -30,10 +32,16 @@ def _shift(axis: int) -> Of:
     return lambda m: m.systems.shift[axis] / m.modes.unit
 
 
+def _diameter(machine: Machine) -> float | None:
+    """That of the tool in the spindle; None where nothing gives it."""
+    found = machine.table.diameters.get(machine.switches.tool, math.nan)
+    return None if math.isnan(found) else found / machine.modes.unit
+
+
 NAMED: dict[str, Of] = {
     "_motion_mode": lambda m: float(-1 if m.modes.motion is None else m.modes.motion),
     "_plane": lambda m: float(m.modes.plane),
-    "_ccomp": lambda m: 400.0,
+    "_ccomp": lambda m: float(m.compensation.code),
     "_metric": lambda m: float(not m.modes.inch),
     "_imperial": lambda m: float(m.modes.inch),
     "_absolute": lambda m: float(m.modes.absolute),
@@ -73,6 +81,7 @@ NUMBERED: dict[int, Of] = {
     5210: lambda m: float(any(m.systems.shift)),
     5220: lambda m: float(m.systems.active + 1),
     5400: NAMED["_current_tool"],
+    5410: _diameter,
     **{5211 + i: _shift(i) for i in (0, 1, 2)},
     **{5420 + i: _position(i) for i in (0, 1, 2)},
     **{5423 + i: NAMED["_a"] for i in range(6)},

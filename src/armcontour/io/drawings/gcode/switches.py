@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.draft import Draft
+from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.words import Block, whole
 from armcontour.program.moves import Value
@@ -24,11 +24,11 @@ class Switches:
     """The states of what is switched; a change of one is an event.
 
     Args:
-        draft: The program that takes the events.
+        draft: What takes the events.
         changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
     """
 
-    def __init__(self, draft: Draft, changes_tools: Callable[[], bool]) -> None:
+    def __init__(self, draft: Compensation, changes_tools: Callable[[], bool]) -> None:
         self.draft = draft
         self._changes_tools = changes_tools
         self._by_m6: bool | None = None
@@ -76,6 +76,7 @@ class Switches:
 
     def _change_tool(self) -> None:
         """The tool comes to rest, and is another one."""
+        self.draft.refuse("another tool")
         self.draft.rest()
         value: Value = True if self.selected is None else float(self.selected)
         self.tool = self.selected or 0
