@@ -46,7 +46,7 @@ fixed: From 0.311525 m of 0.502655 m along the path it is out of reach of the ar
 (0.376328, 0.0, 0.318817) m, 0.344959 m along it, the tool stays 0.0341 m away; move the path or \
 the arm, or leave turning about the tool axis free.
 free:  all 503 mm in 10.22 s
-contour error 0.0742 mm at most, torch axis off by 0.0951° at most
+contour error 0.0271 mm at most, torch axis off by 0.0098° at most
 """,
     "05_certified": """\
 certified in 4.710 s, 19 ms more than the optimum
