@@ -134,7 +134,9 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
     assert (analog.speed, analog.lead_time) == (0.1, 0.005)
 
 
-def test_a_process_has_values_by_layer_with_their_units(folder: FilePath) -> None:
+def test_a_process_has_values_by_layer_with_their_units(
+    folder: FilePath, refuses: Callable[..., None]
+) -> None:
     layers = {"contour,": "contour,layer,", "a,0": "a,CUT,0", "a,60": "a,CUT,60", "b,": "b,MARK,"}
     text = TWO
     for old, new in layers.items():
@@ -161,6 +163,10 @@ def test_a_process_has_values_by_layer_with_their_units(folder: FilePath) -> Non
     assert made.objective is not None
     cut, mark = made.objective.contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
+    open_speeds = {"process": {"analog": [{"name": "power"}]}, "limits": {"speed": None}}
+    refuses(lambda: job(folder, **open_speeds), InvalidInput, "run taught", "power", "contour a")
+    speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
+    assert job(folder, path=speeds, **open_speeds).process.analog
     assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
 
 

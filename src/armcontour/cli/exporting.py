@@ -89,7 +89,7 @@ class Exports:
         from armcontour.errors import locate_errors
         from armcontour.io.exports import WITH_ANALOG, write_table
 
-        if target.kind not in WITH_ANALOG:
+        if table.analog and target.kind not in WITH_ANALOG:
             table = dataclasses.replace(table, analog={})
         outputs = self.outputs.get("", {}) | self.outputs.get(target.name, {})
         with locate_errors(target.option):

@@ -14,7 +14,7 @@ from armcontour.geometry.biarcs import biarcs, distance, unit
 from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounding import RoundedPath, blend_vertices
-from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 # Turns above this are corners however short their segments are [rad].
 LARGEST_KINK = 0.05
@@ -125,7 +125,11 @@ def mend_paths(
     if which:
         for i, inner in zip(which, _mend_inside([kinks[i] for i in which]), strict=True):
             found[i] = inner
-    return [_with_seam(x, inner) for x, inner in zip(kinks, found, strict=True)]
+    seams = _mend_seams(
+        [x.path if y is None else y.path for x, y in zip(kinks, found, strict=True)],
+        np.array([x.seam for x in kinks]),
+    )
+    return [_combine(*x) for x in zip(found, seams, strict=True)]
 
 
 def _find_kinks(path: Path, printed: Printed, most: float) -> _Kinks:
@@ -145,9 +149,8 @@ def _find_kinks(path: Path, printed: Printed, most: float) -> _Kinks:
     )
 
 
-def _with_seam(kinks: _Kinks, inner: Mended | None) -> Mended | None:
-    """What is mended inside of a path, and where it closes; None for nothing."""
-    seam = _mend_seam(kinks.path if inner is None else inner.path, *kinks.seam)
+def _combine(inner: Mended | None, seam: Mended | None) -> Mended | None:
+    """What is mended inside of a path, and then where it closes; None for nothing."""
     if inner is None or seam is None:
         return inner or seam
     return Mended(
@@ -218,73 +221,130 @@ def _part(
     )
 
 
-def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
-    """Mend the vertex at which a closed path starts and ends, which stays where it is.
+def _mend_seams(paths: Sequence[Path], seam: FloatArray) -> list[Mended | None]:
+    """Mend the vertices at which closed paths start and end; these vertices stay where they are.
 
     Args:
-        path: The path.
-        most: Largest turn to mend [rad].
-        allowed: Largest distance between both paths [m].
+        paths: The paths.
+        seam: Largest turn to mend [rad], and largest distance between both paths [m], (n, 2).
     """
-    rows, n = path.segments, len(path)
-    first, last = rows[:1], rows[n - 1 :]
-    ahead, back = first.tangents, last.end_tangents
-    kink = float(angle_between(back, ahead)[0])
-    apart = float(np.linalg.norm(last.ends - first.starts))
-    if n < 2 or apart > REPEATED_POINT or not (TANGENT_TOLERANCE < kink <= most and allowed > 0):
-        return None
-    bend = max(rows.curvatures[0], rows.curvatures[-1])
-    t = min(rows.lengths[0] / 2, rows.lengths[-1] / 2, WIDEST / bend if bend > 0 else np.inf)
-    middle = unit(ahead + back)
+    counts = np.array([len(x) for x in paths])
+    whole = Segments.join([x.segments for x in paths])
+    last = np.cumsum(counts) - 1
+    rows, ends = whole[last - counts + 1], whole[last]
+    kink = angle_between(ends.end_tangents, rows.tangents)
+    apart = np.linalg.norm(ends.ends - rows.starts, axis=1)
+    most, allowed = seam.T
+    bent = (kink > TANGENT_TOLERANCE) & (kink <= most) & (allowed > 0)
+    which = np.flatnonzero(bent & (counts > 1) & (apart <= REPEATED_POINT))
+    found: list[Mended | None] = [None] * len(paths)
+    if len(which):
+        size, off = _seam_sizes(rows[which], ends[which], allowed[which])
+        fits = np.isfinite(size)
+        which, size, off = which[fits], size[fits], off[fits]
+    if len(which):
+        listed = which.tolist()
+        done = _blend_seams([paths[i] for i in listed], size)
+        for i, (path, before, after), far in zip(listed, done, off.tolist(), strict=True):
+            found[i] = Mended(
+                path=path,
+                before=before,
+                after=after,
+                count=1,
+                kink=float(kink[i]),
+                deviation=far,
+            )
+    return found
+
+
+def _seam_sizes(
+    first: Segments, last: Segments, allowed: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lengths of the blends at the seams of paths, and their distances from the paths [m], (n,).
+
+    The lengths are halved from half of a segment on, until the distance is allowed; NaN where that
+    does not suffice.
+
+    Args:
+        first: The first segments of the paths.
+        last: Their last segments.
+        allowed: Largest distances [m], (n,).
+    """
+    bend = np.maximum(first.curvatures, last.curvatures)
+    widest = np.where(bend > 0, WIDEST / np.where(bend > 0, bend, 1.0), np.inf)
+    size = np.minimum(np.minimum(first.lengths, last.lengths) / 2, widest)
+    off = np.full(len(size), np.nan)
+    todo = np.arange(len(size))
     for _ in range(MOST_HALVINGS):
-        end = np.array([t])
-        leaving = biarcs(first.starts, middle, first.at(EVERY, end), first.at(EVERY, end, 1))
-        begin = rows.lengths[-1:] - t
-        arriving = biarcs(last.at(EVERY, begin), last.at(EVERY, begin, 1), last.ends, middle)
-        off = max(
-            float(distance(_samples(first, 0.0, t), *leaving)[0]),
-            float(distance(_samples(last, float(begin[0]), t), *arriving)[0]),
+        a, b, t = first[todo], last[todo], size[todo]
+        leaving, arriving = _seam_blends(a, b, t)
+        off[todo] = np.maximum(
+            distance(_samples(a, np.zeros_like(t), t), *leaving),
+            distance(_samples(b, b.lengths - t, t), *arriving),
         )
-        if off <= allowed:
-            break
-        t /= 2
-    else:
-        return None
-    lengths = [sum(float(x.lengths[0]) for x in arcs) for arcs in (leaving, arriving)]
-    total = path.length
-    return Mended(
-        path=Path(segments=_with_ends(rows, leaving, arriving, t), merged=path.merged),
-        before=np.array([0.0, t, total - t, total]),
-        after=np.cumsum([0.0, lengths[0], total - 2 * t, lengths[1]]),
-        count=1,
-        kink=kink,
-        deviation=off,
-    )
+        todo = todo[~(off[todo] <= allowed[todo])]
+        if not len(todo):
+            return size, off
+        size[todo] /= 2
+    size[todo] = np.nan
+    return size, off
 
 
-def _samples(row: Segments, begin: float, length: float) -> FloatArray:
-    """Points along a part of one segment [m], (1, places, dimension)."""
-    return row.at(np.zeros(len(SHARES), dtype=np.intp), begin + length * SHARES)[None]
+_Arcs = tuple[Segments, Segments]
 
 
-def _with_ends(
-    rows: Segments,
-    leaving: tuple[Segments, Segments],
-    arriving: tuple[Segments, Segments],
-    t: float,
-) -> Segments:
-    """The segments with their first and last length t [m] replaced by two arcs each."""
-    n = len(rows)
+def _seam_blends(first: Segments, last: Segments, size: FloatArray) -> tuple[_Arcs, _Arcs]:
+    """The two arcs from each seam on, and the two to it, of a length on each path [m], (n,)."""
+    rows = np.arange(len(size))
+    middle = unit(first.tangents + last.end_tangents)
+    begin = last.lengths - size
+    leaving = biarcs(first.starts, middle, first.at(rows, size), first.at(rows, size, 1))
+    arriving = biarcs(last.at(rows, begin), last.at(rows, begin, 1), last.ends, middle)
+    return leaving, arriving
+
+
+def _samples(rows: Segments, begin: FloatArray, length: FloatArray) -> FloatArray:
+    """Points along a part of every segment [m], (n, places, dimension)."""
+    places = begin[:, None] + length[:, None] * SHARES
+    return rows.at(np.broadcast_to(np.arange(len(begin))[:, None], places.shape), places)
+
+
+def _blend_seams(
+    paths: Sequence[Path], size: FloatArray
+) -> list[tuple[Path, FloatArray, FloatArray]]:
+    """Closed paths with blends at their seams: path, and arc lengths before and after [m].
+
+    Args:
+        paths: The paths.
+        size: Length at their starts and ends that is replaced by two arcs each [m], (n,).
+    """
+    counts = np.array([len(x) for x in paths])
+    rows = Segments.join([x.segments for x in paths])
+    m, n = len(paths), len(rows)
+    last = np.cumsum(counts) - 1
+    first = last - counts + 1
+    leaving, arriving = _seam_blends(rows[first], rows[last], size)
     begin, end = np.zeros(n), rows.lengths.copy()
-    begin[0], end[-1] = t, end[-1] - t
+    begin[first], end[last] = size, end[last] - size
     demands = ("speeds", "tolerances", "tags")
-    first, last = (
-        {x: getattr(rows, x)[i].copy() for x in demands} for i in (slice(1), slice(n - 1, n))
-    )
-    return Segments.join(
-        [
-            *(x.replace(**first) for x in leaving),
-            rows.cut(np.arange(n), begin, end),
-            *(x.replace(**last) for x in arriving),
-        ]
-    )
+    parts = [
+        *(x.replace(**{y: getattr(rows, y)[first] for y in demands}) for x in leaving),
+        rows.cut(np.arange(n), begin, end),
+        *(x.replace(**{y: getattr(rows, y)[last] for y in demands}) for x in arriving),
+    ]
+    # The rows of each path in `parts`: its two first arcs, its segments, its two last arcs.
+    of = np.arange(m)
+    start = first + 4 * of
+    order = np.empty(n + 4 * m, dtype=np.intp)
+    order[start], order[start + 1] = of, m + of
+    order[np.arange(n) + 4 * np.repeat(of, counts) + 2] = 2 * m + np.arange(n)
+    order[start + counts + 2], order[start + counts + 3] = 2 * m + n + of, 3 * m + n + of
+    tables = Segments.join(parts)[order].split(np.append(start, n + 4 * m))
+    new = [first_arc.lengths + second_arc.lengths for first_arc, second_arc in (leaving, arriving)]
+    found = []
+    for k, (path, table) in enumerate(zip(paths, tables, strict=True)):
+        t, total = float(size[k]), path.length
+        before = np.array([0.0, t, total - t, total])
+        after = np.cumsum([0.0, new[0][k], total - 2 * t, new[1][k]])
+        found.append((Path(segments=table, merged=path.merged), before, after))
+    return found

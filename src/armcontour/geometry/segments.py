@@ -112,8 +112,24 @@ class Segments:
         return len(self.lengths)
 
     def __getitem__(self, rows: Any) -> Segments:
-        """The table of the selected rows."""
-        return self.replace(**{name: getattr(self, name)[rows] for name in COLUMNS})
+        """The table of the selected rows; neighbours of a checked table stay checked."""
+        found = {name: getattr(self, name)[rows] for name in COLUMNS}
+        together = isinstance(rows, slice) and rows.step in (None, 1) and len(found["lengths"]) > 0
+        return self.replace(checked=self.checked and together, **found)
+
+    def split(self, bounds: IntArray) -> list[Segments]:
+        """Tables of consecutive rows, each a continuous path; checked all at once.
+
+        Args:
+            bounds: First row of every table, and the number of rows, (n + 1,).
+
+        Raises:
+            InvalidInput: As in `check`.
+        """
+        self._refuse_values()
+        self.refuse_gaps(apart=bounds[1:-1])
+        whole = self.replace(checked=True)
+        return [whole[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
     @property
     def dimension(self) -> int:
@@ -226,6 +242,12 @@ class Segments:
         """
         if self.checked:
             return self
+        self._refuse_values()
+        self.refuse_gaps()
+        return self.replace(checked=True)
+
+    def _refuse_values(self) -> None:
+        """Refuse columns that do not fit together, or values that no segment has."""
         n = len(_checks.points("starts", self.starts))
         if n == 0:
             raise InvalidInput("A path needs at least one segment.")
@@ -243,11 +265,12 @@ class Segments:
             raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
         if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
             raise InvalidInput("The tangents of a path must be unit vectors.")
-        self.refuse_gaps()
-        return self.replace(checked=True)
 
-    def refuse_gaps(self) -> None:
+    def refuse_gaps(self, apart: IntArray | None = None) -> None:
         """Refuse a table in which a segment does not start where the segment before it ends.
+
+        Args:
+            apart: Rows that may start anywhere.
 
         Raises:
             InvalidInput: There is a gap; with the index of the segment after it.
@@ -255,6 +278,8 @@ class Segments:
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
+        if apart is not None:
+            gaps[apart - 1] = 0.0
         if (gaps > REPEATED_POINT).any():
             first = int(np.argmax(gaps > REPEATED_POINT))
             point = self.starts[first + 1].tolist()

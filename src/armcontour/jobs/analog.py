@@ -34,12 +34,11 @@ def analog_outputs(
     Raises:
         InvalidInput: An output depends on the assigned velocity, and a contour has none.
     """
+    refuse_open_speeds(program, process, limits)
     found: dict[str, Values] = {}
     for name in process.analog_names:
         # Contours of a layer without the output get None.
         outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
-        for k, (output, contour) in enumerate(zip(outputs, program.contours, strict=True)):
-            _refuse_open_speed(output, contour, k, limits)
         off = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
         found[name] = partial(_values, program, trajectory, process, limits, outputs, off)
     return found
@@ -50,18 +49,30 @@ def _output(process: Process, name: str) -> Analog | None:
     return next((x for x in process.analog if x.name == name), None)
 
 
-def _refuse_open_speed(
-    output: Analog | None, contour: Contour, number: int, limits: Limits
-) -> None:
-    """Refuse an output that depends on the assigned velocity for a contour that has none."""
-    if output is None or output.rest == output.full:
+def refuse_open_speeds(program: Program, process: Process, limits: Limits) -> None:
+    """Refuse analog outputs that depend on the assigned velocity of a contour that has none.
+
+    Args:
+        program: The program as it is drawn, or prepared.
+        process: The process with the outputs, and with the speeds of layers.
+        limits: Limits, whose speed is the assigned velocity where contours have none.
+
+    Raises:
+        InvalidInput: There is such an output.
+    """
+    if limits.speed is not None or not process.analog_names:
         return
-    if output.speed is None and limits.speed is None and np.isnan(contour.path.speeds).any():
-        raise InvalidInput(
-            f"The analog output {output.name} follows the assigned velocity, which "
-            f"{contour_called(contour, number)} does not have: give limits.speed, or the output a "
-            "speed."
-        )
+    for k, contour in enumerate(program.contours):
+        layer = process.layers.get(contour.layer)
+        if (layer is not None and layer.speed) or not np.isnan(contour.path.speeds).any():
+            continue
+        for output in process.of_layer(contour.layer).analog:
+            if output.speed is None and output.rest != output.full:
+                raise InvalidInput(
+                    f"The analog output {output.name} follows the assigned velocity, which "
+                    f"{contour_called(contour, k)} does not have: give limits.speed, or the output "
+                    "a speed."
+                )
 
 
 def _values(

@@ -20,6 +20,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise
 from armcontour.geometry import Path
+from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.goal import Goal
 from armcontour.motion import check_interval
 from armcontour.program import Process, Program, prepare
@@ -177,7 +178,8 @@ class Job:
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
             a start for another number of joints, gains too large for a command interval, a speed
-            so low that the motion is endless, or a process that does not fit the program.
+            so low that the motion is endless, an analog output that needs a speed, or a process
+            that does not fit the program.
     """
 
     name: str
@@ -208,6 +210,7 @@ class Job:
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)
                 refuse_endless(program, x.limits)
+                refuse_open_speeds(program, self.process, x.limits)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")

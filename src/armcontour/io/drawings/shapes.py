@@ -112,11 +112,27 @@ def paths_of(
     except InvalidInput as error:
         assert error.index is not None
         raise InvalidInput(str(error), index=places[error.index][0]) from None
-    paths: list[Path | None] = []
-    for i, row in enumerate(parts):
-        tables = [x for x in row if isinstance(x, Segments)]
+    return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
+
+
+def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
+    """A path of the parts of every outline; None for an outline without parts.
+
+    Raises:
+        InvalidInput: The parts of an outline do not make a path; with the index of the outline.
+    """
+    full = [i for i, x in enumerate(rows) if x]
+    bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in full)])
+    paths: list[Path | None] = [None] * len(rows)
+    try:
+        # All are checked at once, which is faster.
+        tables = Segments.join([x for i in full for x in rows[i]]).split(bounds) if full else []
+    except InvalidInput:
+        # Each alone, for an error that names its outline.
+        tables = [Segments.join(rows[i]) for i in full]
+    for i, table in zip(full, tables, strict=True):
         with _indexed(i):
-            paths.append(Path(segments=Segments.join(tables)) if tables else None)
+            paths[i] = Path(segments=table)
     return paths
 
 
