@@ -165,3 +165,7 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
     assert found.deviation <= np.sqrt(0.5) * step
     s = np.linspace(0, found.path.length, 401)
     assert path.project(found.path(s)).distance.max() <= found.deviation * 1.001 + 1e-14
+
+
+def test_no_paths_need_no_mending():
+    assert mend_paths([], [], []) == []

@@ -227,7 +227,7 @@ def test_the_command(log, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"start": "2"}, ["--from: '2' has no unit", "'2 ms'"]),
+        ({"start": "2"}, ["--from: '2' has no unit", "'2 s'"]),
         ({"end": "3"}, ["--to: '3' has no unit"]),
         ({"longest_dead_time": "0.5"}, ["--longest-dead-time: '0.5' has no unit"]),
         ({"longest_dead_time": "0"}, ["--longest-dead-time: must be above zero"]),

@@ -119,6 +119,8 @@ def mend_paths(
         printed: What the decimals of each path's coordinates can hold.
         most: Largest distance between both paths [m], where it is less than printing moves a point.
     """
+    if not paths:
+        return []
     kinks = [_find_kinks(*x) for x in zip(paths, printed, most, strict=True)]
     found: list[Mended | None] = [None] * len(kinks)
     which = [i for i, x in enumerate(kinks) if len(x.vertex)]
