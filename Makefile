@@ -30,6 +30,8 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.gcode
 	$(BIN)/python -m soak.corners
+	$(BIN)/python -m soak.encoders
+	$(BIN)/python -m soak.encoders --friction
 	$(BIN)/python -m soak.check
 	$(BIN)/python -m soak.kerf
 	$(BIN)/python -m soak.certificates
