@@ -25,7 +25,7 @@ from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
 from armcontour.compensation import compensator
 from armcontour.geometry import Demand
-from armcontour.io.drawings.reading import OFFSETS, UNKNOWN
+from armcontour.io.drawings.reading import OFFSETS, TEXTS, UNKNOWN
 from armcontour.io.forms import Place, Point
 from armcontour.io.keys import Given, Number
 from armcontour.io.units import parse
@@ -248,6 +248,7 @@ class PathModel:
             the chord tolerance; 0 leaves all vertices as they are.
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
             for G-code, `{skip: [T, M6]}` leaves out these words.
+        texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
         offsets: For G-code, `file` reads only offsets that the file gives; `zero` states that all
             offsets in the table of the controller are zero.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
@@ -273,6 +274,7 @@ class PathModel:
     join_tolerance: Distance = 1e-5
     mend_vertices: Distance | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
+    texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     offsets: Annotated[str, Choice(OFFSETS)] = "file"
     tools: dict[int, Length] | None = None
     orientation: OrientationModel | list[OrientationModel] | None = None

@@ -31,7 +31,7 @@ from armcontour.program.moves import name_copy
 # Keys that are arguments of `read_path`.
 READING = (
     *("units", "scale", "layers", "names", "colors", "flat"),
-    *("chord_tolerance", "join_tolerance", "mend_vertices", "unknown", "offsets", "tools"),
+    *("chord_tolerance", "join_tolerance", "mend_vertices", "unknown", "texts", "offsets", "tools"),
 )
 ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
 

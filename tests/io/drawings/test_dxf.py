@@ -13,6 +13,7 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf import colors
+from ezdxf.fonts import fonts
 from ezdxf.xclip import XClip
 from scipy.interpolate import BSpline, CubicSpline
 
@@ -883,3 +884,23 @@ def test_layers_that_no_contour_can_have_are_changed_with_a_note():
     (note,) = (x for x in program.notes if "Names" in x)
     assert note.isprintable() and "(4)" in note
     assert len(program.selected(layers=[r"caf\udce9"]).contours) == 1
+
+
+@pytest.mark.skipif(not fonts.font_manager.fallback_font_name(), reason="this machine has no font")
+def test_letters_of_a_text_are_contours_if_asked():
+    document = ezdxf.new(units=4)
+    space = document.modelspace()
+    space.add_line((0, 0), (10, 0))
+    space.add_text("OH", dxfattribs={"height": 10, "insert": (5, 5), "layer": "mark"})
+    left_out = read(document)
+    assert len(left_out.contours) == 1 and "1 TEXT" in " ".join(left_out.notes)
+    found = read(document, texts="contours")
+    letters = [x for x in found.contours if x.layer == "mark"]
+    # Two outlines of O, one of H, all closed, as high as the text.
+    assert len(letters) == 3 and all(x.closed for x in letters)
+    low, high = (
+        np.min([x.path.segments.extent for x in letters], axis=0)[0],
+        np.max([x.path.segments.extent for x in letters], axis=0)[1],
+    )
+    assert low[1] == pytest.approx(0.005, abs=3e-4) and high[1] == pytest.approx(0.015, abs=3e-4)
+    assert "Drawn through a font" in " ".join(found.notes)

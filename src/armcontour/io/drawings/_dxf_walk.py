@@ -87,6 +87,7 @@ class Walk:
         line_of: Text that says in which line of the file a handle stands.
         wanted: Layers whose entities matter; None means all layers.
         colors: Colours of the entities that are read; None means all colours.
+        texts: Whether the letters of texts are contours.
         empty: Names of entities without length.
         unknown: Numbers of entities that are no contour by their types.
         broken: Sentences on entities that cannot be read.
@@ -94,6 +95,7 @@ class Walk:
         invisible: Number of entities that are marked invisible.
         others: Numbers of entities of other colours than those of `colors`, by their colours.
         elsewhere: Layers with entities that are not wanted.
+        drawn_texts: Number of texts whose letters are contours.
         labels: Names of entities and layers as the contours get them.
     """
 
@@ -103,6 +105,7 @@ class Walk:
     line_of: Callable[[str], str]
     wanted: frozenset[str] | None = None
     colors: frozenset[str] | None = None
+    texts: bool = False
     empty: list[str] = field(default_factory=list)
     unknown: Counter[str] = field(default_factory=Counter)
     broken: list[str] = field(default_factory=list)
@@ -110,6 +113,7 @@ class Walk:
     invisible: int = 0
     others: Counter[str] = field(default_factory=Counter)
     elsewhere: set[str] = field(default_factory=set)
+    drawn_texts: int = 0
     labels: Labels = field(default_factory=Labels)
     _copies: int = 0
     _sizes: dict[str, int] = field(default_factory=dict)
@@ -166,6 +170,12 @@ class Walk:
                         yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
                 elif kind in SHAPES and not _is_mesh(entity):
                     yield from self._shape(entity, kind, name, layer, block)
+                elif kind == "TEXT" and self.texts:
+                    self.drawn_texts += 1
+                    for k, part in enumerate(letters_of(entity)):
+                        yield from self._shape(
+                            part, part.dxftype(), f"{name}[{k + 1}]", layer, block
+                        )
                 elif kind in NO_CONTOUR:
                     self.unknown["mesh" if kind == "POLYLINE" else kind] += 1
                 else:
@@ -294,6 +304,11 @@ class Walk:
             found.append(
                 f"Left out, because it is no line, arc or curve: {count_names(+self.unknown)}."
             )
+        if self.drawn_texts:
+            found.append(
+                f"Drawn through a font of this machine, which may differ from the drawing's: "
+                f"{self.drawn_texts} TEXT."
+            )
         if self.broken:
             found.append(f"Left out, because it cannot be read: {list_some(self.broken, NAMED)}.")
         if self.hidden:
@@ -303,6 +318,20 @@ class Walk:
         if self.empty:
             found.append(f"Left out, because of no length: {list_some(self.empty, 6)}.")
         return found + self.labels.notes
+
+
+def letters_of(entity: Any) -> list[Any]:
+    """The outlines of the letters of a TEXT, as splines and polylines.
+
+    Raises:
+        Unreadable: The text cannot be drawn.
+    """
+    from ezdxf.addons import text2path
+
+    try:
+        return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
+    except Exception as error:
+        raise Unreadable(f"cannot be drawn through a font: {said(error)}") from None
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:

@@ -77,6 +77,7 @@ def read_dxf(
             line_of=partial(line_of_handle, data),
             wanted=reading.layers,
             colors=reading.colors,
+            texts=reading.texts == "contours",
         )
         tell = tell_share(progress, source)
         found = list(walk.shapes(_unit(document, source, reading), tell))

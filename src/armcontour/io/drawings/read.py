@@ -50,6 +50,7 @@ def read_path(
     join_tolerance: float = 1e-5,
     mend_vertices: float | None = None,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
+    texts: str = "leave_out",
     offsets: str = "file",
     tools: Mapping[int, float] | None = None,
     progress: Progress | None = None,
@@ -78,6 +79,8 @@ def read_path(
             file's decimals, up to the chord tolerance; 0 leaves all vertices as they are.
         unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know;
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
+        texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
+            note; "leave_out" leaves texts out with a note.
         offsets: For G-code, "zero" states that all offsets in the table of the controller are zero;
             "file" reads only offsets that the file gives.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
@@ -96,6 +99,7 @@ def read_path(
         mend_vertices=mend_vertices,
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
+        texts=texts,
         offsets=offsets,
         tools={} if tools is None else tools,
         layers=_layer_set(layers),

@@ -24,6 +24,7 @@ FARTHEST = 1e6
 # Largest number of a tool: tables have some hundred, and G-code eight digits at most.
 MOST_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
+TEXTS = ("leave_out", "contours")
 OFFSETS = ("file", "zero")
 # How messages advise the user to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
@@ -43,6 +44,7 @@ class Reading:
         unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
             entities with a sentence in the program's notes.
         skip: Words and codes of G-code to leave out, such as "M6" or "T".
+        texts: What becomes of the texts of DXF: "leave_out", or "contours" of their letters.
         offsets: Where offsets of G-code come from that are in the table of a controller: "file"
             reads only those that the file gives, "zero" states that all others are zero.
         tools: Diameters of tools for G41 and G42 of G-code [m], by their numbers.
@@ -61,6 +63,7 @@ class Reading:
     mend_vertices: float | None = None
     unknown: str = "refuse"
     skip: frozenset[str] = frozenset()
+    texts: str = "leave_out"
     offsets: str = "file"
     tools: Mapping[int, float] = field(default_factory=dict)
     layers: frozenset[str] | None = None
@@ -75,6 +78,7 @@ class Reading:
         if self.mend_vertices is not None:
             _checks.not_negative("mend_vertices", self.mend_vertices, "m")
         _checks.choice("unknown", self.unknown, UNKNOWN)
+        _checks.choice("texts", self.texts, TEXTS)
         _checks.choice("offsets", self.offsets, OFFSETS)
         object.__setattr__(self, "tools", _checked_tools(self.tools))
 
