@@ -1,14 +1,10 @@
 """`armcontour certify` and `armcontour sweep`."""
 
 import json
-import signal
-import sys
 from pathlib import Path as FilePath
 
 import pytest
 from soak.corner_job import CORNER_JOB
-
-from armcontour.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -16,21 +12,6 @@ def job(tmp_path_factory):
     file = tmp_path_factory.mktemp("job") / "corner.yaml"
     file.write_text(CORNER_JOB, encoding="utf-8")
     return file
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Run the command line in this process: its exit code, what it printed, and its errors."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["armcontour", *map(str, arguments)])
-        monkeypatch.setattr(signal, "signal", lambda *_: None)
-        with pytest.raises(SystemExit) as ended:
-            main()
-        shown = capsys.readouterr()
-        return ended.value.code or 0, shown.out, shown.err
-
-    return call
 
 
 def test_certify_writes_everything_that_repeats_it(command, job, tmp_path):

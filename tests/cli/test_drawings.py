@@ -8,14 +8,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from armcontour.cli import main
 from armcontour.io import ResultFolder
 
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
@@ -51,24 +51,15 @@ def folder(tmp_path: FilePath) -> FilePath:
 
 
 @pytest.fixture
-def call(
-    folder: FilePath, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Iterator[Call]:
+def call(folder: FilePath, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Call:
     """The command line in this process, in the folder: exit code and what is said of an error."""
     monkeypatch.chdir(folder)
-    before = signal.getsignal(signal.SIGTERM)
 
     def called(*arguments: str) -> tuple[int, str]:
-        monkeypatch.setattr(sys, "argv", ["armcontour", *arguments])
-        code = 0
-        try:
-            main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-        return code, capsys.readouterr().err
+        code, _, errors = command(*arguments)
+        return code, errors
 
-    yield called
-    signal.signal(signal.SIGTERM, before)
+    return called
 
 
 def table(file: FilePath) -> np.ndarray:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-import signal
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.cli import main
 from armcontour.cli.exporting import Target, read_outputs
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import read_cell
@@ -39,25 +37,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 
 
 @pytest.fixture
-def call(
-    folder: FilePath, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Iterator[Call]:
+def call(folder: FilePath, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Call:
     """The command line in this process, in the folder: exit code and all that is said."""
     monkeypatch.chdir(folder)
-    before = signal.getsignal(signal.SIGTERM)
 
     def called(*arguments: str) -> tuple[int, str]:
-        monkeypatch.setattr(sys, "argv", ["armcontour", *arguments])
-        code = 0
-        try:
-            main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-        said = capsys.readouterr()
-        return code, said.out + said.err
+        code, shown, errors = command(*arguments)
+        return code, shown + errors
 
-    yield called
-    signal.signal(signal.SIGTERM, before)
+    return called
 
 
 @pytest.fixture

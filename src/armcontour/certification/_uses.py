@@ -198,7 +198,7 @@ class Uses:
         s: Where the plan is then [m], (n,).
         joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
         pace: Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,).
-        tool: Of the executed tool's speed, likewise, (n,).
+        tool: Of the executed tool's speed, as a ratio of squared speeds, (n,).
         error: Of the budget, (n,).
         box: Of the budget, estimated for the worst robot of the box, (n,); None without a box.
         peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.

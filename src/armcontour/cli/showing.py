@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -97,22 +98,7 @@ def describe(program: Program, facts: Sequence[ContourFacts]) -> dict[str, Any]:
         "length": program.length,
         "extent": extent_of(facts).tolist(),
         "layers": _layers(facts),
-        "contours": [
-            {
-                "number": x.number,
-                "name": x.name,
-                "layer": x.layer,
-                "length": x.length,
-                "closed": x.closed,
-                "extent": x.extent.tolist(),
-                "area": x.area,
-                "inside": x.inside,
-                "lines": x.lines,
-                "arcs": x.arcs,
-                "corners": x.corners,
-            }
-            for x in facts
-        ],
+        "contours": [asdict(x) | {"extent": x.extent.tolist()} for x in facts],
         "notes": list(program.notes),
     }
 

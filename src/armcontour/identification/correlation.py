@@ -1,6 +1,6 @@
 """How residuals depend on each other, and what that does to the variance of an estimate.
 
-Two causes are told apart. Residuals may depend on those shortly before, as behind a filter. Or they
+Two causes are told apart. Residuals may depend on those shortly before, as after a filter. Or they
 repeat: under a command that repeats, the error of a coarse encoder does so too, and each repetition
 tells nothing new.
 """

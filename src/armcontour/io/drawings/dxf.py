@@ -80,7 +80,8 @@ def read_dxf(
             texts=reading.texts == "contours",
         )
         tell = tell_share(progress, source)
-        found = list(walk.shapes(_unit(document, source, reading), tell))
+        unit = _unit(document, source, reading)
+        found = list(walk.shapes(unit, tell))
         pieces = _pieces(found, walk, source, reading, tell)
     notes += walk.notes
     if not pieces:
@@ -102,7 +103,7 @@ def read_dxf(
         )
     notes = [*notes, *chaining_notes]
     program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
-    printed = printed_in_dxf(data, _unit(document, source, reading))
+    printed = printed_in_dxf(data, unit)
     return mend(program, lambda _: printed, reading)
 
 

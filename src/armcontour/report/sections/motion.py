@@ -52,9 +52,8 @@ def tool_speed(study: Study) -> Section:
     for trace in _assigned(study):
         figure.add_trace(trace)
     marked = marked_run(study)
-    text = "As executed."
+    text, rapids = "As executed.", _rapids(study)
     if any(x.kind != "contour" for y in study.runs.values() for x in y.trajectory.spans):
-        rapids = _rapids(study)
         where = "between them, in grey," if rapids else "between them"
         text += (
             f" Assigned velocities apply along contours; {where} rapids run at the limits of the "
@@ -76,7 +75,7 @@ def tool_speed(study: Study) -> Section:
         text=text,
         figures=(
             finish(figure, title="Tool speed over time"),
-            *angular_speeds(study, _rapids(study)),
+            *angular_speeds(study, rapids),
         ),
     )
 

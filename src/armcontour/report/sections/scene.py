@@ -103,7 +103,7 @@ def _camera(view: str) -> dict[str, Any]:
 
 
 def view_buttons(row: int = 0) -> dict[str, Any]:
-    """A row of buttons that change the view, behind the label "view"."""
+    """A row of buttons that change the view, after the label "view"."""
     found = []
     for name, (eye, _) in VIEWS.items():
         # An axis along the line of sight is hidden: its labels would overlap.

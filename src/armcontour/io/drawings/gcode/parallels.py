@@ -34,7 +34,7 @@ class Beside:
         line: Line of the program; 0 for a rapid.
         speed: Speed [m/s].
         tolerance: Largest corner error [m].
-        first: Where it begins, by its length [m]: above 0 behind an inside corner.
+        first: Where it begins, by its length [m]: above 0 after an inside corner.
         entry: Whether it is the straight move that leads to the contour.
     """
 
@@ -53,7 +53,7 @@ class Beside:
     entry: bool = False
 
     def at(self, way: float) -> tuple[Point, Point]:
-        """Point and unit tangent behind the start by a length [m]."""
+        """Point and unit tangent at a length from the start [m]."""
         (x, y), (tx, ty), k = self.start, self.tangents[0], self.curvature
         along = math.sin(k * way) / k if k else way
         across = 2 * math.sin(k * way / 2) ** 2 / k if k else 0.0
@@ -107,7 +107,7 @@ def cut_corner(before: Beside, found: Beside, radius: float) -> float:
 
 
 def _ways_to_crossings(before: Beside, found: Beside) -> list[tuple[float, float]]:
-    """How far crossings of two ways lie before the end of one, and behind the start of the other.
+    """How far crossings of two ways lie before the end of one, and after the start of the other.
 
     Relative to the ends, so that crossings of nearly tangent arcs of any radius are exact: a circle
     through a point with tangent t, left normal n and curvature k has k x.x / 2 = n.x there.
