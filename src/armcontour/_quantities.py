@@ -72,5 +72,6 @@ JointVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "positive
 JointAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive")]
 JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive")]
 JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive")]
+JointInertias = Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", "positive")]
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive")]
 DeadTimes = Annotated[FloatArray, DEAD_TIME]

@@ -82,6 +82,42 @@ class Dynamics:
         found[:, range(dof), range(dof)] += self._armature
         return found.reshape(*np.shape(q), dof)
 
+    def gravity(self, q: npt.ArrayLike) -> FloatArray:
+        """Joint torques [N m] that hold links and payload against gravity."""
+        (at,) = self._rows(q)
+        return self._gravity(at).reshape(np.shape(q))
+
+    def derivatives(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of the torque by position, velocity and acceleration, without friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            gravity: Whether the torque includes gravity.
+
+        Returns:
+            Derivatives by position [N m/rad], by velocity [N m s/rad] and by acceleration, which is
+            the mass matrix [kg m²], (n, dof, dof) each.
+        """
+        at, rate, second = self._rows(q, dq, ddq)
+        model, data = self._model, self._data
+        if not gravity:
+            model, data = self._weightless, self._weightless_data
+        found = np.empty((3, len(at), at.shape[1], at.shape[1]))
+        compute = self._pin.computeRNEADerivatives
+        for k, (x, v, a) in enumerate(zip(at, rate, second, strict=True)):
+            found[0, k], found[1, k], mass = compute(model, data, x, v, a)
+            # pinocchio guarantees only the upper triangle of the mass matrix.
+            upper = np.triu(mass)
+            found[2, k] = upper + np.triu(mass, 1).T
+        diagonal = np.arange(at.shape[1])
+        found[2][:, diagonal, diagonal] += self._armature
+        position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
+        return position, velocity, acceleration
+
     def _gravity(self, q: FloatArray) -> FloatArray:
         """Joint torques [N m] of gravity, (n, dof)."""
         found = np.zeros_like(q)

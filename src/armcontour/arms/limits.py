@@ -217,6 +217,17 @@ class Limits:
         upper = np.inf if self.joint_upper is None else self.joint_upper
         return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
 
+    def middle(self, dof: int) -> FloatArray:
+        """Middle of every joint's range [rad]; for an open range the position closest to 0.
+
+        Args:
+            dof: Number of joints.
+        """
+        low, high = self.joint_range(dof)
+        both = np.isfinite(low) & np.isfinite(high)
+        middle = (np.where(both, low, 0.0) + np.where(both, high, 0.0)) / 2
+        return np.asarray(np.where(both, middle, np.clip(0.0, low, high)))
+
     def same_both_ways(self) -> bool:
         """Whether every joint may accelerate alike in both directions."""
         if self.joint_deceleration is None or self.joint_acceleration is None:

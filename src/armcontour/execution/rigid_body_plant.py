@@ -63,9 +63,10 @@ class RigidBodyPlant(Locked, Plant):
 
     In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
     the step. The controller may add the torque that holds the arm against gravity. u is the command
-    at the time of the step minus the servo's dead time. J is the nominal inertia of the joint with
-    its drive, without payload, with all joints in the middle of the arm's joint ranges (at 0 for a
-    joint without a range). J is known when the arm is built and does not depend on the job.
+    at the time of the step minus the servo's dead time. J is the servo's inertia, if it has one. By
+    default J is the nominal inertia of the joint with its drive, without payload, with all joints
+    in the middle of the arm's joint ranges (at 0 for a joint without a range). This J is known when
+    the arm is built and does not depend on the job.
 
     Args:
         arm: The arm; its chain must have masses.
@@ -80,6 +81,8 @@ class RigidBodyPlant(Locked, Plant):
         noise: Standard deviation of measured joint positions [rad], independent in every step.
             Measured velocities have no noise, because the filters of drives are not known.
         seed: Seed of the noise, the same in every run.
+        known: The arm as its controller knows it, for J and for the gravity torque: for example
+            without a payload that nobody told it of. By default the arm itself.
 
     Once made, a plant does not change.
 
@@ -89,9 +92,9 @@ class RigidBodyPlant(Locked, Plant):
         torque_limit: Torque limits [N m], (dof,); infinite without limits.
 
     Raises:
-        InvalidInput: The arm has no masses, gains or limits do not fit the arm, the servo is of
-            first order, the step is outside STEPS, the noise is too large, or mujoco is not
-            installed.
+        InvalidInput: The arm or `known` has no masses, gains or limits do not fit the arm, the
+            servo is of first order, the step is outside STEPS, the noise is too large, or mujoco is
+            not installed.
     """
 
     def __init__(
@@ -105,9 +108,16 @@ class RigidBodyPlant(Locked, Plant):
         friction: bool = True,
         noise: float = 0.0,
         seed: int = 0,
+        known: Arm | None = None,
     ) -> None:
         self.arm = arm
         self.chain = _bodies(arm)
+        self.known_chain = self.chain if known is None else _bodies(known)
+        if len(self.known_chain) != arm.dof:
+            raise InvalidInput(
+                f"The arm {arm.name} has {arm.dof} joints, but the arm that its controller knows "
+                f"has {len(self.known_chain)}."
+            )
         self.servo = servo.for_joints(arm.dof)
         if self.servo.kv is None:
             raise InvalidInput(
@@ -120,10 +130,13 @@ class RigidBodyPlant(Locked, Plant):
         self.friction = friction
         self.noise = check_noise(noise)
         self.seed = _checks.whole("seed", seed, 0, 2**63 - 1)
-        self.reference = _middle(arm.limits, arm.dof)
-        self.nominal_inertia = _nominal(self.chain, self.reference)
+        self.reference = arm.limits.middle(arm.dof)
+        own_inertia = self.servo.inertia
+        self.nominal_inertia = (
+            _nominal(self.known_chain, self.reference) if own_inertia is None else own_inertia
+        )
         own = (arm.limits if limits is None else limits).for_joints(arm.dof)
-        self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.chain))
+        self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.known_chain))
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
         self._on_top = own.joint_torque is None
@@ -365,8 +378,13 @@ class _Robot:
         self.mujoco = _mujoco.load()
         self.model = _mujoco.build(plant.chain, step, friction=plant.friction)
         self.data = self.mujoco.MjData(self.model)
-        # A second state at rest, for computing the torques of gravity.
-        self.still = self.mujoco.MjData(self.model)
+        # The controller's model with a state at rest, for computing the torques of gravity.
+        self.known = (
+            self.model
+            if plant.known_chain is plant.chain
+            else _mujoco.build(plant.known_chain, step, friction=False)
+        )
+        self.still = self.mujoco.MjData(self.known)
         self.rng = np.random.default_rng(plant.seed)
         self.data.qpos[:] = self._equilibrium(np.array(taught.q[0]))
 
@@ -424,8 +442,8 @@ class _Robot:
         return _Log.of(q, dq, demand, wanted, torque, self.step)
 
     def _weigh(self, q: FloatArray, out: FloatArray) -> None:
-        """Write the torques that hold the arm against gravity at q into `out` [N m]."""
-        mujoco, model, still = self.mujoco, self.model, self.still
+        """Write the torques that hold the known arm against gravity at q into `out` [N m]."""
+        mujoco, model, still = self.mujoco, self.known, self.still
         still.qpos[:] = q
         mujoco.mj_kinematics(model, still)
         mujoco.mj_comPos(model, still)
@@ -437,26 +455,41 @@ class _Robot:
         Raises:
             ExecutionError: There is no equilibrium, or the drives are too weak.
         """
-        plant, weight, q = self.plant, np.zeros(len(first)), first
+        plant, q = self.plant, first
         stiffness = plant.nominal_inertia * plant.kv * plant.servo.kp
-        self._weigh(q, weight)
-        if not plant.gravity_feedforward:
-            for _ in range(ITERATIONS):
-                before, q = q, first - weight / stiffness
-                self._weigh(q, weight)
-                if np.abs(q - before).max() <= EQUILIBRIUM:
-                    break
-            else:
-                j = int(np.argmax(np.abs(q - before)))
-                raise ExecutionError(
-                    f"Joint {j + 1} has no equilibrium near its first set-point: its servo gains "
-                    "are too low for the arm's weight without gravity feed-forward.",
-                    t=self.start,
-                    joint=j + 1,
-                )
-        if not (plant._on_top and plant.gravity_feedforward):
-            refuse_too_heavy(np.abs(weight), plant.torque_limit, "the first set-point", self.start)
+        weight, fed = self._weight(q), self._fed_forward(q)
+        for _ in range(ITERATIONS):
+            before, q = q, first - (weight - fed) / stiffness
+            if np.abs(q - before).max() <= EQUILIBRIUM:
+                break
+            weight, fed = self._weight(q), self._fed_forward(q)
+        else:
+            j = int(np.argmax(np.abs(q - before)))
+            raise ExecutionError(
+                f"Joint {j + 1} has no equilibrium near its first set-point: its servo gains "
+                "are too low for the arm's weight without gravity feed-forward.",
+                t=self.start,
+                joint=j + 1,
+            )
+        asked = weight - fed if plant._on_top else weight
+        refuse_too_heavy(np.abs(asked), plant.torque_limit, "the first set-point", self.start)
         return q
+
+    def _weight(self, q: FloatArray) -> FloatArray:
+        """Torques that hold the arm against gravity at q [N m], (dof,)."""
+        data, found = self.mujoco.MjData(self.model), np.zeros(len(q))
+        data.qpos[:] = q
+        self.mujoco.mj_kinematics(self.model, data)
+        self.mujoco.mj_comPos(self.model, data)
+        self.mujoco.mj_rne(self.model, data, 0, found)
+        return found
+
+    def _fed_forward(self, q: FloatArray) -> FloatArray:
+        """Torques that the controller adds against gravity at q [N m], (dof,)."""
+        found = np.zeros(len(q))
+        if self.plant.gravity_feedforward:
+            self._weigh(q, found)
+        return found
 
     def _refuse_runaway(self, k: int) -> None:
         """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
@@ -543,14 +576,6 @@ def _bodies(arm: Arm) -> Chain:
             f"The arm {arm.name} has {arm.dof} joints, but its chain has {len(chain)}."
         )
     return chain
-
-
-def _middle(limits: Limits, dof: int) -> FloatArray:
-    """Middle of each joint range [rad], (dof,); for an open range the position closest to 0."""
-    low, high = limits.joint_range(dof)
-    both = np.isfinite(low) & np.isfinite(high)
-    middle = (np.where(both, low, 0.0) + np.where(both, high, 0.0)) / 2
-    return np.asarray(np.where(both, middle, np.clip(0.0, low, high)))
 
 
 def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:

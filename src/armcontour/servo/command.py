@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
@@ -65,3 +65,41 @@ def sample_command(
         a = own[k + 1]
         found[:, j] = a[:, 0] + x * (a[:, 1] + x * (a[:, 2] + x * a[:, 3]))
     return found
+
+
+def command_weights(
+    count: int, period: float, interpolation: str, dead_time: float, t: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Weights of the set-points in the delayed command of one joint at given times.
+
+    Args:
+        count: Number of set-points.
+        period: Command interval [s].
+        interpolation: As in `ServoModel`.
+        dead_time: Dead time [s].
+        t: Times since the first set-point [s], (n,).
+
+    Returns:
+        Indices of four set-points, which may repeat, and their weights, (n, 4) each.
+    """
+    at = np.clip((t - dead_time) / period, 0.0, count - 1)
+    k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
+    x = np.clip(at - k, 0.0, 1.0)
+    index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
+    weight = np.zeros((len(t), 4))
+    if interpolation == "step":
+        # The last set-point is reached at the end of the last interval.
+        late = (x >= 1 - SNAP).astype(np.float64)
+        weight[:, 1], weight[:, 2] = 1 - late, late
+        return index, weight
+    weight[:, 1], weight[:, 2] = 1 - x, x
+    if interpolation == "cubic":
+        weight[:, 1], weight[:, 2] = 1 - x**2 * (3 - 2 * x), x**2 * (3 - 2 * x)
+        start, end = x * (1 - x) ** 2 / 2, x**2 * (x - 1) / 2
+        # The slopes at the first and the last set-point are 0.
+        start, end = np.where(k > 0, start, 0.0), np.where(k < count - 2, end, 0.0)
+        weight[:, 0] -= start
+        weight[:, 2] += start
+        weight[:, 1] -= end
+        weight[:, 3] += end
+    return index, weight

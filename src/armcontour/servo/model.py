@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._quantities import Choice, DeadTimes, Gains
+from armcontour._quantities import Choice, DeadTimes, Gains, JointInertias
 from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -18,6 +18,8 @@ ORDERS = ("second", "first")
 # Smallest and largest gain [1/s], for time constants from a microsecond to a quarter of an hour: no
 # robot joint is faster or slower, and no result overflows.
 GAINS = (1e-3, 1e6)
+# Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
+INERTIAS = (1e-10, 1e6)
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
 # Most time constants in a command interval. With more, the joint comes to rest long before the next
@@ -51,10 +53,13 @@ class ServoModel:
         dead_time: Time from a set-point's time until it reaches the joint's servo [s], one for all
             joints or one per joint; need not be a multiple of the command interval.
         order: "second" or "first".
+        inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
+            joints or one per joint: its torque is `J K_v (K_p (u - q) - dq)`. Only for rigid bodies
+            and for servos of order "second". None is the arm's own nominal inertia.
 
     Raises:
-        InvalidInput: A gain is missing, not needed or outside GAINS; a dead time is negative or
-            above LONGEST_DEAD_TIME; the interpolation or order is unknown.
+        InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
+            negative or above LONGEST_DEAD_TIME; the interpolation or order is unknown.
     """
 
     kp: Gains
@@ -62,6 +67,7 @@ class ServoModel:
     order: Annotated[str, Choice(ORDERS)]
     dead_time: DeadTimes
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]
+    inertia: JointInertias | None
 
     def __init__(
         self,
@@ -71,6 +77,7 @@ class ServoModel:
         interpolation: str = "linear",
         dead_time: npt.ArrayLike = 0.0,
         order: str = "second",
+        inertia: npt.ArrayLike | None = None,
     ) -> None:
         _checks.choice("order", order, ORDERS)
         if (kv is None) == (order == "second"):
@@ -96,6 +103,7 @@ class ServoModel:
             )
         object.__setattr__(self, "dead_time", _checks.lock_floats(delay))
         object.__setattr__(self, "order", order)
+        object.__setattr__(self, "inertia", _check_inertia(inertia, order))
 
     def for_joints(self, dof: int) -> ServoModel:
         """The same servo with one gain and dead time per joint.
@@ -104,12 +112,16 @@ class ServoModel:
             dof: Number of joints.
 
         Raises:
-            InvalidInput: The number of gains or dead times is not 1 or `dof`.
+            InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
+        inertia = self.inertia
         return self.replace(
             kp=_checks.per_joint("servo gain kp", self.kp, dof, "1/s"),
             kv=None if self.kv is None else _checks.per_joint("servo gain kv", self.kv, dof, "1/s"),
             dead_time=_checks.per_joint("dead_time", self.dead_time, dof, "s"),
+            inertia=None
+            if inertia is None
+            else _checks.per_joint("servo inertia", inertia, dof, "kg m²"),
         )
 
     def replace(self, **changes: Any) -> ServoModel:
@@ -196,5 +208,27 @@ def _check_gain(name: str, values: npt.ArrayLike) -> FloatArray:
         raise InvalidInput(
             f"servo gain {name} must be from {low:g} to {high:g} 1/s, but is "
             f"{float(array[outside].flat[0]):g} 1/s."
+        )
+    return _checks.lock_floats(array)
+
+
+def _check_inertia(values: npt.ArrayLike | None, order: str) -> FloatArray | None:
+    """Inertias as a locked array, one for all joints or one per joint; None stays None.
+
+    Raises:
+        InvalidInput: An inertia is not a number or outside INERTIAS, or the servo has no velocity
+            loop.
+    """
+    if values is None:
+        return None
+    if order == "first":
+        raise InvalidInput("A servo of order first has no velocity loop: leave its inertia out.")
+    array = _checks.numbers("servo inertia", values, "kg m²")
+    low, high = INERTIAS
+    outside = ~((array >= low) & (array <= high))
+    if array.ndim > 1 or array.size == 0 or outside.any():
+        raise InvalidInput(
+            f"servo inertia must be from {low:g} to {high:g} kg m², one for all joints or one per "
+            f"joint, but is {array.tolist()} kg m²."
         )
     return _checks.lock_floats(array)

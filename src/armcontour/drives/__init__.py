@@ -1,0 +1,10 @@
+"""The nominal robot: drives with position and velocity loops that move an arm's bodies.
+
+Compensation, learning, identification and certification use it. Plants, which judge their results,
+do not.
+"""
+
+from armcontour.drives.drives import Drives
+from armcontour.drives.response import Response, regular_times, respond_along
+
+__all__ = ["Drives", "Response", "regular_times", "respond_along"]

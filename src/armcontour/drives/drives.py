@@ -1,0 +1,106 @@
+"""`Drives`: the torques that the joints' drives give, and the command for a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm
+from armcontour.errors import InvalidInput
+from armcontour.servo import ServoModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drives:
+    """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
+
+    u is the command after dead time and interpolation. g is the gravity torque of the nominal arm,
+    if the controller feeds it forward.
+
+    Args:
+        arm: The nominal arm, with masses.
+        servo: Servo of order "second".
+        gravity_feedforward: Whether the controller adds the gravity torque.
+
+    Attributes:
+        inertia: J, the servo's inertia, or else the nominal inertia of the arm [kg m²], (dof,).
+        damping: J K_v [N m s/rad], (dof,).
+        stiffness: J K_v K_p [N m/rad], (dof,).
+
+    Raises:
+        InvalidInput: The arm has no masses, or the servo is of first order or of other joints.
+    """
+
+    arm: Arm
+    servo: ServoModel
+    gravity_feedforward: bool = True
+    inertia: FloatArray = field(init=False)
+    damping: FloatArray = field(init=False)
+    stiffness: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        servo = self.servo.for_joints(self.arm.dof)
+        if servo.kv is None:
+            raise InvalidInput(
+                "Drives that move rigid bodies have a velocity loop: give a servo of order second, "
+                "with the gain kv."
+            )
+        own = nominal_inertia(self.arm) if servo.inertia is None else servo.inertia
+        object.__setattr__(self, "servo", servo)
+        object.__setattr__(self, "inertia", _checks.lock_floats(own))
+        object.__setattr__(self, "damping", _checks.lock_floats(own * servo.kv))
+        object.__setattr__(self, "stiffness", _checks.lock_floats(own * servo.kv * servo.kp))
+
+    def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """The command u with which the drives make a motion [rad], (n, dof).
+
+        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque beside gravity feed-forward.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        torque = self.moving_torque(q, dq, ddq)
+        return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
+
+    def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """The torque of the loops for a motion, without gravity if that is fed forward [N m].
+
+        It covers inertia, coupling, Coriolis and centrifugal torques, payload and friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        found = self.arm.torque(q, dq, ddq)
+        return found - self.arm.dynamics.gravity(q) if self.gravity_feedforward else found
+
+
+def nominal_inertia(arm: Arm) -> FloatArray:
+    """Nominal inertia of each joint with its drive [kg m²], (dof,).
+
+    It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
+
+    Args:
+        arm: An arm with masses.
+
+    Raises:
+        InvalidInput: The masses are not known, or a joint turns no inertia.
+    """
+    from armcontour.arms.dynamics import Dynamics
+
+    chain = arm.dynamics.chain
+    bare = arm.dynamics if chain.payload is None else Dynamics(chain.replace(payload=None))
+    found = np.diagonal(bare.mass_matrix(arm.limits.middle(arm.dof))).copy()
+    if (found <= 0).any():
+        j = int(np.argmin(found))
+        raise InvalidInput(
+            f"Joint {j + 1} ({chain.joints[j]}) turns no inertia: give the link after it a mass "
+            "and an inertia, or its drive an armature."
+        )
+    return found

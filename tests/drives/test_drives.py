@@ -1,0 +1,131 @@
+"""The nominal robot's command and its response, against the plant of MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.drives import Drives, regular_times, respond_along
+from armcontour.motion import TaughtData
+from armcontour.servo.command import command_weights, polynomials, sample_command
+
+pytest.importorskip("mujoco")
+PERIOD = 4e-3
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("ur5e")
+
+
+@pytest.fixture(scope="module")
+def servo():
+    return ac.ServoModel(kp=25.0, kv=150.0)
+
+
+def swing(t, order, dof=6):
+    """Smooth joint motions from rest to rest in 0.8 s, each joint by another angle."""
+    size = 0.1 * np.arange(1, dof + 1)
+    x = np.clip(t / 0.8, 0.0, 1.0)[:, None]
+    shape = (
+        35 * x**4 - 84 * x**5 + 70 * x**6 - 20 * x**7,
+        (140 * x**3 - 420 * x**4 + 420 * x**5 - 140 * x**6) / 0.8,
+        (420 * x**2 - 1680 * x**3 + 2100 * x**4 - 840 * x**5) / 0.8**2,
+    )
+    return np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])[:dof] * (order == 0) + size * shape[order]
+
+
+def taught(q, arm):
+    plan = ac.plan(ac.JointPath.spline([swing(np.zeros(1), 0)[0], swing(np.ones(1), 0)[0]]), arm)
+    return TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+
+
+def rods():
+    """A planar arm without masses."""
+    limits = ac.Limits(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+
+
+def test_nominal_inertia_is_that_of_the_plant(arm, servo):
+    loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=3.0))
+    plant = ac.RigidBodyPlant(loaded, servo)
+    found = Drives(arm=loaded, servo=servo)
+    np.testing.assert_allclose(found.inertia, plant.nominal_inertia, rtol=1e-12)
+    assert (Drives(arm=loaded, servo=servo.replace(inertia=2.0)).inertia == 2.0).all()
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+def test_the_command_makes_the_plant_move_as_asked(arm, servo, gravity):
+    """All errors left come from the set-points' lines and the drives' cycle: quadratic, linear."""
+    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
+    t = np.arange(0, 1.0, PERIOD)
+    q = drives.command(swing(t, 0), swing(t, 1), swing(t, 2))
+    limits = ac.Limits(joint_torque=np.full(6, 1e4))
+    plant = ac.RigidBodyPlant(arm, servo, limits, gravity_feedforward=gravity, step=2.5e-5)
+    done = ac.execute(taught(q, arm), plant)
+    error = np.abs(done.q - swing(done.t, 0)).max()
+    assert error < 3e-5
+    plain = ac.execute(taught(swing(t, 0), arm), plant)
+    assert error < 1e-3 * np.abs(plain.q - swing(plain.t, 0)).max()
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+def test_the_response_is_that_of_the_plant(arm, servo, gravity):
+    """A change of the set-points by up to 1e-4 rad; the plant's drives hold torques for a step."""
+    t = np.arange(0, 1.0, PERIOD)
+    change = 1e-4 * np.sin(np.outer(t, 10.0 * np.arange(1, 7))) * np.sin(np.pi * t)[:, None]
+    limits = ac.Limits(joint_torque=np.full(6, 1e4))
+    plant = ac.RigidBodyPlant(arm, servo, limits, gravity_feedforward=gravity)
+    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
+    q = drives.command(swing(t, 0), swing(t, 1), swing(t, 2))
+    first, second = (ac.execute(taught(x, arm), plant) for x in (q, q + change))
+    n = min(len(first.t), len(second.t))
+    found = second.q[:n] - first.q[:n]
+    at = regular_times(0.0, first.t[n - 1], 1e-3)
+    response = respond_along(swing, at, arm, servo, gravity_feedforward=gravity)
+    index, weight = command_weights(len(t), PERIOD, "linear", 0.0, at)
+    command = np.einsum("nk,nkj->nj", weight, change[index])
+    expected = response.to_command(command)
+    assert np.abs(found - expected).max() < 3e-3 * np.abs(found).max()
+    left, right = response.equations()
+    torque = (command * response.gain).ravel()
+    np.testing.assert_allclose(left @ expected.ravel(), right @ torque, atol=1e-11)
+
+
+@pytest.mark.parametrize("options", [{"kv": 150.0}, {"order": "first"}])
+def test_without_masses_the_response_is_that_of_the_servo(options):
+    arm = rods()
+    servo = ac.ServoModel(kp=25.0, **options)
+    t = np.arange(0, 1.0, PERIOD)
+    change = 0.1 * np.sin(np.outer(t, [6.0, 9.0])) * np.sin(np.pi * t)[:, None]
+    plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
+    data = TaughtData(period=PERIOD, q=change, trajectory=plan, method="none")
+    done = ac.execute(data, ac.ServoPlant(arm, servo))
+    at = regular_times(0.0, done.t[-1], 1e-3)
+    index, weight = command_weights(len(t), PERIOD, "linear", 0.0, at)
+    command = np.einsum("nk,nkj->nj", weight, change[index])
+    found = respond_along(lambda t, order: 0 * t, at, arm, servo).to_command(command)
+    np.testing.assert_allclose(found, done.q[: len(at)], atol=2e-5)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+@pytest.mark.parametrize("count", [2, 3, 8])
+def test_weights_of_set_points_give_the_command(interpolation, count):
+    rng = np.random.default_rng(count)
+    q = rng.normal(size=(count, 1))
+    t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
+    index, weight = command_weights(count, PERIOD, interpolation, 1.7e-3, t)
+    pieces = polynomials(q, PERIOD, interpolation)
+    expected = sample_command(pieces, PERIOD, np.array([1.7e-3]), t)
+    np.testing.assert_allclose((q[index, 0] * weight).sum(axis=1), expected[:, 0], atol=1e-14)
+
+
+def test_drives_need_a_velocity_loop_and_masses(arm):
+    with pytest.raises(ac.InvalidInput, match="order second"):
+        Drives(arm=arm, servo=ac.ServoModel(kp=25.0, order="first"))
+    with pytest.raises(ac.InvalidInput, match="masses"):
+        Drives(
+            arm=rods(),
+            servo=ac.ServoModel(kp=25.0, kv=150.0),
+        )
