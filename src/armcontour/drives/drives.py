@@ -34,7 +34,7 @@ class Drives:
         stiffness: J K_v K_p [N m/rad], (dof,).
 
     Raises:
-        InvalidInput: An arm has no masses, the servo is of first order, or numbers of joints differ.
+        InvalidInput: An arm has no masses, the servo is of first order, or joints differ in number.
     """
 
     arm: Arm
