@@ -11,7 +11,7 @@ from armcontour.identification.choosing import choose
 from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import described, nothing, why_still
 from armcontour.identification.fitting import Data
-from armcontour.identification.log import INTERPOLATIONS, Log
+from armcontour.motion.log import INTERPOLATIONS, Log
 from armcontour.identification.results import Identification, JointIdentification
 
 MODELS = ("auto", "second", "first")
