@@ -335,3 +335,17 @@ def test_an_unknown_key_is_named_whatever_it_looks_like(key: str) -> None:
 def test_points_that_are_too_far_away_are_refused(path: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidInput, match=words):
         parse_job(with_change("path", path))
+
+
+@pytest.mark.parametrize(
+    ("given", "windows"), [("20 ms", (0.02,)), (["20 ms", 0.01], (0.02, 0.01)), (None, ())]
+)
+def test_windows_of_smoothing(given, windows) -> None:
+    (run,) = parse_job(with_change("runs", {"one": {"smoothing": given}})).runs
+    assert run.smoothing == windows
+
+
+@pytest.mark.parametrize("given", [[], ["20 ms"] * 3, "0 ms", -0.01, "20 mm", ["x"]])
+def test_windows_that_cannot_be(given) -> None:
+    with pytest.raises(InvalidInput, match="runs.one.smoothing"):
+        parse_job(with_change("runs", {"one": {"smoothing": given}}))

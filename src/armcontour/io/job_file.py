@@ -207,10 +207,18 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         compensation_options=_compensation_options(model.compensation, experiment),
         until=model.until,
         duration=model.duration,
+        smoothing=_windows(model.smoothing),
         reserve=timing.reserve,
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
         experiment=experiment,
     )
+
+
+def _windows(given: float | list[float] | None) -> tuple[float, ...]:
+    """Windows of a smoothing: none, one or two [s]."""
+    if given is None:
+        return ()
+    return tuple(given) if isinstance(given, list) else (given,)
 
 
 def _compensation_options(
