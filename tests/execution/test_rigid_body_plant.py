@@ -611,11 +611,11 @@ def test_steps_too_long_for_springs_are_errors(refuses):
     refuses(
         lambda: run(arm, swing(), joint_stiffness=1e10),
         ac.ExecutionError,
-        "integration steps in a step of 0.00025 s, but at most 100 are made: lower joint_stiffness",
+        "integration steps in a step of 0.00025 s, but at most 50 are made: lower joint_stiffness",
     )
     for extreme in ({"joint_stiffness": 1e12}, {"joint_stiffness": 1.0, "joint_damping": 1e12}):
         refuses(
-            lambda extreme=extreme: run(arm, swing(), **extreme), ac.ExecutionError, "at most 100"
+            lambda extreme=extreme: run(arm, swing(), **extreme), ac.ExecutionError, "at most 50"
         )
     # Friction that brakes a link within a step is integrated as finely as a spring.
     slow = {"kp": 10.0, "kv": 40.0, "period": 0.02, "step": 0.02, "resolution": 0.02}

@@ -20,7 +20,7 @@ GROWTH = 1 + 1e-6
 # The simulation integrates over parts of a step, in which the fastest motion of springs and viscous
 # friction has this phase [rad] or decay; its method is stable up to 2.8. At most so many parts.
 PHASE = 0.5
-MOST_PARTS = 100
+MOST_PARTS = 50
 
 
 class Instability(NamedTuple):
