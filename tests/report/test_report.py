@@ -86,6 +86,22 @@ def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
     assert "leads the joints by too much or too little" in note
 
 
+def test_what_judges_set_points_for_the_bodies_comes_first(study: Study) -> None:
+    made = study.runs["proposed"]
+    for_bodies = dataclasses.replace(
+        made, run=dataclasses.replace(made.run, compensation="inverse_dynamics")
+    )
+    shown = Study(job=study.job, runs={"proposed": for_bodies})
+    ((_, tiles),) = overview(shown).tiles
+    assert [x.label for x in tiles[:3]] == [
+        "motion",
+        "experiment: contour error, RMS",
+        "contour error, RMS",
+    ]
+    assert "the servo model, which has no bodies" in tiles[2].note
+    assert any("its experiment judges it" in x for x in overview(shown).notes)
+
+
 def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study: Study) -> None:
     failed = dataclasses.replace(
         study.runs["proposed"],
