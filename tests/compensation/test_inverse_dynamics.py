@@ -65,18 +65,18 @@ def off(arm, servo=SERVO, plan=SWING, plant=None, **options):
     return np.abs(done.q - plan(done.t.clip(0, plan.duration))).max()
 
 
-def contour_error(arm, path, rounded, period=PERIOD, limits=LIMITS, window=0.02):
+def contour_error(arm, rounded, period=PERIOD, limits=LIMITS, window=0.02):
     """Duration of the smoothed plan, and RMS and largest contour error on rigid bodies [mm]."""
     plan = ac.plan(rounded, arm, limits, smoothing=[window])
-    done = ac.execute(compensate(plan, arm, period=period), ac.RigidBodyPlant(arm, SERVO))
-    found = ac.evaluate(done, rounded, objective=path).contour_error
+    plant = ac.RigidBodyPlant(arm, SERVO)
+    done = ac.execute(compensate(plan, arm, period=period), plant, resolution=1e-3)
+    found = ac.evaluate(done, rounded).contour_error
     return plan.duration, found.rms * 1e3, found.max * 1e3
 
 
 @pytest.fixture(scope="module")
 def corners():
-    path = square()
-    return path, ac.round_corners(path, tolerance=CORNER_ERROR)
+    return ac.round_corners(square(), tolerance=CORNER_ERROR)
 
 
 @pytest.mark.parametrize(
@@ -86,14 +86,14 @@ def corners():
 def test_a_square_at_full_speed(light, corners, armature, period, rms, largest):
     """The servo's own inverse has 0.138 / 0.410 mm with inertias of drives, and more without."""
     arm = with_chain(light, armature=np.full(6, armature))
-    duration, *found = contour_error(arm, *corners, period)
+    duration, *found = contour_error(arm, corners, period)
     assert duration < 1.965
     assert found[0] < rms and found[1] < largest
 
 
-def test_the_papers_job(arm, objective, rounded, limits):
+def test_the_papers_job(arm, rounded, limits):
     """The servo's own inverse has 0.017 / 0.032 mm."""
-    duration, *found = contour_error(arm, objective, rounded, limits=limits, window=4e-3)
+    duration, *found = contour_error(arm, rounded, limits=limits, window=4e-3)
     assert duration < 5.335
     assert found[0] < 2e-4 and found[1] < 1e-3
 
@@ -101,7 +101,7 @@ def test_the_papers_job(arm, objective, rounded, limits):
 def test_a_short_line(light):
     """Without compensation 0.237 mm, with the servo's own inverse 0.286 mm."""
     path = ac.Path.polyline([CORNER, (0.5, 0.08, 0.2)]).oriented(DOWN)
-    assert contour_error(light, path, path)[1] < 0.001
+    assert contour_error(light, path)[1] < 0.001
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
