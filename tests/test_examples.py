@@ -7,8 +7,7 @@ and say only that nothing changed.
 """
 
 import re
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import pytest
@@ -87,13 +86,12 @@ def test_every_example_is_known() -> None:
 
 
 @pytest.mark.parametrize("name", PRINTED)
-def test_an_example_prints_its_figures(name: str) -> None:
-    done = subprocess.run(
-        [sys.executable, str(FOLDER / f"{name}.py")], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    expected, printed = PRINTED[name].splitlines(), done.stdout.splitlines()
+def test_an_example_prints_its_figures(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    # In this process, where warnings are errors too.
+    runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
+    done = capsys.readouterr()
+    assert done.err == ""
+    expected, printed = PRINTED[name].splitlines(), done.out.splitlines()
     assert [NUMBER.sub("#", x).split() for x in printed] == [
         NUMBER.sub("#", x).split() for x in expected
     ]

@@ -44,14 +44,15 @@ if TYPE_CHECKING:
         Path,
         RoundedPath,
     )
-    from armcontour.identification import Identification, Log, identify
+    from armcontour.identification import Identification, identify
     from armcontour.io import read_job
     from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
     from armcontour.jobs import Goal, Job, Study, run
-    from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+    from armcontour.learning import LearnedRun, Lesson, Recording, learn
+    from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
     from armcontour.program import (
         Analog,
         Contour,
@@ -102,14 +103,15 @@ _HOME = {
         "Path",
         "RoundedPath",
     ),
-    "identification": ("Identification", "Log", "identify"),
+    "identification": ("Identification", "identify"),
     "io": ("read_job",),
     "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
     "jobs": ("Goal", "Job", "Study", "run"),
-    "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
+    "learning": ("LearnedRun", "Lesson", "Recording", "learn"),
+    "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
     "program": (
         "Analog",
         "Contour",
@@ -155,6 +157,8 @@ __all__ = [
     "Job",
     "JointPath",
     "Lead",
+    "LearnedRun",
+    "Lesson",
     "LimitUse",
     "Limits",
     "Line",
@@ -168,6 +172,7 @@ __all__ = [
     "Process",
     "Program",
     "Rapid",
+    "Recording",
     "RigidBodyPlant",
     "RoundedPath",
     "SerialArm",
@@ -192,6 +197,7 @@ __all__ = [
     "export",
     "fastest_poles",
     "identify",
+    "learn",
     "load_arm",
     "plan",
     "prepare",

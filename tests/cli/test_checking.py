@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,22 +28,28 @@ JOB = {
     },
 }
 LIMITS = {"speed": "0.15 m/s", "centripetal_acceleration": "0.0901 m/s^2", "deviation": "0.1 mm"}
+Check = Callable[..., Any]
 
 
-def check(folder: FilePath, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "armcontour", "check", *arguments]
-    return subprocess.run(
-        command,
+@pytest.fixture
+def check(command_in: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Check:
+    """`armcontour check` in this process, in a folder: how it ended."""
+    monkeypatch.setenv("COLUMNS", "200")
+    return lambda folder, *arguments: command_in(folder, "check", *arguments)
+
+
+def test_the_exit_code_of_a_verdict_is_that_of_the_process(folder: FilePath) -> None:
+    (folder / "limits.yaml").write_text("joint_acceleration: [0.7, 0.8]\n")
+    options = ["planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml"]
+    done = subprocess.run(
+        [sys.executable, "-m", "armcontour", "check", *options],
         cwd=folder,
         capture_output=True,
         text=True,
         timeout=300,
-        env={
-            "COLUMNS": "200",
-            "PYTHONIOENCODING": "utf-8",
-            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
-        },
     )
+    assert (done.returncode, done.stderr) == (1, ""), done.stdout
+    assert "violated" in done.stdout
 
 
 @pytest.fixture
@@ -65,14 +72,14 @@ def folder(tmp_path: FilePath, mac: ac.Trajectory) -> FilePath:
     return tmp_path
 
 
-def test_kept_limits_end_with_0(folder: FilePath) -> None:
+def test_kept_limits_end_with_0(folder: FilePath, check: Check) -> None:
     given = ("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--path", "job.yaml")
     done = check(folder, *given)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.code == 0, done.out + done.errors
     for words in ("joint acceleration", "speed", "path deviation", "kept", "Samples of q:"):
-        assert words in done.stdout
-    assert "violated" not in done.stdout
-    data = json.loads(check(folder, *given, "--json").stdout)
+        assert words in done.out
+    assert "violated" not in done.out
+    data = json.loads(check(folder, *given, "--json").out)
     assert data["kept"] is True
     uses = {x["name"]: x for x in data["limits"]}
     assert set(uses) == {
@@ -87,15 +94,15 @@ def test_kept_limits_end_with_0(folder: FilePath) -> None:
     assert data["end_speeds"] == [None, None]
 
 
-def test_a_violation_ends_with_1_and_says_where(folder: FilePath) -> None:
+def test_a_violation_ends_with_1_and_says_where(folder: FilePath, check: Check) -> None:
     (folder / "limits.yaml").write_text("joint_acceleration: [0.7, 0.8]\n")
     done = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml")
-    assert done.returncode == 1
-    assert "violated" in done.stdout
-    assert done.stderr == ""
+    assert done.code == 1
+    assert "violated" in done.out
+    assert done.errors == ""
     done = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--json")
-    assert done.returncode == 1
-    data = json.loads(done.stdout)
+    assert done.code == 1
+    data = json.loads(done.out)
     assert data["kept"] is False
     (use,) = data["limits"]
     assert (use["name"], use["joint"], use["verdict"]) == (
@@ -106,22 +113,22 @@ def test_a_violation_ends_with_1_and_says_where(folder: FilePath) -> None:
     assert use["ratio"] == pytest.approx(0.72 / 0.7, abs=3e-3)
 
 
-def test_the_path_of_one_run(folder: FilePath) -> None:
+def test_the_path_of_one_run(folder: FilePath, check: Check) -> None:
     given = ("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--path", "job.yaml")
     sharp = check(folder, *given, "--run", "sharp", "--json")
-    assert sharp.returncode == 1
-    assert json.loads(sharp.stdout)["path_deviation"]["distance"] > 1e-3
+    assert sharp.code == 1
+    assert json.loads(sharp.out)["path_deviation"]["distance"] > 1e-3
     unknown = check(folder, *given, "--run", "other")
-    assert unknown.returncode == 2
-    assert "its runs are rounded, sharp" in unknown.stderr
+    assert unknown.code == 2
+    assert "its runs are rounded, sharp" in unknown.errors
     runs = {**JOB["runs"], "wide": {"timing": {"method": "mac"}, "corners": {"tolerance": 0.01}}}
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     torn = check(folder, *given)
-    assert torn.returncode == 2
-    assert "choose one with --run (rounded, wide)" in torn.stderr
+    assert torn.code == 2
+    assert "choose one with --run (rounded, wide)" in torn.errors
 
 
-def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath) -> None:
+def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath, check: Check) -> None:
     (folder / "bad.csv").write_text("t,q1,q2\n0,1,2\n0,1,2\n")
     for arguments, words in (
         (("none.csv", "--arm", "pmk3s"), "There is no trajectory file"),
@@ -139,10 +146,10 @@ def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath) -> N
         (("planned.csv", "--arm", "pmk3s", "--noise", "0.1"), "--noise: '0.1' has no unit"),
     ):
         done = check(folder, *arguments)
-        assert done.returncode == 2, arguments
-        assert done.stderr.startswith("Error: ")
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1
+        assert done.code == 2, arguments
+        assert done.errors.startswith("Error: ")
+        assert words in done.errors
+        assert len(done.errors.strip().splitlines()) == 1
 
 
 # All of these were once taken for motions that keep every limit: numbers that overflow, digits too
@@ -155,19 +162,19 @@ JUMPS = "t,q1,q2\n0.00,0,0\n0.01,1,0\n0.02,0,0\n0.03,1,0\n0.04,0,0\n"
 
 @pytest.mark.parametrize(("text", "ratio"), [(COARSE, np.deg2rad(100) / 0.72), (JUMPS, 2e4 / 0.72)])
 def test_what_the_samples_cannot_tell_ends_with_7(
-    tmp_path: FilePath, text: str, ratio: float
+    tmp_path: FilePath, text: str, ratio: float, check: Check
 ) -> None:
     (tmp_path / "log.csv").write_text(text)
     done = check(tmp_path, "log.csv", "--arm", "pmk3s")
-    assert done.returncode == 7, done.stdout + done.stderr
+    assert done.code == 7, done.out + done.errors
     for words in ("cannot tell", "print more digits"):
-        assert words in done.stdout
+        assert words in done.out
     # A second row, where the ratio is largest on another joint than the certain one.
-    assert ("numbers as printed" in done.stdout) is (text == JUMPS)
-    assert "kept" not in done.stdout
+    assert ("numbers as printed" in done.out) is (text == JUMPS)
+    assert "kept" not in done.out
     done = check(tmp_path, "log.csv", "--arm", "pmk3s", "--json")
-    assert done.returncode == 7
-    data = json.loads(done.stdout)
+    assert done.code == 7
+    data = json.loads(done.out)
     assert (data["kept"], data["verdict"]) == (None, "cannot tell")
     (use,) = data["limits"]
     assert use["verdict"] == "cannot tell"
@@ -183,32 +190,35 @@ def test_what_the_samples_cannot_tell_ends_with_7(
         (JUMPS.replace("0.03,1,0", "0.03,1,1e308"), "line 5: '1e308' in the column 'q2'"),
     ],
 )
-def test_numbers_that_overflow_are_refused(tmp_path: FilePath, text: str, words: str) -> None:
+def test_numbers_that_overflow_are_refused(
+    tmp_path: FilePath, text: str, words: str, check: Check
+) -> None:
     (tmp_path / "log.csv").write_text(text)
     for options in ((), ("--json",)):
         done = check(tmp_path, "log.csv", "--arm", "pmk3s", *options)
-        assert (done.returncode, done.stdout) == (2, "")
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1
+        assert (done.code, done.out) == (2, "")
+        assert words in done.errors
+        assert len(done.errors.strip().splitlines()) == 1
 
 
-def test_help_tells_the_exit_codes(tmp_path: FilePath) -> None:
-    told = " ".join(check(tmp_path, "--help").stdout.split())
+def test_help_tells_the_exit_codes(tmp_path: FilePath, check: Check) -> None:
+    told = " ".join(check(tmp_path, "--help").out.split())
     assert "0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2" in told
 
 
-def test_what_run_writes_can_be_checked(tmp_path: FilePath) -> None:
+def test_what_run_writes_can_be_checked(
+    tmp_path: FilePath, check: Check, command_in: Callable[..., Any]
+) -> None:
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
-    command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=300)
+    assert command_in(tmp_path, "run", "job.yaml", "--out", "out").code == 0
     (tmp_path / "limits.yaml").write_text("speed: 0.151\njoint_acceleration: 0.73\n")
     done = check(
         tmp_path,
         *("out/rounded/planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml"),
         *("--path", "job.yaml"),
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "Largest distance from the path" in done.stdout
+    assert done.code == 0, done.out + done.errors
+    assert "Largest distance from the path" in done.out
 
 
 def test_help_imports_nothing_heavy(tmp_path: FilePath) -> None:
@@ -223,7 +233,7 @@ def test_help_imports_nothing_heavy(tmp_path: FilePath) -> None:
     assert done.returncode == 0
 
 
-def test_an_arm_from_a_description_with_its_limits(tmp_path: FilePath) -> None:
+def test_an_arm_from_a_description_with_its_limits(tmp_path: FilePath, check: Check) -> None:
     data = FilePath(__file__).parents[1] / "io" / "robots" / "data"
     t = np.linspace(0, 1, 51)
     q = np.outer(3 * t**2 - 2 * t**3, [1.0, 0.2, 0.2, 0.2])
@@ -245,16 +255,16 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path: FilePath) -> None:
         "--joint-limits",
     )
     done = check(tmp_path, "log.csv", *arm, str(data / "joint_limits.yaml"), "--json")
-    assert done.returncode in (0, 1), done.stderr
-    found = json.loads(done.stdout)
+    assert done.code in (0, 1), done.errors
+    found = json.loads(done.out)
     velocity = next(x for x in found["limits"] if x["name"] == "joint_velocity")
     # The file's 90 deg/s, not the description's 2 rad/s.
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
 
-def test_a_job_brings_its_limits(folder: FilePath) -> None:
+def test_a_job_brings_its_limits(folder: FilePath, check: Check) -> None:
     arguments = ("planned.csv", "--path", "job.yaml", "--json")
-    found = json.loads(check(folder, *arguments).stdout)
+    found = json.loads(check(folder, *arguments).out)
     uses = {x["name"]: x for x in found["limits"]}
     assert uses["speed"]["limit"] == 0.15
     assert uses["centripetal_acceleration"]["limit"] == 0.09
@@ -262,29 +272,29 @@ def test_a_job_brings_its_limits(folder: FilePath) -> None:
     runs = {**JOB["runs"], "fast": fast}
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     torn = check(folder, *arguments)
-    assert torn.returncode == 2
-    assert "have different limits: choose one with --run (rounded, fast)" in torn.stderr.replace(
+    assert torn.code == 2
+    assert "have different limits: choose one with --run (rounded, fast)" in torn.errors.replace(
         "(fast, rounded)", "(rounded, fast)"
     )
-    named = json.loads(check(folder, *arguments, "--run", "fast").stdout)
+    named = json.loads(check(folder, *arguments, "--run", "fast").out)
     assert {x["name"]: x for x in named["limits"]}["speed"]["limit"] == 0.2
-    table = check(folder, "planned.csv", "--path", "job.yaml", "--run", "fast").stdout
+    table = check(folder, "planned.csv", "--path", "job.yaml", "--run", "fast").out
     assert "t [s]" in table
 
 
-def test_the_jobs_own_arm_is_the_default(folder: FilePath) -> None:
+def test_the_jobs_own_arm_is_the_default(folder: FilePath, check: Check) -> None:
     named = check(folder, "planned.csv", "--arm", "pmk3s", "--path", "job.yaml", "--json")
     default = check(folder, "planned.csv", "--path", "job.yaml", "--json")
-    assert json.loads(default.stdout) == json.loads(named.stdout)
+    assert json.loads(default.out) == json.loads(named.out)
     without = check(folder, "planned.csv")
-    assert without.returncode == 2
-    assert "Name the arm with --arm" in without.stderr
+    assert without.code == 2
+    assert "Name the arm with --arm" in without.errors
     both = check(folder, "planned.csv", "--path", "job.yaml", "--tip", "tcp")
-    assert both.returncode == 2
-    assert "--xacro-arg go with --arm" in both.stderr
+    assert both.code == 2
+    assert "--xacro-arg go with --arm" in both.errors
 
 
-def test_how_the_tool_is_held_is_checked_too(tmp_path: FilePath) -> None:
+def test_how_the_tool_is_held_is_checked_too(tmp_path: FilePath, check: Check) -> None:
     robot = ac.load_arm("ur5e")
     points = [[0.4, -0.1, 0.3], [0.45, 0.1, 0.3]]
     planned = ac.plan(ac.Path.polyline(points).pointing((0, 0, -1)), robot, robot.limits)
@@ -306,24 +316,22 @@ def test_how_the_tool_is_held_is_checked_too(tmp_path: FilePath) -> None:
     }
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
     given = ("planned.csv", "--path", "job.yaml", "--json")
-    without = json.loads(check(tmp_path, *given).stdout)
+    without = json.loads(check(tmp_path, *given).out)
     assert without["not_judged"] == ["joint_torque", "orientation_deviation"]
     for allowed, code in (("0.5 deg", 1), ("6 deg", 0)):
         (tmp_path / "limits.yaml").write_text(
             f"orientation_deviation: {allowed}\njoint_acceleration: 100\n"
         )
         done = check(tmp_path, *given, "--limits", "limits.yaml")
-        assert done.returncode == code, done.stdout + done.stderr
-        (use,) = (
-            x for x in json.loads(done.stdout)["limits"] if x["name"] == "orientation_deviation"
-        )
+        assert done.code == code, done.out + done.errors
+        (use,) = (x for x in json.loads(done.out)["limits"] if x["name"] == "orientation_deviation")
         assert use["value"] == pytest.approx(np.arctan(0.1), abs=1e-4)
     (tmp_path / "limits.yaml").write_text("orientation_deviation: 1 deg\n")
     lost = check(tmp_path, "planned.csv", "--arm", "ur5e", "--limits", "limits.yaml")
-    assert lost.returncode == 2 and "name its job with --path" in lost.stderr
+    assert lost.code == 2 and "name its job with --path" in lost.errors
 
 
-def test_a_measured_motion(folder: FilePath, mac: ac.Trajectory) -> None:
+def test_a_measured_motion(folder: FilePath, mac: ac.Trajectory, check: Check) -> None:
     """Noise is motion unless it is declared; columns that are not known are left out."""
     samples = mac.sample(4e-3)
     noise = 2e-5 * np.random.default_rng(0).uniform(-1, 1, samples.q.shape)
@@ -332,29 +340,29 @@ def test_a_measured_motion(folder: FilePath, mac: ac.Trajectory) -> None:
     given = ("log.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
     (folder / "joint.yaml").write_text("joint_acceleration: 0.73\n")
     done = check(folder, *given)
-    assert done.returncode == 1
-    told = " ".join(done.stdout.split())
+    assert done.code == 1
+    told = " ".join(done.out.split())
     assert "Left out of log.csv, since they are not known: 'i1 [A]'." in told
     assert "scatter by 0.012 mrad" in told
     assert "--noise, such as '0.047 mrad'" in told
     declared = check(folder, *given, "--noise", "0.02 mrad")
-    assert declared.returncode in (0, 7), declared.stdout
-    assert "scatter" not in declared.stdout
-    assert "violated" not in declared.stdout
+    assert declared.code in (0, 7), declared.out
+    assert "scatter" not in declared.out
+    assert "violated" not in declared.out
     # A motion that really exceeds its limit still does.
     (folder / "joint.yaml").write_text("joint_acceleration: 0.3\n")
-    assert check(folder, *given, "--noise", "0.02 mrad").returncode == 1
+    assert check(folder, *given, "--noise", "0.02 mrad").code == 1
     # What is computed has no noise to declare.
     rough = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
-    assert rough.returncode == 1
-    assert "scatter" not in rough.stdout
+    assert rough.code == 1
+    assert "scatter" not in rough.out
 
 
-def test_a_file_without_titles(folder: FilePath) -> None:
+def test_a_file_without_titles(folder: FilePath, check: Check) -> None:
     text = (folder / "planned.csv").read_text().splitlines()[1:]
     (folder / "bare.csv").write_text("\n".join(f"{x},open" for x in text))
     done = check(folder, "bare.csv", "--arm", "pmk3s")
-    assert done.returncode == 2
+    assert done.code == 2
     bare = check(folder, "bare.csv", "--arm", "pmk3s", "--columns", "t,q1,q2,-", "--json")
     titled = check(folder, "planned.csv", "--arm", "pmk3s", "--json")
-    assert json.loads(bare.stdout) == json.loads(titled.stdout)
+    assert json.loads(bare.out) == json.loads(titled.out)

@@ -36,11 +36,6 @@ M2
 Call = Callable[..., tuple[int, str]]
 
 
-def armcontour(*arguments: str, cwd: FilePath) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "armcontour", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
-
-
 @pytest.fixture
 def folder(tmp_path: FilePath) -> FilePath:
     (tmp_path / "plain.csv").write_text(PLAIN)
@@ -51,13 +46,12 @@ def folder(tmp_path: FilePath) -> FilePath:
 
 
 @pytest.fixture
-def call(folder: FilePath, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Call:
+def call(folder: FilePath, command_in: Callable[..., Any]) -> Call:
     """The command line in this process, in the folder: exit code and what is said of an error."""
-    monkeypatch.chdir(folder)
 
     def called(*arguments: str) -> tuple[int, str]:
-        code, _, errors = command(*arguments)
-        return code, errors
+        done = command_in(folder, *arguments)
+        return done.code, done.errors
 
     return called
 
@@ -66,16 +60,15 @@ def table(file: FilePath) -> np.ndarray:
     return np.loadtxt(file, delimiter=",", skiprows=1)
 
 
-def test_runs_g_code_in_a_cell_with_exports(folder: FilePath) -> None:
+def test_runs_g_code_in_a_cell_with_exports(folder: FilePath, call: Call) -> None:
     (folder / "list.txt.j2").write_text(
         "{% for e in events %}{{ e.text }} {{ outputs.get(e.name) }}\n{% endfor %}"
     )
-    done = armcontour(
+    code, said = call(
         *("run", "part.ngc", "--cell", "pmk3s", "--out", "out", "--export", "csv"),
         *("--template", "list.txt.j2", "--output", "spindle=3", "--speed", "80 mm/s"),
-        cwd=folder,
     )
-    assert done.returncode == 0, done.stderr
+    assert code == 0, said
     summary = json.loads((folder / "out" / "summary.json").read_text())
     for name in summary["files"]:
         assert (folder / "out" / name).is_file()
@@ -220,7 +213,9 @@ def test_what_cannot_be_exported_is_refused_before_the_run(
     assert not (folder / "out").exists()
 
 
-def test_a_cell_of_ones_own_with_leads_and_a_switch(folder: FilePath, call: Call) -> None:
+def test_a_cell_of_ones_own_with_leads_and_a_switch(
+    folder: FilePath, call: Call, command_in: Callable[..., Any]
+) -> None:
     cell = {
         "name": "mine",
         "arm": "pmk3s",
@@ -234,10 +229,10 @@ def test_a_cell_of_ones_own_with_leads_and_a_switch(folder: FilePath, call: Call
         },
     }
     (folder / "mine.yaml").write_text(yaml.safe_dump(cell))
-    done = armcontour("run", "plain.csv", "--cell", "mine.yaml", "--out", "out", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    done = command_in(folder, "run", "plain.csv", "--cell", "mine.yaml", "--out", "out")
+    assert done.code == 0, done.errors
     # The lead-out is too short for the velocity, the automatic lead-in is not.
-    assert "the tool goes off at" in done.stdout and "the tool goes on at" not in done.stdout
+    assert "the tool goes off at" in done.out and "the tool goes on at" not in done.out
     early = {**cell, "process": {"switch": {"name": "laser", "on_lead": "1 s"}}}
     (folder / "early.yaml").write_text(yaml.safe_dump(early))
     code, said = call("run", "plain.csv", "--cell", "early.yaml", "--out", "other")
@@ -262,6 +257,8 @@ def test_an_interrupted_run_leaves_what_was_there_and_nothing_else(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # A test may run where these are ignored.
+        preexec_fn=lambda: signal.signal(by, signal.SIG_DFL),
     )
     try:
         until = time.monotonic() + 60

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,16 +30,13 @@ JOB = {
         },
     },
 }
+Command = Callable[..., Any]
 
 
-def armcontour(*arguments: str, cwd: FilePath) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "armcontour", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
-
-
-def test_runs_a_job(tmp_path: FilePath) -> None:
+def test_runs_a_job(tmp_path: FilePath, command_in: Command) -> None:
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
-    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
+    command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "Report: file://" in done.stdout
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -53,10 +52,10 @@ def test_runs_a_job(tmp_path: FilePath) -> None:
     np.testing.assert_allclose(np.diff(table[:, 0]), 4e-3, atol=1e-12)
     assert table[-1, 0] >= run["duration"]
     # Again without and with --force.
-    refused = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "--force" in refused.stderr
-    assert armcontour("run", "job.yaml", "--out", "out", "--force", cwd=tmp_path).returncode == 0
+    refused = command_in(tmp_path, "run", "job.yaml", "--out", "out")
+    assert refused.code == 2
+    assert "--force" in refused.errors
+    assert command_in(tmp_path, "run", "job.yaml", "--out", "out", "--force").code == 0
 
 
 @pytest.mark.parametrize(
@@ -81,39 +80,43 @@ def test_runs_a_job(tmp_path: FilePath) -> None:
     ],
 )
 def test_an_error_is_one_sentence_with_its_code_and_leaves_nothing(
-    tmp_path: FilePath, change: dict[str, object], code: int, words: str
+    tmp_path: FilePath, change: dict[str, object], code: int, words: str, command_in: Command
 ) -> None:
     (tmp_path / "job.yaml").write_text(yaml.safe_dump({**JOB, **change}))
-    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == code
-    assert words in done.stderr
-    assert done.stderr.startswith("Error: ")
-    assert len(done.stderr.strip().splitlines()) == 1
+    done = command_in(tmp_path, "run", "job.yaml", "--out", "out")
+    assert done.code == code
+    assert words in done.errors
+    assert done.errors.startswith("Error: ")
+    assert len(done.errors.strip().splitlines()) == 1
     assert [x.name for x in tmp_path.iterdir()] == ["job.yaml"]
 
 
-def test_an_unwritable_folder_is_refused_before_the_work(tmp_path: FilePath) -> None:
+def test_an_unwritable_folder_is_refused_before_the_work(
+    tmp_path: FilePath, command_in: Command
+) -> None:
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
-    done = armcontour("run", "job.yaml", "--out", "job.yaml/out", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "Cannot write to the folder" in done.stderr
+    done = command_in(tmp_path, "run", "job.yaml", "--out", "job.yaml/out")
+    assert done.code == 2
+    assert "Cannot write to the folder" in done.errors
 
 
-def test_an_experiment_has_its_columns_and_files(tmp_path: FilePath) -> None:
+def test_an_experiment_has_its_columns_and_files(tmp_path: FilePath, command_in: Command) -> None:
     runs = {"one": {}, "two": {"compensation": {"method": "none"}}}
     job = {**JOB, "runs": runs, "experiment": {"runs": ["one"]}}
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
-    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "experiment" in done.stdout
-    assert "Masses: Both links are assumed" in done.stdout
+    done = command_in(tmp_path, "run", "job.yaml", "--out", "out")
+    assert done.code == 0, done.errors
+    assert "experiment" in done.out
+    assert "Masses: Both links are assumed" in done.out
     files = json.loads((tmp_path / "out" / "summary.json").read_text())["files"]
     assert {"one/taught.csv", "one/planned.csv", "one/torque.csv"} <= set(files)
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
     assert header == "t [s],torque 1 [N m],torque 2 [N m]"
 
 
-def test_a_failed_experiment_leaves_the_other_results(tmp_path: FilePath) -> None:
+def test_a_failed_experiment_leaves_the_other_results(
+    tmp_path: FilePath, command_in: Command
+) -> None:
     job = {
         "name": "line",
         "arm": "panda",
@@ -127,41 +130,43 @@ def test_a_failed_experiment_leaves_the_other_results(tmp_path: FilePath) -> Non
         "runs": {"one": {}},
     }
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
-    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "Run one: experiment: Joint 2 is unstable" in done.stdout
-    assert "failed" in done.stdout
+    done = command_in(tmp_path, "run", "job.yaml", "--out", "out")
+    assert done.code == 0, done.errors
+    assert "Run one: experiment: Joint 2 is unstable" in done.out
+    assert "failed" in done.out
     found = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["one"]
     assert found["experiment"]["failed"].startswith("experiment: Joint 2 is unstable")
     assert found["contour_error"]["rms"] > 0
     assert (tmp_path / "out" / "one" / "taught.csv").is_file()
 
 
-def test_tables_keep_their_units_and_coarse_set_points_are_said(tmp_path: FilePath) -> None:
+def test_tables_keep_their_units_and_coarse_set_points_are_said(
+    tmp_path: FilePath, command_in: Command
+) -> None:
     job = {**JOB, "title": "A [s] title", "command_interval": "0.5 s"}
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
-    done = armcontour("run", "job.yaml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = command_in(tmp_path, "run", "job.yaml", "--out", "out")
+    assert done.code == 0, done.errors
     for words in ("A [s] title", "motion [s]", "RMS error [mm]"):
-        assert words in done.stdout
+        assert words in done.out
     warning = "the command interval of 0.5 s is more than a tenth of the motion"
-    assert f"Warning: Runs compensated, planned: {warning}" in done.stdout
+    assert f"Warning: Runs compensated, planned: {warning}" in done.out
     found = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["planned"]
     assert warning in found["warnings"][0]
 
 
-def test_arms_are_listed_with_what_is_assumed(tmp_path: FilePath) -> None:
-    lines = armcontour("arms", cwd=tmp_path).stdout.splitlines()
+def test_arms_are_listed_with_what_is_assumed(tmp_path: FilePath, command_in: Command) -> None:
+    lines = command_in(tmp_path, "arms").out.splitlines()
     assert "ur5e: UR5e, 6 joints, masses known" in lines
     assert "panda: Panda, 7 joints, masses known" in lines
     assert any(x.startswith("    assumed: Both links are assumed") for x in lines)
     assert max(len(x) for x in lines) <= 100
 
 
-def test_lists_arms_version_and_schema(tmp_path: FilePath) -> None:
-    assert "pmk3s: PMK-3s, 2 joints" in armcontour("arms", cwd=tmp_path).stdout
-    assert armcontour("--version", cwd=tmp_path).stdout.startswith("armcontour 0.")
-    assert json.loads(armcontour("schema", cwd=tmp_path).stdout)["title"] == "JobModel"
+def test_lists_arms_version_and_schema(tmp_path: FilePath, command_in: Command) -> None:
+    assert "pmk3s: PMK-3s, 2 joints" in command_in(tmp_path, "arms").out
+    assert command_in(tmp_path, "--version").out.startswith("armcontour 0.")
+    assert json.loads(command_in(tmp_path, "schema").out)["title"] == "JobModel"
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
@@ -178,7 +183,7 @@ def test_help_imports_nothing_heavy(arguments: list[str], tmp_path: FilePath) ->
     assert done.returncode == 0
 
 
-def test_identify_tells_gains_from_a_log(tmp_path: FilePath) -> None:
+def test_identify_tells_gains_from_a_log(tmp_path: FilePath, command_in: Command) -> None:
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
     line = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15)])
     planned = ac.plan(line, arm, arm.limits.replace(speed=0.1))
@@ -193,8 +198,8 @@ def test_identify_tells_gains_from_a_log(tmp_path: FilePath) -> None:
     rows = np.column_stack([t, commands[:, 0], measured[:, 0], commands[:, 1], measured[:, 1]])
     names = "t [s],command 1 [rad],measured 1 [rad],command 2 [rad],measured 2 [rad]"
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=names, comments="", fmt="%.9f")
-    result = armcontour("identify", "log.csv", "--out", "found", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
+    result = command_in(tmp_path, "identify", "log.csv", "--out", "found")
+    assert result.code == 0, result.errors
     text = (tmp_path / "found" / "servo.yaml").read_text()
     found = yaml.safe_load(text)["servo"]
     np.testing.assert_allclose(found["kp"], 25.0, rtol=0.02)

@@ -171,6 +171,12 @@ def test_every_joint_stands_still_first(heavy, method, dead):
     assert (taught.q[1] != taught.q[0]).any()
 
 
+def test_a_load_that_the_controller_does_not_know_can_be_known_to_the_set_points(heavy):
+    loaded = with_chain(heavy, payload=ac.Payload(mass=2.0, center=(0.02, 0.0, 0.1)))
+    plant = strong(loaded, known=heavy)
+    assert off(loaded, plant=plant, known=heavy) < 3e-5 < 1e-3 < off(loaded, plant=plant)
+
+
 def test_friction_is_compensated_but_not_at_rest(heavy):
     rough = with_chain(
         heavy,
@@ -217,7 +223,10 @@ def test_limits_of_the_controller_are_checked(light, refuses):
     [
         ({"arm": None}, ("inverse_dynamics", "masses", "give compensate the arm")),
         ({"servo": ac.ServoModel(kp=25.0, order="first")}, ("order second", "kv")),
-        ({"poles": [-1.0, -1.0, -1.0]}, ("takes the option gravity_feedforward", "not poles")),
+        (
+            {"poles": [-1.0, -1.0, -1.0]},
+            ("takes the option gravity_feedforward or known", "not poles"),
+        ),
     ],
 )
 def test_refused(light, options, words, refuses):

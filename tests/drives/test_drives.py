@@ -93,6 +93,29 @@ def test_the_response_is_that_of_the_plant(arm, servo, gravity):
     np.testing.assert_allclose(left @ expected.ravel(), right @ torque, atol=1e-11)
 
 
+def test_a_payload_that_the_controller_does_not_know(arm, servo):
+    """Command and response of a loaded arm, whose controller holds and scales for the bare one."""
+    loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=2.0))
+    drives = Drives(arm=loaded, servo=servo, known=arm)
+    assert (drives.inertia == Drives(arm=arm, servo=servo).inertia).all()
+    t = np.arange(0, 1.0, PERIOD)
+    q = drives.command(swing(t, 0), swing(t, 1), swing(t, 2))
+    limits = ac.Limits(joint_torque=np.full(6, 1e4))
+    plant = ac.RigidBodyPlant(loaded, servo, limits, known=arm, step=1e-4)
+    done = ac.execute(taught(q, arm), plant)
+    assert np.abs(done.q - swing(done.t, 0)).max() < 5e-5
+    change = 1e-4 * np.sin(np.outer(t, 10.0 * np.arange(1, 7))) * np.sin(np.pi * t)[:, None]
+    moved = ac.execute(taught(q + change, arm), plant)
+    n = min(len(done.t), len(moved.t))
+    found = moved.q[:n] - done.q[:n]
+    at = regular_times(0.0, done.t[n - 1], 1e-3)
+    response = respond_along(swing, at, loaded, servo, known=arm)
+    index, weight = command_weights(len(t), PERIOD, "linear", 0.0, at)
+    expected = response.to_command(np.einsum("nk,nkj->nj", weight, change[index]))
+    rows = np.searchsorted(done.t[:n], at)
+    assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()
+
+
 @pytest.mark.parametrize("options", [{"kv": 150.0}, {"order": "first"}])
 def test_without_masses_the_response_is_that_of_the_servo(options):
     arm = rods()

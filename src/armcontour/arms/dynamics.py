@@ -109,14 +109,23 @@ class Dynamics:
         found = np.empty((3, len(at), at.shape[1], at.shape[1]))
         compute = self._pin.computeRNEADerivatives
         for k, (x, v, a) in enumerate(zip(at, rate, second, strict=True)):
-            found[0, k], found[1, k], mass = compute(model, data, x, v, a)
-            # pinocchio guarantees only the upper triangle of the mass matrix.
-            upper = np.triu(mass)
-            found[2, k] = upper + np.triu(mass, 1).T
+            found[0, k], found[1, k], found[2, k] = compute(model, data, x, v, a)
+        # pinocchio guarantees only the upper triangle of the mass matrix.
+        found[2] = np.triu(found[2]) + np.swapaxes(np.triu(found[2], 1), -1, -2)
         diagonal = np.arange(at.shape[1])
         found[2][:, diagonal, diagonal] += self._armature
         position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
         return position, velocity, acceleration
+
+    def pinocchio_model(self, *, weightless: bool = False) -> tuple[Any, Any]:
+        """The model of pinocchio, without the armature, and its data.
+
+        Args:
+            weightless: Whether gravity is left out.
+        """
+        if weightless:
+            return self._weightless, self._weightless_data
+        return self._model, self._data
 
     def _gravity(self, q: FloatArray) -> FloatArray:
         """Joint torques [N m] of gravity, (n, dof)."""

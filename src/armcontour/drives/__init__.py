@@ -6,5 +6,6 @@ do not.
 
 from armcontour.drives.drives import Drives
 from armcontour.drives.response import Response, regular_times, respond_along
+from armcontour.drives.simulation import Simulation, simulate
 
-__all__ = ["Drives", "Response", "regular_times", "respond_along"]
+__all__ = ["Drives", "Response", "Simulation", "regular_times", "respond_along", "simulate"]

@@ -17,26 +17,30 @@ from armcontour.servo import ServoModel
 class Drives:
     """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
 
-    u is the command after dead time and interpolation. g is the gravity torque of the nominal arm,
-    if the controller feeds it forward.
+    u is the command after dead time and interpolation. g is the gravity torque that the controller
+    feeds forward: that of the arm as it knows it.
 
     Args:
         arm: The nominal arm, with masses.
         servo: Servo of order "second".
         gravity_feedforward: Whether the controller adds the gravity torque.
+        known: The arm as its controller knows it, for g and J: for example without a payload that
+            was found later. By default the arm itself.
 
     Attributes:
-        inertia: J, the servo's inertia, or else the nominal inertia of the arm [kg m²], (dof,).
+        inertia: J, the servo's inertia, or else the nominal inertia of the known arm [kg m²],
+            (dof,).
         damping: J K_v [N m s/rad], (dof,).
         stiffness: J K_v K_p [N m/rad], (dof,).
 
     Raises:
-        InvalidInput: The arm has no masses, or the servo is of first order or of other joints.
+        InvalidInput: An arm has no masses, the servo is of first order, or joints differ in number.
     """
 
     arm: Arm
     servo: ServoModel
     gravity_feedforward: bool = True
+    known: Arm | None = None
     inertia: FloatArray = field(init=False)
     damping: FloatArray = field(init=False)
     stiffness: FloatArray = field(init=False)
@@ -48,11 +52,21 @@ class Drives:
                 "Drives that move rigid bodies have a velocity loop: give a servo of order second, "
                 "with the gain kv."
             )
-        own = nominal_inertia(self.arm) if servo.inertia is None else servo.inertia
+        if self.known is not None and self.known.dof != self.arm.dof:
+            raise InvalidInput(
+                f"The arm {self.arm.name} has {self.arm.dof} joints, but the arm that its "
+                f"controller knows has {self.known.dof}."
+            )
+        own = nominal_inertia(self.as_known) if servo.inertia is None else servo.inertia
         object.__setattr__(self, "servo", servo)
         object.__setattr__(self, "inertia", _checks.lock_floats(own))
         object.__setattr__(self, "damping", _checks.lock_floats(own * servo.kv))
         object.__setattr__(self, "stiffness", _checks.lock_floats(own * servo.kv * servo.kp))
+
+    @property
+    def as_known(self) -> Arm:
+        """The arm as its controller knows it."""
+        return self.arm if self.known is None else self.known
 
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """The command u with which the drives make a motion [rad], (n, dof).
@@ -68,9 +82,10 @@ class Drives:
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """The torque of the loops for a motion, without gravity if that is fed forward [N m].
+        """The torque of the loops for a motion, beside the gravity that is fed forward [N m].
 
-        It covers inertia, coupling, Coriolis and centrifugal torques, payload and friction.
+        It covers inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
+        gravity that the controller does not feed forward.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -78,7 +93,7 @@ class Drives:
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
         found = self.arm.torque(q, dq, ddq)
-        return found - self.arm.dynamics.gravity(q) if self.gravity_feedforward else found
+        return found - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else found
 
 
 def nominal_inertia(arm: Arm) -> FloatArray:

@@ -125,6 +125,7 @@ def respond_along(
     servo: ServoModel,
     *,
     gravity_feedforward: bool = True,
+    known: Arm | None = None,
 ) -> Response:
     """The response of the nominal robot around a motion.
 
@@ -138,21 +139,26 @@ def respond_along(
         arm: The nominal arm.
         servo: The nominal servo.
         gravity_feedforward: Whether the controller adds the gravity torque.
+        known: The arm as its controller knows it, as in `Drives`.
 
     Raises:
         InvalidInput: The gains do not fit the arm.
     """
     if arm.has_bodies and servo.kv is not None:
-        drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward)
+        drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
         return _of_drives(drives, motion, t)
     return _of_servo(servo.for_joints(arm.dof), t)
 
 
 def _of_drives(drives: Drives, motion: Motion, t: FloatArray) -> Response:
     """The response of drives that move bodies."""
+    q, fed = motion(t, 0), drives.gravity_feedforward
     by_position, by_velocity, mass = drives.arm.dynamics.derivatives(
-        motion(t, 0), motion(t, 1), motion(t, 2), gravity=not drives.gravity_feedforward
+        q, motion(t, 1), motion(t, 2), gravity=not fed or drives.known is not None
     )
+    if fed and drives.known is not None:
+        still = np.zeros_like(q)
+        by_position = by_position - drives.known.dynamics.derivatives(q, still, still)[0]
     chain = drives.arm.dynamics.chain
     return Response(
         t=t,

@@ -191,7 +191,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         _refuse_no_speed(f"runs.{name}." if model.corners else "", corners, limits)
     _refuse_options(f"runs.{name}", model)
     timing = model.timing
-    experiment = _experiment(name, job.experiment)
+    experiment = _experiment(name, job.experiment, arm)
     period = job.command_interval if model.command_interval is None else model.command_interval
     options: dict[str, float | None] = {"knots": timing.knots, "intervals": timing.intervals}
     if timing.method == "mac":
@@ -258,11 +258,13 @@ def _refuse_options(key: str, model: RunModel) -> None:
                 )
 
 
-def _experiment(run: str, model: ExperimentModel | None) -> Experiment | None:
+def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:
     """Options of the experiment of a run; None if the run has none."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
-    return Experiment(**{x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)})
+    given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
+    with locate_errors("experiment"):
+        return Experiment(**given).for_joints(arm.dof)
 
 
 def _published(model: PublishedModel, job: JobModel) -> Published:

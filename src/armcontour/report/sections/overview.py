@@ -17,13 +17,13 @@ MASSES = "What torques and experiments assume about masses: see Drive torques."
 SATURATED = 5e-4
 # Why a compensation increases the error on rigid bodies.
 OTHER_LOOPS = (
-    "the compensation is made for the servo's gains, but on the bodies the loops are faster or "
-    "slower than these, by the nominal inertia over the real one, so it leads the joints by too "
-    "much or too little; take compensation: {method: inverse_dynamics}."
+    "the compensation is made for the servo's gains, and not for bodies as inverse_dynamics is, "
+    "but on the bodies the loops are faster or slower than these, by the nominal inertia over the "
+    "real one, so it leads the joints by too much or too little"
 )
 OTHER_ROBOT = (
     "the gains, the dead time or the gravity feed-forward of the simulated robot are not those "
-    "that the compensation knows, or its drives saturate."
+    "that the compensation knows, or its drives saturate"
 )
 
 
@@ -84,7 +84,7 @@ def _worse_on_bodies(study: Study) -> list[str]:
                 f"On rigid bodies the run {compensated.run.name} is farther from the path than "
                 f"{plain.run.name}, which is the same plan without compensation "
                 f"(RMS {error * 1e3:.4f} mm, not {without * 1e3:.4f} mm): "
-                f"{OTHER_ROBOT if compensated.for_bodies else OTHER_LOOPS}"
+                f"{OTHER_ROBOT if compensated.for_bodies else OTHER_LOOPS}{_nor(compensated)}."
             )
     return notes
 
@@ -191,6 +191,12 @@ def _experiment(result: RunResult) -> list[Tile]:
     e = result.experiment.evaluation.contour_error
     note = f"largest {e.max * 1e3:.4f} mm, on rigid bodies{_rests(result)}"
     return [Tile(label=label, value=f"{e.rms * 1e3:.4f} mm", note=note)]
+
+
+def _nor(result: RunResult) -> str:
+    """The end of a sentence: what else the compensation does not know of the robot."""
+    unknown = "" if result.run.experiment is None else result.run.experiment.unknown
+    return f"; nor does it know what the robot has: {unknown}" if unknown else ""
 
 
 def _rests(result: RunResult) -> str:

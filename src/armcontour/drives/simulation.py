@@ -1,0 +1,177 @@
+"""`simulate`: the motion of the nominal robot under a command, with dry friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import BoolArray, FloatArray
+from armcontour.drives._friction import slide, spread
+from armcontour.drives.drives import Drives
+from armcontour.errors import ExecutionError
+
+# Corrections below this [rad], less than the best encoder resolves, end the iteration. What is left
+# is a thousandth of them.
+EXACT = 1e-9
+# Each correction leaves about a thousandth of the one before it.
+CORRECTIONS = 40
+# The linear response is that of the motion at times this far apart [s], and interpolated: arms
+# hardly change between them.
+APART = 10e-3
+# A joint that is this far from where it was looked for [rad] runs away.
+AWAY = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulation:
+    """A motion of the nominal robot, and how it answers to small torques.
+
+    Args:
+        t: Regular times [s], (n,).
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities, central differences [rad/s], (n, dof).
+        ddq: Joint accelerations, second differences [rad/s²], (n, dof).
+        friction: Torque of dry friction [N m], (n, dof).
+        held: Whether a joint sticks from each time to the next, (n, dof).
+        mass: M at the times [kg m²], (n, dof, dof).
+        damping: D at the times [N m s/rad], (n, dof, dof).
+        stiffness: K at the times [N m/rad], (n, dof, dof).
+    """
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    friction: FloatArray
+    held: BoolArray
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+    @property
+    def step(self) -> float:
+        """Time between two times [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    def to_torque(self, torque: FloatArray) -> FloatArray:
+        """Deviations of the joints under small additional torques [rad], from the first time on.
+
+        Joints that stick go on to stick, and friction brakes in the same direction.
+
+        Args:
+            torque: Torque at the times for several cases [N m], (n, dof, cases).
+        """
+        return np.asarray(
+            spread(self.mass, self.damping, self.stiffness, self.step, torque, self.held)
+        )
+
+
+def simulate(
+    drives: Drives,
+    command: FloatArray,
+    t: FloatArray,
+    near: FloatArray,
+    *,
+    speed: FloatArray | None = None,
+    viscous: FloatArray | None = None,
+    lag: float = 0.0,
+) -> Simulation:
+    """The motion of `Drives` under a command, on a grid of times.
+
+    The torques balance in every step of the method of Newmark. The solution is found by
+    corrections, each of which is the linear response to the torque that the motion before it lacks.
+
+    Args:
+        drives: The nominal robot. Friction is that of its arm.
+        command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
+        t: Regular times [s], (n,).
+        near: A motion near that which is looked for [rad], (n, dof); its first row is where the
+            joints start.
+        speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
+        viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
+        lag: Time by which the torque of the loops comes late [s], such as half a cycle of the
+            drives. Small against the loops' time constants.
+
+    Raises:
+        ExecutionError: A joint runs away, or friction has no solution.
+    """
+    step = float((t[-1] - t[0]) / (len(t) - 1))
+    chain = drives.arm.dynamics.chain
+    coulomb = np.array(chain.coulomb)
+    brake = np.asarray(chain.viscous) if viscous is None else viscous
+    # What comes late takes inertia and damping away.
+    lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
+    before = near[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
+    wanted = drives.stiffness * _mean(command, command[0])
+    q = np.array(near)
+    for k in range(CORRECTIONS):
+        dq, ddq = _rates(q, before, step)
+        if k < 2:
+            mass, damping, stiffness = _linear(drives, t, q, dq, ddq)
+            diagonal = np.arange(len(brake))
+            mass[:, diagonal, diagonal] -= lost_mass
+            damping[:, diagonal, diagonal] += drives.damping + brake - lost_damping
+            stiffness[:, diagonal, diagonal] += drives.stiffness
+        lacking = wanted - drives.stiffness * _mean(q, before)
+        lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
+        lacking -= _moving(drives, q, dq, ddq)
+        x, friction = slide(mass, damping, stiffness, step, lacking, np.diff(q, axis=0), coulomb)
+        q = q + x
+        size = float(np.abs(x).max())
+        if not size < AWAY:
+            break
+        if size <= EXACT:
+            dq, ddq = _rates(q, before, step)
+            held = np.abs(friction) < coulomb * (1 - 1e-9)
+            return Simulation(
+                t=_checks.lock_floats(t), q=q, dq=dq, ddq=ddq, friction=friction, held=held,
+                mass=mass, damping=damping, stiffness=stiffness,
+            )  # fmt: skip
+    raise ExecutionError(
+        f"The motion of {drives.arm.name} cannot be simulated with its servo gains and inertias: "
+        f"corrections of {size:.2g} rad remain; look at gains, inertias and units."
+    )
+
+
+def _moving(drives: Drives, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+    """The torque that a motion needs of the loops, without friction [N m], (n, dof)."""
+    found = drives.arm.dynamics.torque(q, dq, ddq)
+    if drives.gravity_feedforward:
+        found = found - drives.as_known.dynamics.gravity(q)
+    return found
+
+
+def _linear(
+    drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives of that torque by acceleration, velocity and position, (n, dof, dof) each."""
+    rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
+    at = q[rows]
+    by_position, by_velocity, mass = drives.arm.dynamics.derivatives(at, dq[rows], ddq[rows])
+    if drives.gravity_feedforward:
+        still = np.zeros_like(at)
+        by_position = by_position - drives.as_known.dynamics.derivatives(at, still, still)[0]
+    place = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
+    before = np.minimum(place.astype(np.intp), len(rows) - 2)
+    share = (place - before)[:, None, None]
+    return tuple(  # type: ignore[return-value]
+        np.asarray((1 - share) * x[before] + share * x[before + 1])
+        for x in (mass, by_velocity, by_position)
+    )
+
+
+def _mean(values: FloatArray, before: FloatArray) -> FloatArray:
+    """Weighted means of values and their neighbours, (n, dof)."""
+    around = np.concatenate([before[None], values, values[-1:]])
+    return np.asarray((around[2:] + 2 * around[1:-1] + around[:-2]) / 4)
+
+
+def _rates(q: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Central first and second differences, the last ones repeated, (n, dof) each."""
+    around = np.concatenate([before[None], q, q[-1:]])
+    dq = (around[2:] - around[:-2]) / (2 * step)
+    ddq = (around[2:] - 2 * around[1:-1] + around[:-2]) / step**2
+    dq[-1], ddq[-1] = dq[-2], ddq[-2]
+    return dq, ddq
