@@ -23,11 +23,11 @@ print(f"{rounded.length * 1e3:.0f} mm in {planned.duration:.3f} s")
 for place in explanation.shortfalls:
     print(f"  {place.kind}: {place.sentence}")
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-for method in ("none", "pole_placement"):
-    taught = ac.compensate(planned, servo, method=method, period=4e-3)
+for method in ("none", "pole_placement", "inverse_dynamics"):
+    taught = ac.compensate(planned, servo, method=method, period=4e-3, arm=arm)
     for plant in (ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo)):
         error = ac.evaluate(ac.execute(taught, plant), rounded, objective=objective).contour_error
         print(
-            f"{method:14s} {type(plant).__name__:14s} contour error {error.rms * 1e3:.4f} mm RMS, "
+            f"{method:16s} {type(plant).__name__:14s} contour error {error.rms * 1e3:.4f} mm RMS, "
             f"{error.max * 1e3:.4f} mm at most"
         )

@@ -35,10 +35,12 @@ pole_placement  contour error 0.0017 mm RMS, 0.0025 mm at most
 596 mm in 3.638 s
   slowest: joint 2 acceleration at s = 0.246 m: 0.0577 of 0.2 m/s
   slowest: joint 3 acceleration at s = 0.450 m: 0.0557 of 0.2 m/s
-none           ServoPlant     contour error 0.1128 mm RMS, 0.4234 mm at most
-none           RigidBodyPlant contour error 0.2055 mm RMS, 0.7701 mm at most
-pole_placement ServoPlant     contour error 0.0104 mm RMS, 0.0450 mm at most
-pole_placement RigidBodyPlant contour error 0.2150 mm RMS, 0.8458 mm at most
+none             ServoPlant     contour error 0.1128 mm RMS, 0.4234 mm at most
+none             RigidBodyPlant contour error 0.2055 mm RMS, 0.7701 mm at most
+pole_placement   ServoPlant     contour error 0.0104 mm RMS, 0.0450 mm at most
+pole_placement   RigidBodyPlant contour error 0.2150 mm RMS, 0.8458 mm at most
+inverse_dynamics ServoPlant     contour error 0.2140 mm RMS, 0.8237 mm at most
+inverse_dynamics RigidBodyPlant contour error 0.0013 mm RMS, 0.0088 mm at most
 """,
     "04_tube_seam": """\
 fixed: From 0.311525 m of 0.502655 m along the path it is out of reach of the arm UR5e: at \

@@ -304,6 +304,7 @@ def test_the_built_in_job_is_the_papers() -> None:
         "uncompensated",
         "proposed",
         "optimal",
+        "inverse-dynamics",
     ]
     assert job.published is not None
     assert job.published.runs["proposed"]["contour_error_rms"] == pytest.approx(0.164e-3)

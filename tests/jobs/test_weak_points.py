@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.jobs import Rounding, Run, teach
+from armcontour.jobs import Experiment, Rounding, Run, teach
 from armcontour.program import Contour, Program
 
 LINES = [(0.3, 0.1), (0.36, 0.1), (0.36, 0.14)]
@@ -137,3 +137,20 @@ def test_smoothing_that_cannot_be(values, words, refuses):
         **{"smoothing": (0.02,), "limits": limits.replace(joint_acceleration=0.72), **values},
     )
     refuses(lambda: teach(asked), ac.InvalidInput, *words)
+
+
+def test_who_judges_set_points_that_are_for_the_bodies():
+    options = {"compensation": "inverse_dynamics", "smoothing": (4e-3,)}
+    line = ac.Path.polyline(LINES[:2])
+    bare = ac.run(job(line, **options)).runs["one"]
+    (warning,) = bare.warnings
+    off = bare.evaluation.contour_error.max * 1e3
+    assert "the servo model, which has none, does not judge it" in warning
+    assert f"(there the tool is up to {off:.3g} mm off)" in warning and "experiment: {}" in warning
+    seen = ac.run(job(line, **options, experiment=Experiment())).runs["one"]
+    assert seen.experiment is not None
+    on_bodies = seen.experiment.evaluation.contour_error.max * 1e3
+    assert on_bodies < 0.01 * off
+    (warning,) = seen.warnings
+    assert f"its experiment judges it (up to {on_bodies:.3g} mm off)" in warning
+    assert f"no bodies (up to {off:.3g} mm off)" in warning

@@ -84,6 +84,11 @@ def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
         "the same plan without compensation"
     )
     assert note.endswith("leads the joints by too much or too little.")
+    assert "as inverse_dynamics is" in note
+    by_bodies = dataclasses.replace(swapped["proposed"].run, compensation="inverse_dynamics")
+    other = {**swapped, "proposed": dataclasses.replace(swapped["proposed"], run=by_bodies)}
+    told = overview(Study(job=study.job, runs=other)).notes
+    assert any("are not those that the compensation knows, or its drives" in x for x in told)
     rubbed = dataclasses.replace(swapped["proposed"].run, experiment=Experiment(coulomb=6.0))
     swapped["proposed"] = dataclasses.replace(swapped["proposed"], run=rubbed)
     (note,) = overview(Study(job=study.job, runs=swapped)).notes
@@ -92,6 +97,22 @@ def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
     )
     (said,) = contour_error(Study(job=study.job, runs=swapped)).notes[-1:]
     assert said.startswith("The simulated robot of proposed has what neither plan nor controller")
+
+
+def test_what_judges_set_points_for_the_bodies_comes_first(study: Study) -> None:
+    made = study.runs["proposed"]
+    for_bodies = dataclasses.replace(
+        made, run=dataclasses.replace(made.run, compensation="inverse_dynamics")
+    )
+    shown = Study(job=study.job, runs={"proposed": for_bodies})
+    ((_, tiles),) = overview(shown).tiles
+    assert [x.label for x in tiles[:3]] == [
+        "motion",
+        "experiment: contour error, RMS",
+        "contour error, RMS",
+    ]
+    assert "the servo model, which has no bodies" in tiles[2].note
+    assert any("its experiment judges it" in x for x in overview(shown).notes)
 
 
 def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study: Study) -> None:

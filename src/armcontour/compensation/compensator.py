@@ -26,7 +26,7 @@ from armcontour.servo import ServoModel
 # compensator's filter and the polynomials of its input.
 SET_POINT = {"pole_placement": 230.0, "inverse_dynamics": 200.0, "inverse": 175.0, "none": 145.0}
 METHODS = ("inverse", "pole_placement", "inverse_dynamics", "none")
-OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward",)}
+OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward", "known")}
 
 
 def compensate(
@@ -61,7 +61,8 @@ def compensate(
             must not move faster than joint_velocity. By default they are not checked.
         memory: Memory that the computation may use [bytes].
         options: For "pole_placement": `poles` [1/s]. For "inverse_dynamics": `gravity_feedforward`,
-            whether the controller adds the gravity torque, True by default.
+            whether the controller adds the gravity torque, True by default; `known`, the arm as its
+            controller knows it, for example without a payload that was found later.
 
     Raises:
         InvalidInput: A method or option is unknown, gains do not fit the joints or the interval,
@@ -90,7 +91,7 @@ def _refuse_options(method: str, options: dict[str, Any]) -> None:
     known = OPTIONS.get(method, ())
     unknown = sorted(set(options) - set(known))
     if unknown:
-        takes = f"the option {known[0]}" if known else "no options"
+        takes = f"the option {' or '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
 
 

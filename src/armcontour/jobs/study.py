@@ -22,7 +22,13 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
 from armcontour.jobs.slow_ends import slow_ends
-from armcontour.jobs.weak_points import capped, overloaded, smoothed_beyond
+from armcontour.jobs.weak_points import (
+    INVERSE_DYNAMICS,
+    capped,
+    made_for_bodies,
+    overloaded,
+    smoothed_beyond,
+)
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -152,7 +158,15 @@ class RunResult(RunPlan):
         """Sentences on weak points of the plan, and on joints that are asked for too much."""
         # `super` without arguments does not work in a dataclass with slots.
         planned = super(RunResult, self).weak_points
-        return (*planned, *overloaded(self.execution, self.evaluation, self.run))
+        if not self.for_bodies:
+            return (*planned, *overloaded(self.execution, self.evaluation, self.run))
+        bodies = None if self.experiment is None else self.experiment.evaluation
+        return (*planned, made_for_bodies(self.evaluation, bodies, self.run))
+
+    @property
+    def for_bodies(self) -> bool:
+        """Whether the set-points are for the arm's bodies, which the servo model does not have."""
+        return self.run.compensation == INVERSE_DYNAMICS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

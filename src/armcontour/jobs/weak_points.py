@@ -16,6 +16,7 @@ from armcontour.geometry import Path
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Method, Trajectory
 from armcontour.program import Program, contour_called
+from armcontour.timing import RESERVED
 
 # So many contours or segments are named in one sentence.
 MOST_NAMES = 4
@@ -25,6 +26,8 @@ SAME = 1e-9
 FAR_ABOVE = 1.5
 # Random times per interval of a smoothed plan at which its limits are looked at, beside its breaks.
 LOOKS = 4
+# The compensation whose set-points are for rigid bodies.
+INVERSE_DYNAMICS = "inverse_dynamics"
 
 
 def capped(program: Program, this: Run) -> list[str]:
@@ -110,6 +113,30 @@ def overloaded(executed: Execution, evaluation: Evaluation, this: Run) -> list[s
     ]
 
 
+def made_for_bodies(on_servo: Evaluation, on_bodies: Evaluation | None, this: Run) -> str:
+    """What judges a run whose set-points are for the arm's bodies.
+
+    Args:
+        on_servo: Evaluation on the servo model.
+        on_bodies: Evaluation of the experiment; None without one.
+        this: The run.
+    """
+    off = f"{on_servo.contour_error.max * 1e3:.3g} mm"
+    if this.experiment is None:
+        return (
+            "its set-points are for the arm's bodies, so the servo model, which has none, does not "
+            f"judge it (there the tool is up to {off} off): give the job an experiment, such as "
+            "experiment: {}."
+        )
+    here = ""
+    if on_bodies is not None:
+        here = f" (up to {on_bodies.contour_error.max * 1e3:.3g} mm off)"
+    return (
+        f"its set-points are for the arm's bodies, so its experiment judges it{here}, and not the "
+        f"servo model, which has no bodies (up to {off} off)."
+    )
+
+
 def smoothed_beyond(trajectory: Trajectory, program: Program, arm: Arm, this: Run) -> list[str]:
     """A warning for the limit that a smoothed plan exceeds most, or none.
 
@@ -125,13 +152,15 @@ def smoothed_beyond(trajectory: Trajectory, program: Program, arm: Arm, this: Ru
         return []
     worst = max(beyond, key=lambda x: x.certain)
     who = "the tool" if worst.joint is None else arm.joint_names[worst.joint - 1]
-    # A reserve is left of every limit at once, so the motion gets slower, too: it is enough.
-    reserve = this.reserve + (1 - this.reserve) * (1 - 1 / worst.certain)
+    mend = "take shorter windows"
+    if worst.name in RESERVED:
+        # With a reserve the motion gets slower, too: this one is enough.
+        reserve = this.reserve + (1 - this.reserve) * (1 - 1 / worst.certain)
+        mend += f", or a reserve, such as timing: {{reserve: {math.ceil(reserve * 100)} %}}"
     others = [x.name for x in beyond if x is not worst]
     more = f" (and exceeds {list_some(others, MOST_NAMES)}, too)" if others else ""
     return [
         f"smoothing takes {who} to {worst.certain:.3g} times its {worst.name} of "
         f"{worst.limit:.4g} {UNITS[worst.name]} at {worst.t:.4g} s{more}, where the path bends: "
-        f"take shorter windows, or a reserve, such as timing: {{reserve: "
-        f"{math.ceil(reserve * 100)} %}}; armcontour certify smooths plans within the limits."
+        f"{mend}; armcontour certify smooths plans within the limits."
     ]

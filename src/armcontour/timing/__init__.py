@@ -4,6 +4,7 @@ from armcontour.timing.explanation import Binding, Explanation, Shortfall, expla
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.methods import METHODS
 from armcontour.timing.planner import (
+    RESERVED,
     assigned_time,
     intervals_of,
     plan,
@@ -15,6 +16,7 @@ from armcontour.timing.program_tracing import Tracing, trace_program
 
 __all__ = [
     "METHODS",
+    "RESERVED",
     "Binding",
     "Explanation",
     "Shortfall",
