@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def _align(
     if isinstance(taught, Lesson) or not knows_time:
         return lifted, clock, taught
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
-    delay = fit_delay(lifted, taught.q, measured, TO_FIND_DELAY)
+    delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), TO_FIND_DELAY)
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)
     clock = Clock(clock.offset - early, clock.rate)
@@ -154,17 +155,18 @@ def _next_lesson(
     if runs[-1].rms > before + SURE * known.resolution:
         setbacks += 1
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
-    share, reason = _keep_limits(taught, best.q, change * HALF**setbacks, limits)
-    share *= HALF**setbacks
-    left = known.judge.judge(known.off * share * response).rms
-    predicted = float(np.hypot(left + (1 - share) * best.rms, known.noise))
+    change = HALF**setbacks * (known.q - best.q + change)
+    share, reason = _keep_limits(taught, best.q, change, limits)
+    left = judge.judge(known.off * response).rms
+    rest = 1 - share * HALF**setbacks
+    predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
     bound = float(np.hypot(min(SURE * left, best.rms), known.noise + SURE * known.resolution))
-    finished = best.rms - predicted < known.resolution or setbacks >= MOST_SETBACKS
+    finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
     if finished:
         reason = (
             f"{setbacks} changes made the error larger"
             if setbacks >= MOST_SETBACKS
-            else "what could be gained is less than the noise"
+            else "what remains is noise"
         )
         predicted, bound = best.rms, best.rms + SURE * known.resolution
     return Lesson(
