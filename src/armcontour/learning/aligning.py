@@ -64,8 +64,8 @@ def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
     _refuse_short(recording, lifted)
     if recording.command is not None:
         times = lifted.start + np.arange(len(q), dtype=np.float64) * lifted.period
-        return _fit(recording.t, recording.command, times, q)
-    return _fit(recording.t, recording.q, lifted.t, lifted.expected(q))
+        return fit_to(recording.t, recording.command, times, q)
+    return fit_to(recording.t, recording.q, lifted.t, lifted.expected(q))
 
 
 def _refuse_short(recording: Recording, lifted: Lifted) -> None:
@@ -83,7 +83,7 @@ def _refuse_short(recording: Recording, lifted: Lifted) -> None:
         )
 
 
-def _fit(t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray) -> Clock:
+def fit_to(t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray) -> Clock:
     """The clock with which values fit a reference.
 
     Args:
