@@ -44,14 +44,14 @@ if TYPE_CHECKING:
         Path,
         RoundedPath,
     )
-    from armcontour.identification import Identification, Log, identify
+    from armcontour.identification import Identification, identify
     from armcontour.io import read_job
     from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
     from armcontour.jobs import Goal, Job, Study, run
-    from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+    from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
     from armcontour.program import (
         Analog,
         Contour,
@@ -102,14 +102,14 @@ _HOME = {
         "Path",
         "RoundedPath",
     ),
-    "identification": ("Identification", "Log", "identify"),
+    "identification": ("Identification", "identify"),
     "io": ("read_job",),
     "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
     "jobs": ("Goal", "Job", "Study", "run"),
-    "motion": ("Execution", "JointPath", "TaughtData", "Trajectory"),
+    "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
     "program": (
         "Analog",
         "Contour",

@@ -8,9 +8,9 @@ import pytest
 
 import armcontour as ac
 from armcontour.certification._derating import Derating, plan_derated
-from armcontour.compensation.command_limits import refuse_commands
 from armcontour.io import certificate_json, derating_csv, parse_job
 from armcontour.jobs import Goal
+from armcontour.motion.command_limits import refuse_commands
 from armcontour.report import render_report
 from armcontour.robustness.monte_carlo import Box, spread
 

@@ -9,7 +9,6 @@ import numpy as np
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Limits
-from armcontour.compensation.command_limits import refuse_commands
 from armcontour.compensation.set_points import (
     SETTLING,
     SetPointTimes,
@@ -20,6 +19,7 @@ from armcontour.compensation.set_points import (
 )
 from armcontour.errors import InvalidInput
 from armcontour.motion import TaughtData, Trajectory, check_interval
+from armcontour.motion.command_limits import refuse_commands
 from armcontour.servo import ServoModel
 
 # Memory per set-point and joint during computation [bytes], measured: mostly states of the

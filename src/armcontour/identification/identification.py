@@ -11,8 +11,8 @@ from armcontour.identification.choosing import choose
 from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import described, nothing, why_still
 from armcontour.identification.fitting import Data
-from armcontour.identification.log import INTERPOLATIONS, Log
 from armcontour.identification.results import Identification, JointIdentification
+from armcontour.motion.log import INTERPOLATIONS, Log
 
 MODELS = ("auto", "second", "first")
 # Range of the search for dead times [s]: up to LONGEST_DELAY, and down to BELOW_ZERO below zero, so

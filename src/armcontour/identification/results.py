@@ -9,7 +9,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.identification.correlation import WHITE
-from armcontour.identification.log import Log
+from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
 
 

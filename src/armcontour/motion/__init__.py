@@ -13,6 +13,7 @@ from armcontour.motion.laws import (
     interval_times,
     stand_still,
 )
+from armcontour.motion.log import Log
 from armcontour.motion.smoothing import SmoothedLaw, smooth
 from armcontour.motion.taught import TaughtData, check_interval
 from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEvent, Trajectory
@@ -24,6 +25,7 @@ __all__ = [
     "Law",
     "LawAlongPath",
     "LineLaw",
+    "Log",
     "Method",
     "PathLaw",
     "Rates",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armcontour.errors import InvalidInput
-from armcontour.identification import Log, cut
+from armcontour.motion.log import Log, cut
 
 T = np.arange(100) * 1e-3
 U = np.sin(T)
