@@ -210,10 +210,18 @@ BASES: list[dict[str, Any]] = [
     PLANE,
     _with(
         PLANE,
-        plant={"kp": 25.0, "kv": 150.0, "dead_time": 0.0},
-        servo={"dead_time": 0.0},
+        plant={"kp": 25.0, "kv": 150.0, "dead_time": 0.0, "inertia": 1.0},
+        servo={"dead_time": 0.0, "inertia": 1.0},
         memory=2e9,
-        experiment={"step": 2.5e-4, "noise": 0.0, "seed": 0},
+        experiment={
+            "step": 2.5e-4,
+            "noise": 0.0,
+            "seed": 0,
+            "payload": {"mass": 1.0, "center": [0.0] * 3, "inertia": [0.01, 0, 0, 0.01, 0, 0.01]},
+            "armature": 0.1,
+            "viscous": 1.0,
+            "coulomb": 0.1,
+        },
         published={
             "source": "a paper",
             "runs": {"one": _FIGURES},

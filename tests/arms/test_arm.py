@@ -89,3 +89,31 @@ def test_a_users_own_arm_is_made_as_usual_and_stays_as_it_is():
     own[0] = 7.0
     assert stick.offsets[0] == 0.0
     assert longer.with_name("b").length == 2.0
+
+
+def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made, refuses):
+    q = np.full((1, made.dof), 0.3)
+    # Torques of the arm are computed before: the other arm must not have them.
+    before = made.torque(q, 0 * q, q)
+    load = ac.Payload(mass=2.0)
+    other = made.with_dynamics(payload=load, armature=0.1, viscous=[1.0] * made.dof)
+    assert other.chain.payload is load and type(other) is type(made)
+    np.testing.assert_array_equal(other.forward(q), made.forward(q))
+    np.testing.assert_array_equal(other.chain.coulomb, made.chain.coulomb)
+    # Drives add their inertia and friction to their own joint alone.
+    loaded = other.with_dynamics(armature=0.0, viscous=0.0)
+    added = other.torque(q, q, q) - loaded.torque(q, q, q)
+    np.testing.assert_allclose(added, 0.1 * q + q, rtol=1e-9)
+    assert np.abs(loaded.torque(q, 0 * q, q) - before).max() > 1e-3
+    np.testing.assert_array_equal(made.torque(q, 0 * q, q), before)
+    assert made.with_dynamics() is made
+    refuses(
+        lambda: made.with_dynamics(coulomb=[1.0] * 9),
+        ac.InvalidInput,
+        f"coulomb has 9 values, but the arm has {made.dof} joints",
+    )
+    refuses(
+        lambda: made.with_dynamics(viscous=-1.0),
+        ac.InvalidInput,
+        "viscous of a chain must not be negative",
+    )

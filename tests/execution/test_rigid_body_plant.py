@@ -192,6 +192,47 @@ def test_a_payload_changes_the_loop_gain_but_not_the_drives():
     np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
 
 
+STIFFNESS = INERTIA * KV * KP  # of the position loop [N m/rad]
+LOAD = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
+LOAD_WEIGHT = 3.0 * G * LENGTH
+
+
+def test_a_payload_that_the_controller_does_not_know_lets_the_arm_sag():
+    loaded = pendulum(payload=LOAD)
+    held = run(loaded, [[0.3]], known=pendulum())
+    at = held.q[0, 0]
+    # What is fed forward is lacking the load: K (u - q) = g_true(q) - g_known(q).
+    assert at == pytest.approx(0.3 - LOAD_WEIGHT * np.cos(at) / STIFFNESS, abs=1e-12)
+    np.testing.assert_allclose(held.q, at, atol=1e-9)
+    np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(at), rtol=1e-6)
+    end = run(loaded, swing(0.8), known=pendulum()).q[-1, 0]
+    assert end - 0.8 == pytest.approx(-LOAD_WEIGHT * np.cos(end) / STIFFNESS, rel=1e-4)
+    # A controller that adds nothing lacks all of it, whatever it knows.
+    without = run(loaded, [[0.3]], known=pendulum(), gravity_feedforward=False).q[0, 0]
+    weight = (WEIGHT + LOAD_WEIGHT) * np.cos(without)
+    assert without == pytest.approx(0.3 - weight / STIFFNESS, abs=1e-12)
+    # And one that knows of a load that is not there lifts the arm.
+    lifted = run(pendulum(), [[0.3]], known=loaded).q[0, 0]
+    assert lifted == pytest.approx(0.3 + LOAD_WEIGHT * np.cos(lifted) / STIFFNESS, abs=1e-12)
+
+
+def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
+    drives = pendulum(gravity=WEIGHTLESS, armature=[0.4])
+    nominal = pendulum(gravity=WEIGHTLESS)
+    simulated = plant(drives, known=nominal, step=1e-4)
+    np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
+    assert simulated.arm is drives
+    done = ac.execute(taught_data(swing()), simulated, resolution=0.004)
+    expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
+    n = len(swing())
+    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
+    given = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
+    np.testing.assert_allclose(ac.RigidBodyPlant(drives, given, known=nominal).nominal_inertia, 0.7)
+    # A drive that is rated for accelerations is rated for the bodies that its maker knew of.
+    rated = plant(drives, ac.Limits(joint_acceleration=4.0), known=nominal)
+    np.testing.assert_allclose(rated.torque_limit, 4.0 * INERTIA)
+
+
 def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
     def at(q2):
         rod = 0.4**2 / 3
@@ -370,6 +411,16 @@ def test_drives_that_are_too_weak_are_errors(refuses):
         allowed=5.0,
         t=0.0,
     )
+    # What gravity feed-forward holds is no part of a limit that stands for accelerations.
+    slow = ac.Limits(joint_acceleration=10.0)
+    assert run(pendulum(payload=LOAD), [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
+    refuses(
+        lambda: run(pendulum(payload=LOAD), [[0.0]], slow, known=pendulum()),
+        ac.ExecutionError,
+        "Joint 1 takes 14.71 N m to be held against gravity at the first set-point, beside gravity "
+        "feed-forward, but its drive gives at most 6 N m",
+        joint=1,
+    )
     refuses(
         lambda: run(pendulum(viscous=[5.0]), swing(-np.pi / 2, start=np.pi / 2), weak),
         ac.ExecutionError,
@@ -405,6 +456,7 @@ def test_a_servo_that_does_not_settle_is_an_error(refuses):
         lambda: run(pendulum(), [[0.5]], kp=0.1, kv=1.0, gravity_feedforward=False),
         ac.ExecutionError,
         "Joint 1 has no equilibrium",
+        "for the weight that gravity feed-forward does not hold.",
         joint=1,
     )
 
@@ -425,6 +477,11 @@ def test_a_servo_that_does_not_settle_is_an_error(refuses):
             lambda: plant(pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])),
             ("Joint 1 (hinge) turns no inertia", "armature"),
         ),
+        (
+            lambda: plant(pendulum(), known=two_link()),
+            ("pendulum has 1 joints", "its controller knows has 2"),
+        ),
+        (lambda: plant(pendulum(), known=pendulum(masses=None)), ("pendulum are not known",)),
         (lambda: run(pendulum(), np.zeros((4, 3))), ("for 3 joints", "pendulum has 1")),
         (lambda: run(pendulum(), swing(), resolution=1e-4), ("0.00025 s", "0.0001 s", "coarser")),
     ],

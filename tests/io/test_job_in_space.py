@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from pathlib import Path as FilePath
@@ -400,7 +401,8 @@ def test_corners_start_and_jerk() -> None:
 
 def test_experiments() -> None:
     assert all(x.experiment is None for x in job().runs)
-    assert all(x.experiment == Experiment() for x in job(experiment={}).runs)
+    plain = dataclasses.asdict(Experiment())
+    assert all(dataclasses.asdict(x.experiment) == plain for x in job(experiment={}).runs)  # type: ignore[arg-type]
     options = {
         "step": "0.5 ms",
         "gravity_feedforward": False,
@@ -410,9 +412,23 @@ def test_experiments() -> None:
     }
     first, second = job(experiment={**options, "runs": ["two"]}).runs
     assert first.experiment is None
-    assert second.experiment == Experiment(
+    expected = Experiment(
         step=5e-4, gravity_feedforward=False, friction=False, noise=np.radians(1e-3), seed=7
     )
+    assert second.experiment is not None
+    assert dataclasses.asdict(second.experiment) == dataclasses.asdict(expected)
+    unknown = {
+        "payload": {"mass": "2 kg", "center": [0, 0, "50 mm"]},
+        "armature": "0.1 kg m^2",
+        "viscous": "8 Nm*s/rad",
+        "coulomb": [6, 6, 4, "1.5 N m", 1.5, 1500e-3],
+    }
+    robot = job(experiment=unknown).runs[0].experiment
+    assert robot is not None and robot.payload is not None
+    assert robot.payload.mass == 2 and robot.payload.center.tolist() == [0, 0, 0.05]
+    assert robot.armature is not None and robot.armature.tolist() == [0.1] * 6
+    assert robot.viscous is not None and robot.viscous.tolist() == [8.0] * 6
+    assert robot.coulomb is not None and robot.coulomb.tolist() == [6, 6, 4, 1.5, 1.5, 1.5]
 
 
 @pytest.mark.parametrize(
@@ -429,6 +445,11 @@ def test_experiments() -> None:
         ({"experiment": {"friction": 1}}, "experiment.friction: must be true or false, not 1"),
         ({"experiment": {"seed": 1.5}}, "experiment.seed: must be a whole number, not 1.5"),
         ({"experiment": {"steps": 1}}, "unknown key experiment.steps"),
+        ({"experiment": {"payload": 2}}, "experiment.payload"),
+        ({"experiment": {"coulomb": "6 N"}}, "experiment.coulomb: must be a quantity in N m"),
+        ({"experiment": {"viscous": -1}}, "experiment.viscous: must not be negative"),
+        ({"experiment": {"armature": [1, 2]}}, "experiment: armature has 2 values, but the arm"),
+        ({"experiment": {"friction": False, "coulomb": 1}}, "experiment: The experiment has fric"),
         ({"corners": {"angular_tolerance": "1 mm"}}, "corners.angular_tolerance: must be"),
     ],
 )

@@ -17,6 +17,7 @@ from armcontour import PlanarTwoLink, load_arm
 from armcontour.io import parse_job, parse_trajectory, write_planned, write_taught, write_torque
 from armcontour.io.summary import summary
 from armcontour.jobs import Study, run
+from armcontour.jobs.quantities import unknown_notes
 
 JOB = {
     "name": "corner",
@@ -29,7 +30,13 @@ JOB = {
     "corners": {"tolerance": "1 mm", "angular_tolerance": "0.05 deg"},
     "ignore_jerk": True,
     "servo": {"kp": 25, "kv": 150},
-    "experiment": {"runs": ["tried"], "noise": 1e-6, "seed": 5},
+    "experiment": {
+        "runs": ["tried"],
+        "noise": 1e-6,
+        "seed": 5,
+        "payload": {"mass": "1.2 kg"},
+        "viscous": "0.1 N m s/rad",
+    },
     "runs": {"plain": {"compensation": {"method": "none"}}, "tried": {}},
 }
 
@@ -94,6 +101,18 @@ def test_the_experiment_stands_beside_the_servo(found: Any, study: Study) -> Non
     assert experiment["contour_error"]["rms"] == result.evaluation.contour_error.rms
     assert experiment["contour_error"]["rms"] > found["runs"]["tried"]["contour_error"]["rms"]
     assert experiment["settled"] == result.evaluation.settled
+    assert experiment["robot"] == {
+        "payload": 1.2,
+        "armature": [0.0] * 6,
+        "viscous": [0.1] * 6,
+        "coulomb": [0.0] * 6,
+    }
+    known = {**experiment["robot"], "payload": 1.0, "viscous": [0.0] * 6}
+    assert experiment["controller"] == known
+    assert unknown_notes(study) == (
+        "The simulated robot of tried has what neither plan nor controller knows: a payload of 1.2 "
+        "kg; viscous friction of 0.1 N m s/rad.",
+    )
 
 
 def written(tmp_path: FilePath, write: Callable[..., None], *given: Any) -> str:

@@ -9,7 +9,16 @@ import pytest
 
 import armcontour as ac
 from armcontour.frames import from_rpy, log
-from armcontour.jobs import STEPS, Experiment, Rounding, Run, path_of, same_plan, steps_of
+from armcontour.jobs import (
+    STEPS,
+    Experiment,
+    Rounding,
+    Run,
+    build_plant,
+    path_of,
+    same_plan,
+    steps_of,
+)
 from armcontour.jobs.quantities import (
     angular_speed,
     planned_torques,
@@ -171,6 +180,45 @@ def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
         *(("conventional", x) for x in STEPS),
     ]
     assert steps_of(this) == (*STEPS, "experiment")
+
+
+UNKNOWN = Experiment(
+    payload=ac.Payload(mass=2.0), armature=0.1, viscous=8.0, coulomb=[6, 6, 4, 1.5, 1.5, 1.5]
+)
+
+
+def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
+    arm, servo = ac.load_arm("ur5e"), ac.ServoModel(kp=25.0, kv=150.0)
+    plant = build_plant(UNKNOWN, arm, servo)
+    assert plant.chain.payload is UNKNOWN.payload and plant.known_chain is arm.chain
+    assert (plant.chain.armature == 0.1).all() and (plant.chain.viscous == 8.0).all()
+    np.testing.assert_array_equal(plant.chain.coulomb, UNKNOWN.coulomb)
+    np.testing.assert_array_equal(plant.chain.masses, arm.chain.masses)
+    bare = ac.RigidBodyPlant(arm, servo)
+    np.testing.assert_array_equal(plant.nominal_inertia, bare.nominal_inertia)
+    # It replaces the payload that the controller knows, and leaves out what is not given.
+    told = arm.with_tool(arm.chain.tool, ac.Payload(mass=3.0))
+    empty = build_plant(Experiment(payload=ac.Payload(mass=0.0)), told, servo)
+    assert empty.chain.payload.mass == 0.0 and empty.known_chain.payload.mass == 3.0
+    assert build_plant(Experiment(), arm, servo).chain is arm.chain
+    assert Experiment().unknown == ""
+    words = (
+        "a payload of 2 kg; drive inertias of 0.1 kg m²; viscous friction of 8 N m s/rad; "
+        "Coulomb friction of 6, 6, 4, 1.5, 1.5, 1.5 N m"
+    )
+    assert UNKNOWN.unknown == words == UNKNOWN.for_joints(6).unknown
+
+
+def test_experiments_that_cannot_be_are_refused(refuses):
+    def is_refused(words, dof=None, **options):
+        make = lambda: Experiment(**options)  # noqa: E731
+        refuses(make if dof is None else lambda: make().for_joints(dof), ac.InvalidInput, words)
+
+    is_refused("coulomb must not be negative", coulomb=[1.0, -1.0])
+    is_refused("armature must be numbers in kg m²", armature="heavy")
+    is_refused("viscous must be finite", viscous=np.nan)
+    is_refused("viscous has 2 values, but the arm has 6 joints", dof=6, viscous=[1.0, 2.0])
+    is_refused("friction (viscous or coulomb) and leaves it out", friction=False, coulomb=1.0)
 
 
 def test_an_experiment_with_slow_drives_has_as_many_results_as_there_are(job):

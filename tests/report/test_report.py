@@ -13,10 +13,10 @@ import yaml
 from armcontour.cli.running import built_in_job
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import Study, run
+from armcontour.jobs import Experiment, Study, run
 from armcontour.report import render_report, write_report
 from armcontour.report.sections import bindings, overview, paths
-from armcontour.report.sections.motion import accelerations, find_saturation
+from armcontour.report.sections.motion import accelerations, contour_error, find_saturation
 from armcontour.report.style import thin
 
 
@@ -83,7 +83,15 @@ def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
         "On rigid bodies the run proposed is farther from the path than uncompensated, which is "
         "the same plan without compensation"
     )
-    assert "leads the joints by too much or too little" in note
+    assert note.endswith("leads the joints by too much or too little.")
+    rubbed = dataclasses.replace(swapped["proposed"].run, experiment=Experiment(coulomb=6.0))
+    swapped["proposed"] = dataclasses.replace(swapped["proposed"], run=rubbed)
+    (note,) = overview(Study(job=study.job, runs=swapped)).notes
+    assert note.endswith(
+        "too little; nor does it know what the robot has: Coulomb friction of 6 N m."
+    )
+    (said,) = contour_error(Study(job=study.job, runs=swapped)).notes[-1:]
+    assert said.startswith("The simulated robot of proposed has what neither plan nor controller")
 
 
 def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study: Study) -> None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray, Locked
-from armcontour.arms.chain import Chain
+from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
 from armcontour.errors import InvalidInput
 
@@ -61,7 +62,7 @@ class Arm(Locked, ABC):
     chain: Chain | None = None
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
-    _instead = "with_limits, with_name, with_tool and with_work give another arm"
+    _instead = "with_limits, with_name, with_tool, with_work and with_dynamics give another arm"
 
     @property
     def dof(self) -> int:
@@ -87,8 +88,49 @@ class Arm(Locked, ABC):
         """
         return self._copy(name=name)
 
+    def with_dynamics(
+        self,
+        *,
+        payload: Payload | None = None,
+        armature: npt.ArrayLike | None = None,
+        viscous: npt.ArrayLike | None = None,
+        coulomb: npt.ArrayLike | None = None,
+    ) -> Self:
+        """The same arm with another load, or with drives of another inertia or friction.
+
+        Values are one for all joints or one per joint; what is None stays as it is.
+
+        Args:
+            payload: Load at the tip, in the place of the arm's own.
+            armature: Inertia of each drive, reflected to its joint [kg m²].
+            viscous: Viscous friction of the joints [N m s/rad].
+            coulomb: Coulomb friction of the joints [N m].
+
+        Raises:
+            InvalidInput: The arm has no bodies, a value is negative, or values are for another
+                number of joints.
+        """
+        if self.chain is None:
+            raise InvalidInput(f"The arm {self.name} has no chain of bodies that could change.")
+        per_joint = {
+            "armature": (armature, "kg m²"),
+            "viscous": (viscous, "N m s/rad"),
+            "coulomb": (coulomb, "N m"),
+        }
+        changes: dict[str, object] = {
+            name: _checks.per_joint(name, values, self.dof, unit)
+            for name, (values, unit) in per_joint.items()
+            if values is not None
+        }
+        if payload is not None:
+            changes["payload"] = payload
+        return self._copy(chain=self.chain.replace(**changes)) if changes else self
+
     def _copy(self, **changes: Any) -> Self:
         other = copy.copy(self)
+        if "chain" in changes:
+            # The dynamics of this arm may be computed already.
+            vars(other).pop("dynamics", None)
         vars(other).update(changes)
         return other
 

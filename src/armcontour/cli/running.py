@@ -148,7 +148,7 @@ def _print_plans(
 def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None:
     """Print a table of all runs, warnings, and where the report is."""
     from armcontour.jobs import warnings_of
-    from armcontour.jobs.quantities import assumed_numbers
+    from armcontour.jobs.quantities import assumed_numbers, unknown_notes
 
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
@@ -183,6 +183,7 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
     lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")
+    lines += unknown_notes(study)
     for text in (*lines, f"Report: {report.as_uri()}"):
         console.say(text)
 

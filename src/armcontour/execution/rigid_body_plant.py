@@ -75,14 +75,15 @@ class RigidBodyPlant(Locked, Plant):
             torque limits, the drives are just strong enough for the joint accelerations of all
             joints at once in the worst pose.
         step: Cycle time of the drives [s]; it is shortened to a fraction of the command interval.
-        gravity_feedforward: Whether the controller adds the torque against gravity, including the
-            payload's.
+        gravity_feedforward: Whether the controller adds the torque against gravity, including that
+            of the payload that it knows.
         friction: Whether the chain's viscous and Coulomb friction act.
         noise: Standard deviation of measured joint positions [rad], independent in every step.
             Measured velocities have no noise, because the filters of drives are not known.
         seed: Seed of the noise, the same in every run.
-        known: The arm as its controller knows it, for J and for the gravity torque: for example
-            without a payload that nobody told it of. By default the arm itself.
+        known: The arm as its controller knows it, for J, for the gravity torque and for torque
+            limits that follow from acceleration limits: for example without a payload that nobody
+            told it of. By default the arm itself.
 
     Once made, a plant does not change.
 
@@ -467,12 +468,14 @@ class _Robot:
             j = int(np.argmax(np.abs(q - before)))
             raise ExecutionError(
                 f"Joint {j + 1} has no equilibrium near its first set-point: its servo gains "
-                "are too low for the arm's weight without gravity feed-forward.",
+                "are too low for the weight that gravity feed-forward does not hold.",
                 t=self.start,
                 joint=j + 1,
             )
-        asked = weight - fed if plant._on_top else weight
-        refuse_too_heavy(np.abs(asked), plant.torque_limit, "the first set-point", self.start)
+        where = "the first set-point"
+        if plant._on_top and plant.gravity_feedforward:
+            weight, where = weight - fed, f"{where}, beside gravity feed-forward"
+        refuse_too_heavy(np.abs(weight), plant.torque_limit, where, self.start)
         return q
 
     def _weight(self, q: FloatArray) -> FloatArray:

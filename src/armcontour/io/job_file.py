@@ -202,7 +202,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         duration=model.duration,
         reserve=timing.reserve,
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
-        experiment=_experiment(name, job.experiment),
+        experiment=_experiment(name, job.experiment, arm),
     )
 
 
@@ -231,11 +231,13 @@ def _refuse_options(key: str, model: RunModel) -> None:
                 )
 
 
-def _experiment(run: str, model: ExperimentModel | None) -> Experiment | None:
+def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:
     """Options of the experiment of a run; None if the run has none."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
-    return Experiment(**{x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)})
+    given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
+    with locate_errors("experiment"):
+        return Experiment(**given).for_joints(arm.dof)
 
 
 def _published(model: PublishedModel, job: JobModel) -> Published:

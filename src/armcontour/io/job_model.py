@@ -280,7 +280,7 @@ class PathModel:
     orientation: OrientationModel | list[OrientationModel] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExperimentModel(Experiment):
     """A simulation of runs on the arm's rigid bodies, with default drive gains.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
+from armcontour.arms.chain import Chain
 from armcontour.evaluation import ErrorProfile, Evaluation
 from armcontour.geometry import Corners, RoundedPath
 from armcontour.jobs import ExperimentResult, Job, RunPlan, RunResult, Study
@@ -61,6 +62,10 @@ UNITS = {
     "step": "s",
     "noise": "rad",
     "nominal_inertia": "kg m^2",
+    "payload": "kg",
+    "armature": "kg m^2",
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
 }
 
 
@@ -339,11 +344,23 @@ def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, An
         "noise": plant.noise,
         "seed": plant.seed,
         "nominal_inertia": plant.nominal_inertia,
+        "robot": _robot(plant.chain),
+        "controller": _robot(plant.known_chain),
         **_errors(experiment.evaluation),
         **_angular_motion(executed, experiment.evaluation),
     }
     applied = applied_torques(experiment)
     return found if applied is None else {**found, **_torques(applied, result)}
+
+
+def _robot(chain: Chain) -> dict[str, Any]:
+    """Load, drive inertias and friction of a robot, or of the robot that a controller knows."""
+    return {
+        "payload": 0.0 if chain.payload is None else chain.payload.mass,
+        "armature": chain.armature,
+        "viscous": chain.viscous,
+        "coulomb": chain.coulomb,
+    }
 
 
 def _error(profile: ErrorProfile) -> dict[str, float]:

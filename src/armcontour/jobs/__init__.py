@@ -1,8 +1,9 @@
 """Jobs, and `run`, which does all steps of a job and returns a study."""
 
 from armcontour.jobs.analog import analog_outputs
+from armcontour.jobs.experiment import Experiment, build_plant
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Experiment, Job, Published, Rounding, Run
+from armcontour.jobs.job import Job, Published, Rounding, Run
 from armcontour.jobs.programs import programs_of
 from armcontour.jobs.study import (
     STEPS,
@@ -32,6 +33,7 @@ __all__ = [
     "RunResult",
     "Study",
     "analog_outputs",
+    "build_plant",
     "path_of",
     "programs_of",
     "run",

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
-from armcontour._quantities import (
-    Acceleration,
-    AngularDistance,
-    AtLeast,
-    Distance,
-    Interval,
-    Speed,
-)
+from armcontour._quantities import Acceleration, AngularDistance, Distance, Speed
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
-from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise
 from armcontour.geometry import Path
 from armcontour.jobs.analog import refuse_open_speeds
+from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
 from armcontour.motion import check_interval
 from armcontour.program import Process, Program, prepare
@@ -47,33 +40,6 @@ class Rounding:
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Experiment:
-    """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
-
-    Args:
-        step: Cycle time of the drives [s].
-        gravity_feedforward: Whether the controller adds the gravity torque.
-        friction: Whether the simulation includes joint friction.
-        noise: Standard deviation of measured joint positions [rad].
-        seed: Seed of the noise.
-
-    Raises:
-        InvalidInput: A step or a noise out of range.
-    """
-
-    step: Interval = 2.5e-4
-    gravity_feedforward: bool = True
-    friction: bool = True
-    noise: AngularDistance = 0.0
-    seed: Annotated[int, AtLeast(0)] = 0
-
-    def __post_init__(self) -> None:
-        check_drive_cycle(self.step)
-        check_noise(self.noise)
-        _checks.whole("seed", self.seed, 0, 2**63 - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

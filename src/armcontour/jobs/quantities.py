@@ -9,7 +9,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
-from armcontour.jobs.study import ExperimentResult, RunResult
+from armcontour.jobs.study import ExperimentResult, RunResult, Study
 from armcontour.motion import Execution, Trajectory
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.
@@ -41,6 +41,19 @@ class Torques:
 def assumed_numbers(arm: Arm) -> str:
     """Which parameters of an arm's bodies are assumed, and by which rule; empty if none is."""
     return "" if arm.chain is None else arm.chain.assumed
+
+
+def unknown_notes(study: Study) -> tuple[str, ...]:
+    """Sentences on what simulated robots have that their controllers do not know."""
+    found: dict[str, list[str]] = {}
+    for name, result in study.runs.items():
+        if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
+            found.setdefault(unknown, []).append(name)
+    return tuple(
+        f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
+        f"{unknown}."
+        for unknown, names in found.items()
+    )
 
 
 def planned_torques(result: RunResult) -> Torques | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -17,6 +17,7 @@ from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, count_full_stops
+from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
@@ -358,8 +359,7 @@ def on_bodies(
 ) -> ExperimentResult:
     """Execute taught data on the simulated rigid bodies of the arm."""
     assert this.experiment is not None
-    options = asdict(this.experiment)
-    plant = RigidBodyPlant(job.arm, job.plant_servo, this.limits, **options)
+    plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     # The plant has no results between two cycles of the drives.
     executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
     return ExperimentResult(

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.jobs import RunResult, Study
-from armcontour.jobs.quantities import assumed_numbers
+from armcontour.jobs.quantities import assumed_numbers, unknown_notes
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.sections.along import assigned_speeds
 from armcontour.report.sections.turning import angular_speeds, orientation_errors
@@ -170,6 +170,7 @@ def contour_error(study: Study) -> Section:
         )
         assumed = assumed_numbers(study.job.arm)
         notes = (f"About the masses of the experiment: {assumed}",) if assumed else ()
+        notes += unknown_notes(study)
     return Section(
         key="contour-error",
         title="Contour error",

@@ -76,7 +76,7 @@ def _worse_on_bodies(study: Study) -> list[str]:
                 f"(RMS {error * 1e3:.4f} mm, not {without * 1e3:.4f} mm): the compensation is made "
                 "for the servo's gains, but on the bodies the loops are faster or slower than "
                 "these, by the nominal inertia over the real one, so it leads the joints by too "
-                "much or too little."
+                f"much or too little{_nor(compensated)}."
             )
     return notes
 
@@ -179,6 +179,12 @@ def _experiment(result: RunResult) -> list[Tile]:
     e = result.experiment.evaluation.contour_error
     note = f"largest {e.max * 1e3:.4f} mm, on rigid bodies{_rests(result)}"
     return [Tile(label=label, value=f"{e.rms * 1e3:.4f} mm", note=note)]
+
+
+def _nor(result: RunResult) -> str:
+    """The end of a sentence: what else the compensation does not know of the robot."""
+    unknown = "" if result.run.experiment is None else result.run.experiment.unknown
+    return f"; nor does it know what the robot has: {unknown}" if unknown else ""
 
 
 def _rests(result: RunResult) -> str:

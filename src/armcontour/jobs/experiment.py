@@ -1,0 +1,164 @@
+"""`Experiment`: a simulated robot of rigid bodies, with what its controller does not know."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour._quantities import (
+    AngularDistance,
+    AtLeast,
+    CoulombFrictions,
+    Interval,
+    JointArmatures,
+    ViscousFrictions,
+)
+from armcontour.arms import Arm, Limits
+from armcontour.arms.chain import Payload
+from armcontour.errors import InvalidInput
+from armcontour.execution import RigidBodyPlant
+from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise
+from armcontour.servo import ServoModel
+
+# What a robot can have per joint, with its unit and its name in sentences.
+PER_JOINT = {
+    "armature": ("kg m²", "drive inertias of"),
+    "viscous": ("N m s/rad", "viscous friction of"),
+    "coulomb": ("N m", "Coulomb friction of"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Experiment:
+    """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
+
+    The simulated robot can have another payload, friction or drive inertia than the arm. What is
+    given here takes the place of the arm's own value. Plans, compensation and the controller of the
+    robot know only the arm: its gravity feed-forward does not carry this payload.
+
+    Args:
+        step: Cycle time of the drives [s].
+        gravity_feedforward: Whether the controller adds the gravity torque of the arm.
+        friction: Whether the simulation includes joint friction.
+        noise: Standard deviation of measured joint positions [rad].
+        seed: Seed of the noise.
+        payload: What the robot really carries at the tip, in the place of the arm's payload; the
+            controller does not know it. By default the arm's payload.
+        armature: Real inertia of each drive, reflected to its joint [kg m²], one for all joints or
+            one per joint; by default the arm's.
+        viscous: Real viscous friction of the joints [N m s/rad], one for all joints or one per
+            joint; by default the arm's.
+        coulomb: Real Coulomb friction of the joints [N m], one for all joints or one per joint; by
+            default the arm's.
+
+    Raises:
+        InvalidInput: A step or a noise out of range, a negative friction or inertia, or friction
+            that is given and left out.
+    """
+
+    step: Interval = 2.5e-4
+    gravity_feedforward: bool = True
+    friction: bool = True
+    noise: AngularDistance = 0.0
+    seed: Annotated[int, AtLeast(0)] = 0
+    payload: Payload | None = None
+    armature: JointArmatures | None = None
+    viscous: ViscousFrictions | None = None
+    coulomb: CoulombFrictions | None = None
+
+    def __post_init__(self) -> None:
+        check_drive_cycle(self.step)
+        check_noise(self.noise)
+        _checks.whole("seed", self.seed, 0, 2**63 - 1)
+        for name, (unit, _) in PER_JOINT.items():
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, _not_negative(name, values, unit))
+        if not self.friction and (self.viscous is not None or self.coulomb is not None):
+            raise InvalidInput(
+                "The experiment has friction (viscous or coulomb) and leaves it out (friction: "
+                "false): leave one of them out."
+            )
+
+    def for_joints(self, dof: int) -> Experiment:
+        """The same experiment with one value per joint.
+
+        Args:
+            dof: Number of joints.
+
+        Raises:
+            InvalidInput: The number of values is not 1 or `dof`.
+        """
+        changes: dict[str, Any] = {
+            name: _checks.per_joint(name, values, dof, unit)
+            for name, (unit, _) in PER_JOINT.items()
+            if (values := getattr(self, name)) is not None
+        }
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def unknown(self) -> str:
+        """What the robot has and its controller does not know, in words; empty if nothing."""
+        found = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
+        for name, (unit, words) in PER_JOINT.items():
+            values = getattr(self, name)
+            if values is not None:
+                # One value for all joints is said once.
+                said = values if np.ptp(values) else values.ravel()[:1]
+                found.append(f"{words} {', '.join(f'{x:g}' for x in said.ravel())} {unit}")
+        return "; ".join(found)
+
+
+def build_plant(
+    experiment: Experiment, arm: Arm, servo: ServoModel, limits: Limits | None = None
+) -> RigidBodyPlant:
+    """Build the simulated robot of an experiment.
+
+    The plant has the payload, friction and drive inertias of the experiment where they are given,
+    else those of the arm. Its controller knows only the arm: J of its loops (unless the servo gives
+    one), gravity feed-forward, and torque limits that follow from acceleration limits.
+
+    Args:
+        experiment: Options of the plant, and what the robot has that its controller does not know.
+        arm: The arm as plans, compensation and the controller know it.
+        servo: Gains of the robot's drives.
+        limits: Limits with the joint torques that saturate; the arm's own by default.
+
+    Raises:
+        InvalidInput: The arm has no masses, or values do not fit the arm.
+    """
+    true_arm = arm.with_dynamics(
+        payload=experiment.payload, **{name: getattr(experiment, name) for name in PER_JOINT}
+    )
+    return RigidBodyPlant(
+        true_arm,
+        servo,
+        limits,
+        step=experiment.step,
+        gravity_feedforward=experiment.gravity_feedforward,
+        friction=experiment.friction,
+        noise=experiment.noise,
+        seed=experiment.seed,
+        known=arm,
+    )
+
+
+def _not_negative(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
+    """Values of the joints as a locked array, one for all joints or one per joint.
+
+    Raises:
+        InvalidInput: A value is not a number, or is negative.
+    """
+    array = _checks.numbers(name, values, unit)
+    if array.ndim > 1 or array.size == 0 or (array < 0).any():
+        raise InvalidInput(
+            f"{name} must not be negative, one for all joints or one per joint, but is "
+            f"{array.tolist()} {unit}."
+        )
+    return _checks.lock_floats(array)
