@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
     from armcontour.jobs import Goal, Job, Study, run
+    from armcontour.learning import LearnedRun, Lesson, Recording, learn
     from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
     from armcontour.program import (
         Analog,
@@ -109,6 +110,7 @@ _HOME = {
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
     "jobs": ("Goal", "Job", "Study", "run"),
+    "learning": ("LearnedRun", "Lesson", "Recording", "learn"),
     "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
     "program": (
         "Analog",
@@ -155,6 +157,8 @@ __all__ = [
     "Job",
     "JointPath",
     "Lead",
+    "LearnedRun",
+    "Lesson",
     "LimitUse",
     "Limits",
     "Line",
@@ -168,6 +172,7 @@ __all__ = [
     "Process",
     "Program",
     "Rapid",
+    "Recording",
     "RigidBodyPlant",
     "RoundedPath",
     "SerialArm",
@@ -192,6 +197,7 @@ __all__ = [
     "export",
     "fastest_poles",
     "identify",
+    "learn",
     "load_arm",
     "plan",
     "prepare",

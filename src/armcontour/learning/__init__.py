@@ -1,0 +1,7 @@
+"""Learning from run to run: set-points from what the joints did with those before."""
+
+from armcontour.learning.learner import learn
+from armcontour.learning.lesson import LearnedRun, Lesson
+from armcontour.learning.recording import Recording
+
+__all__ = ["LearnedRun", "Lesson", "Recording", "learn"]

@@ -1,0 +1,228 @@
+"""When a recording was made: its clock, and the dead time of the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+from scipy.signal import fftconvolve
+
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.learning.lifted import Lifted, along
+from armcontour.learning.recording import Recording
+
+# Largest difference between two clocks; more is another job, or another unit of time.
+WORST_RATE = 0.03
+# Longest dead time that is looked for [s]; a controller with more is not one for contours.
+LONGEST_DELAY = 0.05
+# Dead times are looked at by this much [s], then found to within NEAR_DELAY.
+LOOKED, NEAR_DELAY = 2.5e-3, 1e-5
+# Times that a fit with heavy tails is reweighted.
+REWEIGHTED = 8
+# Steps of Newton's method, which ends below this time [s].
+STEPS, NEAR = 30, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Time of the plan as `offset + rate t`, t being that of a recording.
+
+    Args:
+        offset: Time of the plan when the recording's clock is at 0 [s].
+        rate: Seconds of the plan in a second of the recording.
+    """
+
+    offset: float
+    rate: float
+
+    def plan_time(self, t: FloatArray) -> FloatArray:
+        """Times of the plan [s], same shape."""
+        return self.offset + self.rate * t
+
+
+def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
+    """The clock of a recording.
+
+    By the recorded set-points where there are some, and else by the expected motion: a dead time
+    that the servo model does not know is then part of the offset.
+
+    Args:
+        recording: What was measured.
+        lifted: The model.
+        q: Set-points of the run [rad], (count, dof).
+
+    Raises:
+        InvalidInput: The recording is shorter than the motion, or its clock too far off.
+    """
+    if recording.in_plan_time:
+        return Clock(0.0, 1.0)
+    _refuse_short(recording, lifted)
+    if recording.command is not None:
+        times = lifted.start + np.arange(len(q), dtype=np.float64) * lifted.period
+        return _fit(recording.t, recording.command, times, q, recording.source)
+    expected = lifted.expected(q)
+    return _fit(recording.t, recording.q, lifted.t, expected, recording.source)
+
+
+def _refuse_short(recording: Recording, lifted: Lifted) -> None:
+    """Refuse a recording that cannot hold the whole motion.
+
+    Raises:
+        InvalidInput: It is shorter.
+    """
+    lasts = float(recording.t[-1] - recording.t[0])
+    if lasts * (1 + WORST_RATE) < lifted.plan.duration:
+        raise InvalidInput(
+            f"{recording.source} lasts {lasts:.4g} s, but the motion lasts "
+            f"{lifted.plan.duration:.4g} s: record the whole run, from before its first set-point "
+            "until the arm rests."
+        )
+
+
+def _fit(
+    t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray, source: str
+) -> Clock:
+    """The clock with which values fit a reference.
+
+    Args:
+        t: Times of the recording [s], (m,).
+        values: Values of the recording, (m, dof).
+        times: Regular times of the plan [s], (n,).
+        reference: Values of the plan, (n, dof).
+        source: For messages.
+
+    Raises:
+        InvalidInput: The clocks differ by more than WORST_RATE.
+    """
+    curve = CubicSpline(times, reference)
+    slope = curve.derivative()
+    offset, rate = coarse_offset(t, values, times, reference), 1.0
+    middle = float(t.mean())
+    centre = offset + middle
+    for _ in range(STEPS):
+        at = centre + rate * (t - middle)
+        inside = (at >= times[0]) & (at <= times[-1])
+        if inside.sum() < 2:
+            break
+        rows = slope(at[inside])
+        off = values[inside] - curve(at[inside])
+        # Constant differences of a joint, as of a load that hangs on it, say nothing about time.
+        parts = np.stack([rows, rows * (t[inside] - middle)[:, None]], axis=2)
+        parts -= parts.mean(axis=0)
+        off = off - off.mean(axis=0)
+        step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), off.ravel(), rcond=None)
+        centre, rate = centre + float(step[0]), rate + float(step[1])
+        if abs(step[0]) < NEAR and abs(step[1]) * np.ptp(t) < NEAR:
+            break
+        if abs(rate - 1) > 2 * WORST_RATE:
+            break
+    if abs(rate - 1) > WORST_RATE:
+        raise InvalidInput(
+            f"{source} fits the motion only with a clock that is off by {100 * abs(rate - 1):.2g} "
+            f"%, and more than {100 * WORST_RATE:g} % is not a clock: give the log of this job, "
+            "with times in the unit that its column says."
+        )
+    return Clock(centre - rate * middle, rate)
+
+
+def coarse_offset(
+    t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
+) -> float:
+    """About the offset with which values fit a reference best [s].
+
+    Args:
+        t: Times of the recording [s], (m,).
+        values: Values of the recording, (m, dof).
+        times: Regular times of the plan [s], (n,).
+        reference: Values of the plan, (n, dof).
+    """
+    step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
+    edge = WORST_RATE * float(times[-1] - times[0])
+    short = np.arange(times[0], times[-1] + step / 2, step)
+    # The arm rests before and after its motion: what was not recorded is as at the edges.
+    missing = max(float(times[-1] - times[0]) - float(t[-1] - t[0]), 0.0)
+    long = np.arange(t[0] - edge - missing, t[-1] + edge + missing + step / 2, step)
+    wanted = np.stack([np.interp(short, times, x) for x in reference.T], axis=1)
+    given = np.stack([np.interp(long, t, x) for x in values.T], axis=1)
+    middle = wanted.mean(axis=0)
+    wanted, given = wanted - middle, given - middle
+    product = fftconvolve(given, wanted[::-1], mode="valid", axes=0).sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum((given**2).sum(axis=1))])
+    power = squares[len(short) :] - squares[: len(product)]
+    k = int(np.argmin(power - 2 * product))
+    return float(short[0] - long[k])
+
+
+def fit_delay(lifted: Lifted, q: FloatArray, measured: FloatArray, penalty: float) -> float:
+    """The dead time that the servo model does not know [s].
+
+    Friction, load and gains that differ from the model's make joints late, too. So every joint may
+    also be off by parts that go with the direction, the velocity and the acceleration of its plan,
+    before the rest is taken for dead time. All is compared as differences of the set-points that
+    would explain it, so that dead time shows where the motion changes fast; absolute values
+    count, not squares, because friction is not quite known at reversals.
+
+    Args:
+        lifted: The model.
+        q: Set-points of the run [rad], (count, dof).
+        measured: Measured joint positions at the model's times [rad], (n, dof).
+        penalty: As in `Lifted.correct`, for the difference from what is expected.
+    """
+    causes = [_jumps(lifted, x, penalty) for x in _other_causes(lifted)]
+    explained = np.stack(causes, axis=-1)
+    known = _jumps(lifted, measured - lifted.planned, penalty)
+
+    @cache
+    def unlikely(delay: float) -> float:
+        rest = known - _jumps(lifted, lifted.expected(q, delay) - lifted.planned, penalty)
+        return sum(_unlikely(explained[:, j], rest[:, j]) for j in range(lifted.dof))
+
+    least = -float(lifted.nominal.servo.dead_time.min())
+    looked = np.arange(least, LONGEST_DELAY, LOOKED)
+    k = int(np.argmin([unlikely(x) for x in looked.tolist()]))
+    found = minimize_scalar(
+        unlikely,
+        bounds=(max(least, looked[k] - LOOKED), looked[k] + LOOKED),
+        method="bounded",
+        options={"xatol": NEAR_DELAY},
+    )
+    return float(found.x)
+
+
+def _jumps(lifted: Lifted, error: FloatArray, penalty: float) -> FloatArray:
+    """Differences of the set-points that explain an error [rad], (count - 1, dof)."""
+    return np.diff(-lifted.correct(error, penalty)[0], axis=0)
+
+
+def _other_causes(lifted: Lifted) -> list[FloatArray]:
+    """Deviations of all joints by other causes than dead time, one cause for each joint."""
+    speed, change = (along(lifted.plan, lifted.t, order) for order in (1, 2))
+    fastest = np.abs(speed).max(axis=0)
+    direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
+    return [lifted.respond_to(x) for x in (direction, speed, change)]
+
+
+def _unlikely(parts: FloatArray, values: FloatArray) -> float:
+    """-log of the likelihood of values, by parts of any size and rests with heavy tails (Laplace).
+
+    Args:
+        parts: The parts, (n, parts).
+        values: What they explain, (n,).
+    """
+    size = np.linalg.norm(parts, axis=0)
+    matrix = parts[:, size > 0] / size[size > 0]
+    rest = values
+    weight = np.ones(len(values))
+    for _ in range(REWEIGHTED):
+        square = matrix.T @ (matrix * weight[:, None])
+        factors = np.linalg.lstsq(square, matrix.T @ (values * weight), rcond=None)[0]
+        rest = np.abs(values - matrix @ factors)
+        typical = float(np.median(rest))
+        if typical == 0.0:
+            return -np.inf if not rest.any() else 0.0
+        weight = typical / np.maximum(rest, typical)
+    return len(values) * float(np.log(rest.mean()))

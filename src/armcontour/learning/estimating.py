@@ -1,0 +1,166 @@
+"""What runs tell: the noise, the error that repeats, and how far the model is off."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.learning.judging import Judge, ToolError
+from armcontour.learning.lesson import LearnedRun
+from armcontour.learning.lifted import Lifted
+from armcontour.learning.recording import Recording
+
+# The relative error of the model's response where the model is right, from tests of `Response`.
+MODEL = 1e-3
+# Before a run has told how far the model is off, its response counts as off by this fraction.
+UNTESTED = 0.3
+# Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
+# the first one.
+PENALTIES, FIRST = (-8, 6), -3
+# The median of absolute values of a normal distribution with standard deviation 1.
+MEDIAN = 0.6745
+# Usual cycle time of a drive [s], where the recording does not tell.
+CYCLE = 2.5e-4
+# Differences that hardly see smooth motion.
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+# Weights of a mean over neighbours.
+NO_MEAN, MEAN = np.array([1.0]), np.array([0.25, 0.5, 0.25])
+
+
+def white_noise(values: FloatArray, kernel: FloatArray = NO_MEAN) -> FloatArray:
+    """Standard deviation of the white noise in columns of regular samples, (dof,).
+
+    By fourth differences, which hardly see smooth motion; their median ignores what is not smooth
+    for a short time, as friction at a reversal.
+
+    Args:
+        values: Samples, (n, dof).
+        kernel: Weights of the mean over neighbours that was taken of the noise.
+    """
+    if len(values) < len(FOURTH):
+        return np.zeros(values.shape[1])
+    fourth = np.abs(np.diff(values, 4, axis=0))
+    size = np.linalg.norm(np.convolve(FOURTH, kernel))
+    return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
+
+
+def loop_noise(
+    lifted: Lifted, recording: Recording, unexplained: FloatArray, noise: FloatArray
+) -> FloatArray:
+    """Standard deviation of the noise of measured positions in the joints' loops [rad], (dof,).
+
+    An execution has true positions, and its noise shows in the command that explains them. In a
+    log, the measurement's own noise hides that; but the loops have the same noise, at every cycle.
+
+    Args:
+        lifted: The model.
+        recording: What was measured.
+        unexplained: Difference of the joints from what is expected [rad], (n, dof).
+        noise: White noise of the measurement [rad], (dof,).
+    """
+    if recording.in_plan_time:
+        return white_noise(lifted.equivalent_command(unexplained), MEAN)
+    return np.asarray(noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step))
+
+
+def choose_penalty(lifted: Lifted, error: FloatArray, variance: float) -> float:
+    """The penalty with which noise is not learned: the power of ten that explains an error best.
+
+    Args:
+        lifted: The model.
+        error: Errors of the joints [rad], (n, dof).
+        variance: Variance of the noise in them [rad²].
+    """
+
+    @cache
+    def surprise(power: int) -> float:
+        return lifted.surprise(error, 10.0**power, max(variance, 1e-300))
+
+    power = FIRST
+    while True:
+        around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
+        following = min(around, key=surprise)
+        if following == power:
+            return float(10.0**power)
+        power = following
+
+
+class Estimate:
+    """What runs tell together.
+
+    Args:
+        lifted: The model.
+        judge: What errors of joints do to the tool.
+        runs: The runs, in order.
+
+    Attributes:
+        best: Index of the best run.
+        noise: RMS error that does not repeat [m].
+        penalty: As `choose_penalty` gives it, for the error that repeats.
+        off: Relative error of the model's response, by the last run that was predicted.
+        independent: Number of independent values of the noise in a run.
+    """
+
+    def __init__(self, lifted: Lifted, judge: Judge, runs: tuple[LearnedRun, ...]) -> None:
+        self.lifted, self.judge, self.runs = lifted, judge, runs
+        self.best = min(range(len(runs)), key=lambda k: runs[k].rms)
+        self._moved = [lifted.respond(runs[self.best].q - x.q) for x in runs]
+        self.off = self._compare()
+        self.error, variance = self._average()
+        self.penalty = choose_penalty(lifted, self.error, variance)
+        self.noise = float(np.hypot(self._measured_noise(), self._loop_noise()))
+        duration = float(lifted.t[-1] - lifted.t[0])
+        self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
+
+    def _compare(self) -> float:
+        """How far the model's response is off, relatively, by the last run but the best one."""
+        best, off = self.runs[self.best], UNTESTED
+        for run, moved in zip(self.runs, self._moved, strict=True):
+            size = 0.0 if run is best else self.judge.judge(moved).tool_rms
+            if size > 0:
+                off = self.judge.judge(run.error + moved - best.error).tool_rms / size
+        return off
+
+    def _average(self) -> tuple[FloatArray, float]:
+        """The error of the best run's set-points by all runs [rad], and its variance [rad²].
+
+        A run tells the more, the less noise it has and the nearer its set-points are: the model's
+        response to the difference is off by a fraction of it.
+        """
+        total, weights = np.zeros_like(self.runs[0].error), np.zeros(self.lifted.dof)
+        for run, moved in zip(self.runs, self._moved, strict=True):
+            far = (moved**2).mean(axis=0)
+            floor = (MODEL**2) * (run.error**2).mean(axis=0)
+            variance = run.noise**2 + floor + self.off**2 * far
+            weight = 1 / np.maximum(variance, 1e-300)
+            total += weight * (run.error + moved)
+            weights += weight
+        return total / weights, float(np.mean(1 / weights))
+
+    def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
+        """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
+        return -self.lifted.correct(error, penalty)[1]
+
+    def _measured_noise(self) -> float:
+        """RMS error of the tool that white noise of the measurement leaves in errors [m]."""
+        noise = np.random.default_rng(0).normal(size=self.error.shape)
+        return self.judge.judge(self.smooth(noise * self.runs[-1].noise, self.penalty)).rms
+
+    def _loop_noise(self) -> float:
+        """RMS error of the tool that noise in the loops makes [m].
+
+        Noise of a position measurement moves the joint as noise of the command does.
+        """
+        noise = np.random.default_rng(1).normal(size=self.error.shape)
+        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise)).rms
+
+    @property
+    def resolution(self) -> float:
+        """Standard deviation of a run's RMS error by noise [m]."""
+        return float(self.noise / np.sqrt(self.independent))
+
+    def predict(self, response: FloatArray) -> ToolError:
+        """Errors of the tool that are left where the model's response is off."""
+        return self.judge.judge(self.off * response)

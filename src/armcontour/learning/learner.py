@@ -1,0 +1,217 @@
+"""Public function `learn`: set-points for the next run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.errors import CompensationError
+from armcontour.learning.aligning import Clock, fit_clock, fit_delay
+from armcontour.learning.estimating import (
+    MODEL,
+    Estimate,
+    choose_penalty,
+    loop_noise,
+    white_noise,
+)
+from armcontour.learning.judging import Judge
+from armcontour.learning.lesson import LearnedRun, Lesson
+from armcontour.learning.lifted import Lifted, Nominal
+from armcontour.learning.recording import Recording, record
+from armcontour.motion import Execution, Log, TaughtData
+from armcontour.motion.command_limits import refuse_commands
+from armcontour.servo import ServoModel
+
+# Learning ends after this many setbacks; each halves the step and forbids changes that are ten
+# times as slow.
+MOST_SETBACKS = 3
+HALF, SLOWER = 0.5, 100.0
+# A bound covers this many standard deviations.
+SURE = 3.0
+
+
+def learn(
+    taught: TaughtData,
+    executed: Execution | Log | Recording,
+    *,
+    arm: Arm,
+    servo: ServoModel,
+    limits: Limits | None = None,
+    gravity_feedforward: bool = True,
+) -> Lesson:
+    """Set-points for the next run, from those of the last run and what the joints did.
+
+    Give the lesson that this returns, and the log of its run, for the run after it.
+
+    Args:
+        taught: The set-points of the last run: a `Lesson` with the runs before it, or other taught
+            data for the first run.
+        executed: What the joints did: an execution, a log with set-points, from which the clock is
+            found, or a recording of joint positions alone.
+        arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
+            of rigid bodies; otherwise of its servos alone.
+        servo: The nominal servo.
+        limits: Limits of the controller, as in `compensate`; by default they are not checked.
+        gravity_feedforward: Whether the controller adds the torque against gravity.
+
+    Raises:
+        InvalidInput: The log is not of this taught data, or not fit to learn from.
+        CompensationError: The set-points of the last run exceed the limits.
+    """
+    nominal = Nominal(
+        arm=arm, servo=servo.for_joints(arm.dof), gravity_feedforward=gravity_feedforward
+    )
+    recording = record(executed, taught)
+    lifted, clock, taught = _align(taught, recording, nominal)
+    judge = Judge(arm, taught.trajectory, lifted.t, lifted.planned)
+    run = _judge_run(lifted, judge, taught, recording, clock)
+    before = taught.runs if isinstance(taught, Lesson) else ()
+    return _next_lesson(taught, (*before, run), lifted, judge, limits)
+
+
+def _align(
+    taught: TaughtData, recording: Recording, nominal: Nominal
+) -> tuple[Lifted, Clock, TaughtData]:
+    """The model, the recording's clock, and the taught data with times as the robot has them.
+
+    A robot that is later than its model by whole command intervals gets its set-points earlier by
+    these: only their times in the plan change.
+    """
+    if isinstance(taught, Lesson):
+        lifted = taught.lifted or Lifted(taught, nominal, taught.delay)
+        return lifted, fit_clock(recording, lifted, taught.q), taught
+    lifted = Lifted(taught, nominal)
+    clock = fit_clock(recording, lifted, taught.q)
+    if recording.command is None and not recording.in_plan_time:
+        return lifted, clock, taught
+    expected, t = lifted.expected(taught.q), clock.plan_time(recording.t)
+    measured = lifted.at_times(t, recording.q, expected)
+    noise = white_noise(recording.q - lifted.between(t, expected))
+    variance = _variance(noise, measured - lifted.planned)
+    penalty = choose_penalty(lifted, measured - expected, variance)
+    delay = fit_delay(lifted, taught.q, measured, penalty)
+    early = max(int(delay / taught.period), 0) * taught.period
+    taught = replace(taught, start_time=taught.start_time - early)
+    clock = Clock(clock.offset - early, clock.rate)
+    return Lifted(taught, nominal, delay), clock, taught
+
+
+def _judge_run(
+    lifted: Lifted, judge: Judge, taught: TaughtData, recording: Recording, clock: Clock
+) -> LearnedRun:
+    """A run as learning sees it."""
+    expected = lifted.expected(taught.q)
+    t = clock.plan_time(recording.t)
+    error = lifted.at_times(t, recording.q, expected) - lifted.planned
+    noise = white_noise(recording.q - lifted.between(t, expected))
+    in_loop = loop_noise(lifted, recording, lifted.planned + error - expected, noise)
+    # Noise of samples that are further apart than the model's times counts for all of these.
+    noise *= np.sqrt(max(recording.interval * clock.rate / lifted.step, 1.0))
+    smooth = -lifted.correct(error, choose_penalty(lifted, error, _variance(noise, error)))[1]
+    found = judge.judge(smooth)
+    last = taught if isinstance(taught, Lesson) else None
+    return LearnedRun(
+        q=taught.q,
+        error=error,
+        noise=noise,
+        loop_noise=in_loop,
+        joint_rms=np.sqrt((smooth**2).mean(axis=0)),
+        joint_max=np.abs(smooth).max(axis=0),
+        tool_rms=found.tool_rms,
+        tool_max=found.tool_max,
+        contour_rms=found.contour_rms,
+        contour_max=found.contour_max,
+        offset=clock.offset,
+        rate=clock.rate,
+        predicted=None if last is None else last.predicted,
+        bound=None if last is None else last.bound,
+        source=recording.source,
+    )
+
+
+def _variance(noise: FloatArray, error: FloatArray) -> float:
+    """Variance of what the model need not explain in an error [rad²]."""
+    return float(np.mean(noise**2 + MODEL**2 * (error**2).mean(axis=0)))
+
+
+def _next_lesson(
+    taught: TaughtData,
+    runs: tuple[LearnedRun, ...],
+    lifted: Lifted,
+    judge: Judge,
+    limits: Limits | None,
+) -> Lesson:
+    """The lesson after all runs."""
+    known = Estimate(lifted, judge, runs)
+    best = runs[known.best]
+    setbacks = taught.setbacks if isinstance(taught, Lesson) else 0
+    before = min((x.rms for x in runs[:-1]), default=np.inf)
+    if runs[-1].rms > before + SURE * known.resolution:
+        setbacks += 1
+    change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
+    share, reason = _keep_limits(taught, best.q, change * HALF**setbacks, limits)
+    share *= HALF**setbacks
+    left = known.judge.judge(known.off * share * response).rms
+    predicted = float(np.hypot(left + (1 - share) * best.rms, known.noise))
+    bound = float(np.hypot(min(SURE * left, best.rms), known.noise + SURE * known.resolution))
+    finished = best.rms - predicted < known.resolution or setbacks >= MOST_SETBACKS
+    if finished:
+        reason = (
+            f"{setbacks} changes made the error larger"
+            if setbacks >= MOST_SETBACKS
+            else "what could be gained is less than the noise"
+        )
+        predicted, bound = best.rms, best.rms + SURE * known.resolution
+    return Lesson(
+        period=taught.period,
+        q=best.q if finished else best.q + share * change,
+        trajectory=taught.trajectory,
+        method="learning",
+        start_time=taught.start_time,
+        runs=runs,
+        delay=lifted.delay,
+        predicted=predicted,
+        bound=bound,
+        noise=known.noise,
+        setbacks=setbacks,
+        finished=finished,
+        reason=reason,
+        lifted=lifted,
+    )
+
+
+def _keep_limits(
+    taught: TaughtData, q: FloatArray, change: FloatArray, limits: Limits | None
+) -> tuple[float, str]:
+    """The share of a change of set-points that keeps the limits, and why it is not all of it.
+
+    Args:
+        taught: The set-points of the last run.
+        q: The set-points that are changed [rad], (n, dof).
+        change: Their change [rad], (n, dof).
+        limits: Limits of the controller.
+
+    Raises:
+        CompensationError: The set-points exceed the limits before the change.
+    """
+    if limits is None:
+        return 1.0, ""
+    own = limits.for_joints(q.shape[1])
+    plain = TaughtData(
+        period=taught.period, q=q, trajectory=taught.trajectory, method=taught.method,
+        start_time=taught.start_time,
+    )  # fmt: skip
+    refuse_commands(plain, own)
+    share = 1.0
+    reason = ""
+    for _ in range(60):
+        try:
+            refuse_commands(replace(plain, q=q + share * change), own)
+            return share, reason
+        except CompensationError as error:
+            reason = f"the {error.limit} of joint {error.joint} bounds the step"
+            share *= 0.8
+    return 0.0, reason

@@ -1,0 +1,114 @@
+"""`Lesson`: taught data for the next run, with the runs from which it was learned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.learning.lifted import Lifted
+from armcontour.motion import TaughtData
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LearnedRun:
+    """One run, as learning saw it.
+
+    Errors are those that a disturbance of the drives explains; white noise is taken out.
+
+    Args:
+        q: Set-points that were executed [rad], (n, dof).
+        error: Measured deviations of the joints from the plan, with noise, at the times
+            `Lesson.lifted.t` [rad], (m, dof).
+        noise: Standard deviation of the white noise in `error` [rad], (dof,).
+        loop_noise: Standard deviation of the noise of positions in the joints' loops, one value at
+            each of these times [rad], (dof,).
+        joint_rms: RMS error of each joint [rad], (dof,).
+        joint_max: Largest error of each joint [rad], (dof,).
+        tool_rms: RMS distance of the tool from its planned position at the same time [m].
+        tool_max: Largest such distance [m].
+        contour_rms: RMS distance of the tool from its path [m]; None if the plan has no path.
+        contour_max: Largest such distance [m].
+        offset: Time of the plan when the clock of the log was at 0 [s].
+        rate: Seconds of the plan in a second of the log.
+        predicted: What `rms` was predicted to be [m]; None for the first run.
+        bound: Bound of that prediction [m].
+        source: Where it comes from, for messages.
+    """
+
+    q: FloatArray
+    error: FloatArray
+    noise: FloatArray
+    loop_noise: FloatArray
+    joint_rms: FloatArray
+    joint_max: FloatArray
+    tool_rms: float
+    tool_max: float
+    contour_rms: float | None = None
+    contour_max: float | None = None
+    offset: float = 0.0
+    rate: float = 1.0
+    predicted: float | None = None
+    bound: float | None = None
+    source: str = "the execution"
+
+    def __post_init__(self) -> None:
+        for name in ("q", "error", "noise", "loop_noise", "joint_rms", "joint_max"):
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+
+    @property
+    def rms(self) -> float:
+        """The error by which runs are compared [m]: `contour_rms`, or else `tool_rms`."""
+        return self.tool_rms if self.contour_rms is None else self.contour_rms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lesson(TaughtData):
+    """Taught data for the next run, and what the runs before it have taught.
+
+    Args:
+        runs: The runs so far, in order.
+        delay: Dead time of the robot beyond that of the servo model [s].
+        predicted: Expected RMS error of the next run [m], comparable to `LearnedRun.rms`.
+        bound: The next run should not have a larger RMS error than this [m].
+        noise: RMS error that does not repeat from run to run [m], as far as it is known.
+        setbacks: Number of times that a run was worse than the best before it.
+        finished: Whether nothing more is to be had. The set-points are then those of the best run.
+        reason: Why learning is finished, or what keeps the step small; may be empty.
+        lifted: The model, kept from run to run because it takes most of the time; None makes it
+            again.
+
+    Raises:
+        InvalidInput: There are no runs, or as `TaughtData` raises it.
+    """
+
+    runs: tuple[LearnedRun, ...]
+    delay: float = 0.0
+    predicted: float
+    bound: float
+    noise: float
+    setbacks: int = 0
+    finished: bool = False
+    reason: str = ""
+    lifted: Lifted | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        TaughtData.__post_init__(self)
+        if not self.runs:
+            raise InvalidInput("A lesson needs at least one run from which it was learned.")
+
+    @property
+    def best(self) -> int:
+        """Index of the run with the smallest error."""
+        return min(range(len(self.runs)), key=lambda k: self.runs[k].rms)
+
+    @property
+    def remaining(self) -> float:
+        """RMS error of the best run [m]."""
+        return self.runs[self.best].rms
+
+    @property
+    def noise_share(self) -> float:
+        """Share of the squared remaining error that does not repeat, from 0 to 1."""
+        return min((self.noise / self.remaining) ** 2, 1.0) if self.remaining > 0 else 1.0

@@ -1,0 +1,294 @@
+"""`Lifted`: how a change of all set-points changes the whole motion, and the best such change.
+
+"Lifted" means that a run is one vector: `x = P du`, with one entry for every joint and time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.sparse import block_array, coo_array, csc_array, diags_array, eye_array
+from scipy.sparse.linalg import splu
+
+from armcontour import _memory
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm
+from armcontour.drives import Drives, respond_along
+from armcontour.motion import TaughtData, Trajectory
+from armcontour.servo import ServoModel
+from armcontour.servo.command import command_weights
+
+# Longest time between two times of the model [s]. The rule of the response is off by about
+# (w h)² / 12 at the rate w: 0.2 % at the 150 1/s of the paper's velocity loop.
+LONGEST_STEP = 1e-3
+# Time constants of the slowest joint after the last set-point that count as motion: 5 % is left.
+AFTER = 3.0
+# Memory per time and squared number of joints [bytes], measured: the factors of one penalty.
+OF_TIME = 900.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nominal:
+    """The nominal robot of which a lifted model is made.
+
+    Args:
+        arm: The arm; with masses, its bodies respond, else its servos alone.
+        servo: The servo, with its nominal dead time.
+        gravity_feedforward: Whether the controller adds the gravity torque.
+    """
+
+    arm: Arm
+    servo: ServoModel
+    gravity_feedforward: bool = True
+
+    @property
+    def has_bodies(self) -> bool:
+        """Whether rigid bodies respond, not servos alone."""
+        return self.arm.has_bodies and self.servo.kv is not None
+
+    def command(self, plan: Trajectory, t: FloatArray) -> FloatArray:
+        """The command that reaches the drives of the nominal robot on its plan [rad], (n, dof)."""
+        q, dq, ddq = (along(plan, t, order) for order in range(3))
+        if self.has_bodies:
+            drives = Drives(
+                arm=self.arm, servo=self.servo, gravity_feedforward=self.gravity_feedforward
+            )
+            return drives.command(q, dq, ddq)
+        servo = self.servo
+        ahead = q + dq / servo.kp
+        return ahead if servo.kv is None else ahead + ddq / (servo.kp * servo.kv)
+
+
+class Lifted:
+    """The lifted response of the nominal closed loop along a plan.
+
+    The joints rest in equilibrium at the first set-point.
+
+    Args:
+        taught: Set-points; their times and plan count, not their values.
+        nominal: The nominal robot.
+        delay: Dead time beyond that of the servo model [s].
+        memory: Memory that the model may take [bytes].
+
+    Attributes:
+        t: Regular times of the plan [s], (n,).
+        planned: Planned joint positions at these times [rad], (n, dof).
+
+    Raises:
+        InvalidInput: It needs too much memory, or the gains do not fit the arm.
+    """
+
+    def __init__(
+        self,
+        taught: TaughtData,
+        nominal: Nominal,
+        delay: float = 0.0,
+        memory: float = _memory.DEFAULT,
+    ) -> None:
+        self.plan, self.nominal, self.delay = taught.trajectory, nominal, delay
+        self.period, self.start = taught.period, taught.start_time
+        self.count, self.dof = taught.q.shape
+        self.t = _times(taught, nominal.servo)
+        self.step = float(self.t[1] - self.t[0])
+        _memory.refuse_above(
+            memory,
+            len(self.t) * self.dof**2 * OF_TIME,
+            f"Learning {self.t[-1] - self.t[0]:.4g} s of motion, {len(self.t)} times,",
+            "learn contour by contour or at a higher speed",
+        )
+        self.planned = along(self.plan, self.t, 0)
+        self._needed = nominal.command(self.plan, self.t).ravel()
+        self._make_equations()
+        self._factors: dict[float, tuple[Any, Any]] = {}
+
+    def _make_equations(self) -> None:
+        """The equations of x by the command: `A x = S c`, in units of the command."""
+        nominal = self.nominal
+        response = respond_along(
+            lambda t, order: along(self.plan, t, order), self.t, nominal.arm, nominal.servo,
+            gravity_feedforward=nominal.gravity_feedforward,
+        )  # fmt: skip
+        left, right = response.equations()
+        # The first rows of `equations` let the joints start where the plan does; here they start
+        # in equilibrium at the first set-point.
+        rest = np.arange(self.dof)
+        first = response.stiffness[0] - np.eye(self.dof)
+        where = np.repeat(rest, self.dof), np.tile(rest, self.dof)
+        left = left + coo_array((first.ravel(), where), shape=left.shape)
+        right = right + coo_array((np.ones(self.dof), (rest, rest)), shape=right.shape)
+        gain = np.tile(response.gain, len(self.t))
+        self._left = csc_array(diags_array(1 / gain) @ left)
+        self._by_command = csc_array(diags_array(1 / gain) @ right @ diags_array(gain))
+        self._solve = splu(self._left, permc_spec="NATURAL")
+        self._weights = self._set_point_weights(self.delay)
+        self._right = csc_array(self._by_command @ self._weights)
+
+    def _set_point_weights(self, delay: float) -> csc_array:
+        """The command that reaches the drives, per set-point."""
+        n, servo = len(self.t), self.nominal.servo
+        rows, columns, values = [], [], []
+        for j in range(self.dof):
+            index, weight = command_weights(
+                self.count, self.period, servo.interpolation, servo.dead_time[j] + delay,
+                self.t - self.start,
+            )  # fmt: skip
+            rows.append(np.repeat(np.arange(n) * self.dof + j, index.shape[1]))
+            columns.append(index.ravel() * self.dof + j)
+            values.append(weight.ravel())
+        where = np.concatenate(rows), np.concatenate(columns)
+        shape = n * self.dof, self.count * self.dof
+        return csc_array(coo_array((np.concatenate(values), where), shape=shape))
+
+    def respond(self, change: FloatArray) -> FloatArray:
+        """Change of the joints by a change of the set-points [rad], (n, dof).
+
+        Args:
+            change: Change of the set-points [rad], (count, dof).
+        """
+        return self._solved(self._right @ change.ravel())
+
+    def respond_to(self, command: FloatArray) -> FloatArray:
+        """Change of the joints by a change of the command that reaches the drives [rad].
+
+        Args:
+            command: Change of the command at the times [rad], (n, dof) or (n, dof, cases).
+        """
+        cases = command.reshape(len(self.t) * self.dof, -1)
+        return self._solved(self._by_command @ cases).reshape(command.shape)
+
+    def expected(self, q: FloatArray, delay: float | None = None) -> FloatArray:
+        """Joint positions of the nominal robot at the times for set-points [rad], (n, dof).
+
+        Args:
+            q: Set-points [rad], (count, dof).
+            delay: Dead time beyond that of the servo model [s]; by default that of the model.
+        """
+        weights = self._weights if delay is None else self._set_point_weights(delay)
+        return self.planned + self._solved(self._by_command @ (weights @ q.ravel() - self._needed))
+
+    def _solved(self, right: FloatArray) -> FloatArray:
+        found = np.asarray(self._solve.solve(right))
+        return found.reshape(len(self.t), self.dof) if found.ndim == 1 else found
+
+    def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
+        """The change of the set-points that takes an error away, and the joints' response to it.
+
+        It minimises `|error + P du|² + penalty |L du|²`, L being differences of set-points that
+        follow each other.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+            penalty: Squared ratio of the noise to the differences of set-points.
+
+        Returns:
+            Changes of the set-points [rad], (count, dof), and of the joints [rad], (n, dof).
+        """
+        solver, order = self._factored(penalty)
+        right = np.zeros(len(order))
+        right[: error.size] = -error.ravel()
+        found = np.empty(len(order))
+        found[order] = solver.solve(right[order])
+        size = self.count * self.dof
+        change = found[error.size : error.size + size].reshape(self.count, self.dof)
+        return change, found[: error.size].reshape(error.shape)
+
+    def _factored(self, penalty: float) -> tuple[Any, Any]:
+        """The factors of the optimality conditions, in the order of time, and that order.
+
+        The conditions are those of a minimum over du and x with the multipliers of `A x = B du`.
+        """
+        if penalty not in self._factors:
+            n, size = len(self.t) * self.dof, self.count * self.dof
+            jump = eye_array(size - self.dof, size, k=self.dof) - eye_array(size - self.dof, size)
+            blocks: Any = [
+                [eye_array(n), None, self._left.T],
+                [None, penalty * (jump.T @ jump), -self._right.T],
+                [self._left, -self._right, None],
+            ]
+            conditions = csc_array(block_array(blocks))
+            moments = np.repeat(self.t, self.dof)
+            taught = np.repeat(self.start + np.arange(self.count) * self.period, self.dof)
+            part = self.step / 3
+            order = np.argsort(
+                np.concatenate([moments, taught + part, moments + 2 * part]), kind="stable"
+            )
+            sorted_ = csc_array(conditions[order][:, order])
+            self._factors[penalty] = splu(sorted_, permc_spec="NATURAL"), order
+        return self._factors[penalty]
+
+    def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
+        """How improbable an error is, as -2 log of its probability density, but for a constant.
+
+        The error is that of set-points whose differences are normal with the variance
+        `variance / penalty`, and white noise.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+            penalty: As in `correct`.
+            variance: Variance of the noise [rad²].
+        """
+        change, response = self.correct(error, penalty)
+        left = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
+        factors, _order = self._factored(penalty)
+        # The determinant is that of `P'P + penalty L'L` but for a factor that does not change.
+        size = float(np.log(np.abs(factors.U.diagonal())).sum())
+        rank = (self.count - 1) * self.dof
+        return float(left / variance + size - rank * np.log(penalty))
+
+    def equivalent_command(self, error: FloatArray) -> FloatArray:
+        """The change of the command that reaches the drives and explains an error [rad], (n, dof).
+
+        It is a mean over neighbouring times, with the weights 1/4, 1/2 and 1/4.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+        """
+        return np.asarray((self._left @ error.ravel()).reshape(error.shape))
+
+    def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
+        """Values at the model's times, at other times, (m, dof); constant before and after them.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            values: Values at the model's times, (n, dof).
+        """
+        return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
+
+    def at_times(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
+        """Joint positions at the model's times, of joint positions at other times [rad], (n, dof).
+
+        Their difference from what is expected is interpolated, which is smoother than the motion.
+        Before and after the samples it is constant.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            q: Joint positions [rad], (m, dof).
+            expected: Expected joint positions at the model's times [rad], (n, dof).
+        """
+        difference = q - self.between(t, expected)
+        return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
+
+
+def along(plan: Trajectory, t: FloatArray, order: int) -> FloatArray:
+    """The planned motion at any times, at rest before and after it, by order, (n, dof).
+
+    Args:
+        plan: The planned motion.
+        t: Times [s], (n,).
+        order: 0, 1 or 2.
+    """
+    found = plan(np.clip(t, 0.0, plan.duration), order)
+    if order:
+        found[(t < 0) | (t > plan.duration)] = 0.0
+    return found
+
+
+def _times(taught: TaughtData, servo: ServoModel) -> FloatArray:
+    """Regular times from the first set-point until the joints rest [s], (n,)."""
+    parts = int(np.ceil(taught.period / LONGEST_STEP * (1 - 1e-9)))
+    rest = float(servo.dead_time.max()) + AFTER / float(servo.kp.min())
+    intervals = len(taught.q) - 1 + int(np.ceil(rest / taught.period))
+    return taught.times(intervals * parts + 1, taught.period / parts)

@@ -1,0 +1,87 @@
+"""The lifted model against dense least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.learning.lifted import Lifted, Nominal
+from armcontour.motion import TaughtData
+
+
+def rods():
+    """A planar arm without masses."""
+    limits = ac.Limits(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+
+
+@pytest.fixture(scope="module", params=["linear", "step", "cubic"])
+def lifted(request):
+    arm = rods()
+    plan = ac.plan(
+        ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
+        arm,
+        ac.Limits(joint_velocity=9.0, joint_acceleration=20.0),
+    )
+    servo = ac.ServoModel(
+        kp=[25.0, 20.0], kv=150.0, dead_time=3e-3, interpolation=request.param
+    ).for_joints(2)
+    count = int(np.ceil(plan.duration / 8e-3)) + 1
+    q = np.zeros((count, 2))
+    taught = TaughtData(period=8e-3, q=q, trajectory=plan, method="none", start_time=-8e-3)
+    return Lifted(taught, Nominal(arm=arm, servo=servo))
+
+
+@pytest.fixture(scope="module")
+def dense(lifted):
+    """The response, column by column, (n dof, count dof)."""
+    size = lifted.count * lifted.dof
+    units = np.eye(size).reshape(size, lifted.count, lifted.dof)
+    return np.stack([lifted.respond(x).ravel() for x in units], axis=1)
+
+
+def test_set_points_that_shift_shift_the_joints(lifted):
+    """All joints rest where their first set-points are, and end where the last ones are."""
+    change = np.tile([1e-3, -2e-3], (lifted.count, 1))
+    np.testing.assert_allclose(lifted.respond(change), np.tile(change[0], (len(lifted.t), 1)))
+
+
+@pytest.mark.parametrize("penalty", [1e-4, 1.0])
+def test_the_correction_is_that_of_dense_least_squares(lifted, dense, penalty):
+    error = np.random.default_rng(1).normal(size=(len(lifted.t), 2)).cumsum(axis=0) * 1e-4
+    change, response = lifted.correct(error, penalty)
+    jump = np.diff(np.eye(lifted.count), axis=0)
+    rows = np.concatenate([dense, np.sqrt(penalty) * np.kron(jump, np.eye(2))])
+    right = np.concatenate([-error.ravel(), np.zeros(len(rows) - error.size)])
+    expected, *_ = np.linalg.lstsq(rows, right, rcond=None)
+    np.testing.assert_allclose(change.ravel(), expected, atol=1e-9)
+    np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-9)
+
+
+def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
+    """Against the covariance, as a matrix, of all but constant changes of the set-points."""
+    variance, error = 1e-8, np.random.default_rng(2).normal(size=(len(lifted.t), 2)) * 1e-3
+    steps = np.kron(np.tril(np.ones((lifted.count, lifted.count)), -1)[:, :-1], np.eye(2))
+    constant = np.tile(np.eye(2), (lifted.count, 1))
+    wide = 1e-2
+    found = []
+    for penalty in (1e-3, 1e-1):
+        spread = variance / penalty * steps @ steps.T + wide * constant @ constant.T
+        covariance = dense @ spread @ dense.T + variance * np.eye(error.size)
+        _sign, size = np.linalg.slogdet(covariance)
+        expected = error.ravel() @ np.linalg.solve(covariance, error.ravel()) + size
+        found.append(lifted.surprise(error, penalty, variance) - expected)
+    assert found[0] == pytest.approx(found[1], abs=1e-2 + 1e-6 * abs(found[0]))
+
+
+def test_what_is_expected_is_what_the_plant_does(lifted):
+    arm, servo = rods(), lifted.nominal.servo
+    rng = np.random.default_rng(3)
+    q = lifted.plan(0.0) + 1e-3 * rng.normal(size=(lifted.count, 2)).cumsum(axis=0)
+    taught = TaughtData(
+        period=lifted.period, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
+    )
+    done = ac.execute(taught, ac.ServoPlant(arm, servo))
+    found = lifted.at_times(done.t, done.q, lifted.expected(q))
+    assert np.abs(found - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
