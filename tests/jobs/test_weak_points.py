@@ -95,3 +95,45 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
 def test_a_run_takes_its_duration():
     asked = job(drawn(0.1, 0.25e-3), duration=4.0)
     assert teach(asked)["one"].trajectory.duration == pytest.approx(4.0, rel=1e-12)
+
+
+def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it():
+    limits = ac.Limits(joint_acceleration=[0.72, 0.72], speed=0.1)
+    own = {"limits": limits, "reserve": 0.0}
+    asked = job(drawn(0.1, 0.25e-3), smoothing=(0.03,), **own)
+    plan, plain = teach(asked)["one"], teach(job(drawn(0.1, 0.25e-3), **own))["one"]
+    assert plan.trajectory.duration == pytest.approx(plain.trajectory.duration + 0.03, rel=1e-12)
+    assert plain.warnings == ()
+    (warning,) = plan.warnings
+    t = np.linspace(0, plan.trajectory.duration, 20001)
+    over = np.abs(plan.trajectory(t, 2)) / limits.joint_acceleration
+    most = over.max()
+    assert most > 1.01
+    assert f"smoothing takes joint {over.max(axis=0).argmax() + 1} to " in warning
+    said = float(warning.split(" to ")[1].split(" times its joint_acceleration")[0])
+    assert said == pytest.approx(most, rel=5e-3)
+    share = int(warning.split("reserve: ")[1].split(" %")[0]) / 100
+    mended = job(drawn(0.1, 0.25e-3), smoothing=(0.03,), limits=limits, reserve=share)
+    assert warnings_of(mended) == ()
+
+
+def test_smoothing_that_keeps_the_limits_is_not_warned_of():
+    line = ac.Path.polyline(LINES[:2])
+    assert warnings_of(job(line, smoothing=(0.02, 0.01))) == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"timing": "mac"}, ("Run one", "method mac plans joint by joint", "method optimal")),
+        ({"duration": 4.0}, ("Run one", "leave out smoothing, or the given duration")),
+        ({"smoothing": (0.02, 0.02, 0.02)}, ("one or two windows, not 3",)),
+    ],
+)
+def test_smoothing_that_cannot_be(values, words, refuses):
+    limits = ac.load_arm("pmk3s").limits.replace(speed=0.1, centripetal_acceleration=0.09)
+    asked = job(
+        drawn(0.1, 0.25e-3),
+        **{"smoothing": (0.02,), "limits": limits.replace(joint_acceleration=0.72), **values},
+    )
+    refuses(lambda: teach(asked), ac.InvalidInput, *words)

@@ -142,6 +142,33 @@ def test_keeps_all_that_holds_of_programs_in_the_plane() -> None:
     assert (last.name, last.t) == ("spindle", pytest.approx(trajectory.duration))
 
 
+def test_smoothed_programs_have_all_but_the_limits() -> None:
+    windows = 0.01, 0.03
+    events = (Event(name="glue", s=0.03, lead_distance=0.01), Event(name="glue2", s=0.07))
+    program = plane(
+        AROUND,
+        Contour(path=Path.polyline([[0.36, 0.1], [0.36, 0.16]])),
+        Dwell(duration=0.1),
+        Event(name="coolant"),
+        Rapid(),
+        Contour(path=BEND, events=events),
+    )
+    plain = ac.plan(program, PMK3S, IN_PLANE)
+    smoothed = ac.plan(program, PMK3S, IN_PLANE, smoothing=windows)
+    judged(program, PMK3S, ac.Limits(), smoothed)
+    assert smoothed.method == "optimal, smoothed"
+    assert [x.kind for x in smoothed.spans] == [x.kind for x in plain.spans]
+    for before, after in zip(plain.spans, smoothed.spans, strict=True):
+        longer = 0.0 if before.kind == "dwell" else sum(windows)
+        assert np.ptp(after.t) == pytest.approx(np.ptp(before.t) + longer, abs=1e-12)
+    # Path accelerations no longer jump, at starts and ends of moves neither.
+    jumps = [
+        np.abs(np.subtract(*(x.s(x.breaks, 2, side=side) for side in ("left", "right")))).max()
+        for x in (plain, smoothed)
+    ]
+    assert jumps[1] < 1e-6 < 1e-1 < jumps[0]
+
+
 def test_keeps_all_that_holds_of_programs_in_space() -> None:
     moves = (Contour(path=in_space(SQUARE)), Contour(path=in_space(BEND)))
     process = dataclasses.replace(AROUND, approach=0.02, retract=0.03)

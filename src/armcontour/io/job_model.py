@@ -314,13 +314,17 @@ class CompensationModel:
     """How the servo's delay is compensated.
 
     Args:
-        method: The servo's exact inverse, or pole placement (servo of order second only).
+        method: The servo's exact inverse, pole placement (servo of order second only), the inverse
+            of drives that move the arm's bodies (arm with masses, servo of order second), or none.
         poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
             joint.
+        gravity_feedforward: For inverse_dynamics, whether the controller adds the gravity torque;
+            by default as in the experiment, or true without an experiment.
     """
 
     method: Annotated[str, Choice(compensator.METHODS)] = "pole_placement"
     poles: Poles | list[Poles] | None = None
+    gravity_feedforward: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -333,6 +337,9 @@ class RunModel:
         limits, corners, command_interval, ignore_jerk: As the keys of the job, for this run only.
         until: End of the time over which errors are evaluated [s]; by default when the tool rests.
         duration: Time of the motion from start to end [s]; by default the shortest.
+        smoothing: Window of a moving average of the plan's s(t), or two windows [s]: one makes
+            accelerations along the path continuous, a second bounds their rate. For the timing
+            optimal without a given duration.
     """
 
     timing: TimingModel = TimingModel()
@@ -343,6 +350,7 @@ class RunModel:
     ignore_jerk: bool | None = None
     until: Interval | None = None
     duration: Interval | None = None
+    smoothing: Interval | Annotated[list[Interval], Field(min_length=1, max_length=2)] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -59,6 +59,8 @@ class Run:
         ignore_jerk: Whether to plan although the limits include jerk, which no method keeps.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         duration: Time of the motion from start to end [s]; None is the shortest.
+        smoothing: Windows of a moving average of s(t), none, one or two [s]; for the timing
+            "optimal" without a given duration.
         experiment: Options of a simulation on rigid bodies; None simulates none.
 
     Raises:
@@ -77,6 +79,7 @@ class Run:
     ignore_jerk: bool = False
     reserve: float = 0.0
     duration: float | None = None
+    smoothing: tuple[float, ...] = ()
     experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
@@ -85,6 +88,8 @@ class Run:
             _checks.positive("duration", self.duration, "s")
         if self.until is not None:
             _checks.positive("until", self.until, "s")
+        for x in self.smoothing:
+            _checks.positive("smoothing", x, "s")
 
     @property
     def plan_options(self) -> dict[str, Any]:
@@ -93,6 +98,7 @@ class Run:
             "method": self.timing,
             "ignore_jerk": self.ignore_jerk,
             "reserve": self.reserve,
+            "smoothing": self.smoothing,
             **self.timing_options,
         }
 

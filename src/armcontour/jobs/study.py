@@ -22,7 +22,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
 from armcontour.jobs.slow_ends import slow_ends
-from armcontour.jobs.weak_points import capped, overloaded
+from armcontour.jobs.weak_points import capped, overloaded, smoothed_beyond
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.timing import (
@@ -68,6 +68,7 @@ class RunPlan:
         trajectory: The realizable trajectory.
         taught: The taught data.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
+        exceeded: Sentences on limits that the smoothed plan exceeds.
     """
 
     run: Run
@@ -76,6 +77,7 @@ class RunPlan:
     trajectory: Trajectory
     taught: TaughtData
     traced: Tracing | None = None
+    exceeded: tuple[str, ...] = ()
 
     @property
     def joint_path(self) -> JointPath | None:
@@ -119,7 +121,7 @@ class RunPlan:
                 f"{duration:.3g} s, so the set-points hardly represent the plan (a number without "
                 "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
             )
-        found += [*self.path.notes, *capped(self.objective, self.run)]
+        found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:
             found += slow_ends(self.path, self.trajectory, self.run)
@@ -131,7 +133,8 @@ class RunResult(RunPlan):
     """Result of one run of a job: its plan, the simulated execution and the evaluation.
 
     Args:
-        explanation: Which limit binds where, for a plan of the method "optimal".
+        explanation: Which limit binds where, for a plan of the method "optimal" that is not
+            smoothed.
         execution: The executed motion.
         evaluation: Errors of the executed motion.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
@@ -299,12 +302,14 @@ def _teach(
     progress(Step(("timing",)))
     trajectory = time_run(job, this, traced, progress, duration=this.duration)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
+    beyond = smoothed_beyond(trajectory, path, job.arm, this) if this.smoothing else ()
     progress(Step(("compensation",)))
     taught = compensate(
         trajectory,
         job.servo,
         method=this.compensation,
         period=this.period,
+        arm=job.arm,
         memory=job.memory,
         **this.compensation_options,
     )
@@ -315,6 +320,7 @@ def _teach(
         trajectory=trajectory,
         taught=taught,
         traced=traced,
+        exceeded=tuple(beyond),
     )
 
 
@@ -343,6 +349,7 @@ def same_plan(first: RunResult, second: RunResult) -> bool:
         first.traced is second.traced
         and plans[0].method == plans[1].method
         and plans[0].duration == plans[1].duration
+        and first.run.smoothing == second.run.smoothing
     )
 
 

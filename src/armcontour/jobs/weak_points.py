@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some
-from armcontour.evaluation import Evaluation
+from armcontour.arms import Arm
+from armcontour.arms.limits import UNITS
+from armcontour.evaluation import Evaluation, check
 from armcontour.geometry import Path
 from armcontour.jobs.job import Run
-from armcontour.motion import Execution, Method
+from armcontour.motion import Execution, Method, Trajectory
 from armcontour.program import Program, contour_called
 
 # So many contours or segments are named in one sentence.
@@ -20,6 +23,8 @@ MOST_NAMES = 4
 SAME = 1e-9
 # A joint that is asked for this multiple of its acceleration limit is far above it.
 FAR_ABOVE = 1.5
+# Random times per interval of a smoothed plan at which its limits are looked at, beside its breaks.
+LOOKS = 4
 
 
 def capped(program: Program, this: Run) -> list[str]:
@@ -102,4 +107,31 @@ def overloaded(executed: Execution, evaluation: Evaluation, this: Run) -> list[s
         f"saturates, and the tool is up to {evaluation.contour_error.max * 1e3:.3g} mm off its "
         f"path: give the plan {reserve}, a start near which the path needs less, slower poles, or "
         "limits and gains that are those of the plant."
+    ]
+
+
+def smoothed_beyond(trajectory: Trajectory, program: Program, arm: Arm, this: Run) -> list[str]:
+    """A warning for the limit that a smoothed plan exceeds most, or none.
+
+    Args:
+        trajectory: The smoothed plan.
+        program: The program that it follows.
+        arm: The arm.
+        this: The run.
+    """
+    found = check(trajectory, arm, this.limits, program, points=LOOKS).violations
+    beyond = [x for x in found if x.name in UNITS]
+    if not beyond:
+        return []
+    worst = max(beyond, key=lambda x: x.certain)
+    who = "the tool" if worst.joint is None else arm.joint_names[worst.joint - 1]
+    # A reserve is left of every limit at once, so the motion gets slower, too: it is enough.
+    reserve = this.reserve + (1 - this.reserve) * (1 - 1 / worst.certain)
+    others = [x.name for x in beyond if x is not worst]
+    more = f" (and exceeds {list_some(others, MOST_NAMES)}, too)" if others else ""
+    return [
+        f"smoothing takes {who} to {worst.certain:.3g} times its {worst.name} of "
+        f"{worst.limit:.4g} {UNITS[worst.name]} at {worst.t:.4g} s{more}, where the path bends: "
+        f"take shorter windows, or a reserve, such as timing: {{reserve: "
+        f"{math.ceil(reserve * 100)} %}}; armcontour certify smooths plans within the limits."
     ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from armcontour.arms import Arm, Limits
-from armcontour.motion import JointPath, Law, Method, Trajectory
+from armcontour.motion import JointPath, Law, Method, Trajectory, smooth
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
@@ -74,6 +74,36 @@ class Timing:
     def pause(self, before: Sequence[Law]) -> float:
         """Zero [s]: a contour starts as soon as the rapid before it has ended."""
         return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """Times moves as another timing does, and smooths each motion between two rests.
+
+    Args:
+        timing: The other timing.
+        windows: Windows of the moving averages, as in `smooth` [s].
+    """
+
+    timing: MoveTiming
+    windows: tuple[float, ...]
+
+    @property
+    def arm(self) -> Arm:
+        """The arm that moves."""
+        return self.timing.arm
+
+    def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
+        """Plan the motion along a contour and smooth it."""
+        return smooth(self.timing.contour(joint_path, before), *self.windows)
+
+    def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
+        """Plan a rapid and smooth it."""
+        return smooth(self.timing.rapid(joint_path, before), *self.windows)
+
+    def pause(self, before: Sequence[Law]) -> float:
+        """The pause of the other timing [s]."""
+        return self.timing.pause(before)
 
 
 def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:

@@ -18,7 +18,7 @@ from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.given_duration import time_in
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
-from armcontour.timing.methods import METHODS, OPTIONS, Timing
+from armcontour.timing.methods import METHODS, OPTIONS, MoveTiming, Smoothed, Timing
 from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
@@ -47,6 +47,7 @@ def plan(
     ignore_jerk: bool = False,
     reserve: float = 0.0,
     duration: float | None = None,
+    smoothing: Sequence[float] = (),
     progress: Progress | None = None,
     memory: float = _memory.DEFAULT,
     **options: Any,
@@ -68,6 +69,9 @@ def plan(
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         duration: Time from start to end [s], for the method "optimal": contours are slowed down by
             one factor, rapids and dwells are not. By default the motion is the fastest.
+        smoothing: Windows of a moving average of s(t), none, one or two as in `smooth` [s], for the
+            method "optimal" without a given duration. Every motion between two rests takes longer
+            by the sum of the windows, and may exceed limits of the joints where the path bends.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
@@ -89,16 +93,17 @@ def plan(
     _refuse_options(method, options, arm, memory)
     timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
     if duration is not None:
-        _refuse_duration(duration, method, options)
+        _refuse_duration(duration, method, options, smoothing)
     traced = _trace(path, arm, bounds, branch, start)
     if isinstance(traced, Tracing):
         timing = replace(timing, options=_fit_options(traced.program, method, options))
+    moves: MoveTiming = Smoothed(timing, tuple(smoothing)) if smoothing else timing
     if duration is not None:
         found = time_in(duration, traced, timing, progress)
     elif isinstance(traced, JointPath):
-        found = timing.contour(traced)
+        found = moves.contour(traced)
     else:
-        found = time_program(traced, timing, progress)
+        found = time_program(traced, moves, progress)
     return _refuse_endless_motion(found)
 
 
@@ -200,16 +205,22 @@ def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: f
             )
 
 
-def _refuse_duration(duration: float, method: str, options: Mapping[str, Any]) -> None:
+def _refuse_duration(
+    duration: float, method: str, options: Mapping[str, Any], smoothing: Sequence[float]
+) -> None:
     """Refuse a duration that cannot be planned for, whatever the path.
 
     Raises:
-        InvalidInput: It is no time, the method is not "optimal", or the path is entered or left at
-            a speed.
+        InvalidInput: It is no time, the method is not "optimal", the path is entered or left at a
+            speed, or the motion is smoothed.
     """
     _checks.between("duration", _checks.positive("duration", duration, "s"), 0, LONGEST_MOTION, "s")
     if method != Method.OPTIMAL:
         raise InvalidInput(f"A duration is planned by the method optimal only, not by {method}.")
+    if smoothing:
+        raise InvalidInput(
+            "Smoothing takes time of its own: leave out smoothing, or the given duration."
+        )
     for name in ("start_speed", "end_speed"):
         if options.get(name):
             raise InvalidInput(
