@@ -28,10 +28,10 @@ def test_units_and_names_of_columns(tmp_path, text):
     np.testing.assert_allclose(points, SI[:, 1:], rtol=1e-15)
 
 
-def test_names_beside_the_file_and_a_tool_in_the_plane(tmp_path):
+def test_a_tool_in_the_plane(tmp_path):
     file = tmp_path / "tool.csv"
-    file.write_text("8,401,100\n16,402,100\n", encoding="utf-8")
-    t, points = read_tool_positions(file, 2, columns="t [ms],x [mm],y [mm]")
+    file.write_text("t [ms],x [mm],y [mm]\n8,401,100\n16,402,100\n", encoding="utf-8")
+    t, points = read_tool_positions(file, 2)
     np.testing.assert_allclose(t, [0.008, 0.016])
     np.testing.assert_allclose(points, [[0.401, 0.1], [0.402, 0.1]])
 

@@ -16,13 +16,11 @@ TIME = ("t", "time", "timestamp")
 # Words that may stand beside the axis.
 PLAIN = ("tool", "tcp", "actual", "measured", "position", "pos")
 UNITS = ("m", "mm", "um", "cm", "s", "ms", "us")
-EXAMPLE = "t,x,y,z or t [ms],x [mm],y [mm],z [mm]; without such a line, name them with --columns"
+EXAMPLE = "t,x,y,z or t [ms],x [mm],y [mm],z [mm]"
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
 
 
-def read_tool_positions(
-    file: str | FilePath, dimension: int, *, columns: str | None = None
-) -> tuple[FloatArray, FloatArray]:
+def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArray, FloatArray]:
     """Read positions of the tool over time from a CSV file.
 
     The first line names the columns: `t`, `x`, `y` and, of a tool in space, `z`, also as
@@ -33,7 +31,6 @@ def read_tool_positions(
     Args:
         file: The file.
         dimension: Number of coordinates, 2 or 3.
-        columns: Names of the columns for a file without a first line for them.
 
     Returns:
         Times [s], (n,), and positions [m], (n, dimension).
@@ -42,7 +39,7 @@ def read_tool_positions(
         InvalidInput: A file of another form; names file and line.
     """
     source = FilePath(file).name
-    table = split_csv(read_text(file, "file of tool positions", most=LARGE), source, columns)
+    table = split_csv(read_text(file, "file of tool positions", most=LARGE), source)
     known = read_titles(
         table.names,
         where=table.heading,
