@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from armcontour._checks import FloatArray
 from armcontour.arms.chain import Payload
 from armcontour.errors import InvalidInput
 from armcontour.execution import RigidBodyPlant
@@ -88,7 +89,7 @@ def _assumed(job: Job, plan: RunPlan, experiment: Experiment) -> Experiment:
     own = chain.payload or Payload(mass=0.0)
     return replace(
         experiment,
-        payload=replace(own, mass=_short(own.mass + HEAVIER * chain.masses.sum())[0]),
+        payload=replace(own, mass=float(_short(own.mass + HEAVIER * chain.masses.sum()))),
         coulomb=_short(chain.coulomb + COULOMB * torque),
         viscous=_short(chain.viscous + VISCOUS * torque / fastest),
         noise=max(experiment.noise, NOISE),
@@ -96,6 +97,6 @@ def _assumed(job: Job, plan: RunPlan, experiment: Experiment) -> Experiment:
     )
 
 
-def _short(values: npt.ArrayLike) -> list[float]:
+def _short(values: npt.ArrayLike) -> FloatArray:
     """Numbers with two digits: what is assumed has no more."""
-    return [float(f"{x:.2g}") for x in np.ravel(values)]
+    return np.asarray(np.vectorize(lambda x: float(f"{x:.2g}"))(values))
