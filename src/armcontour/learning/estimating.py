@@ -110,17 +110,25 @@ class Estimate:
         self.off = self._compare()
         self.error, variance = self._average()
         self.penalty = choose_penalty(lifted, self.error, variance)
-        self.noise = float(np.hypot(self._measured_noise(), self._loop_noise()))
+        self.noise = float(np.hypot(self._measured_noise(), self._noise_in_loops().rms))
         duration = float(lifted.t[-1] - lifted.t[0])
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
 
     def _compare(self) -> float:
-        """How far the model's response is off, relatively, by the last run but the best one."""
+        """How far the model's response is off, relatively, by the last run but the best one.
+
+        White noise and the noise in the loops of both runs do not count.
+        """
         best, off = self.runs[self.best], UNTESTED
         for run, moved in zip(self.runs, self._moved, strict=True):
             size = 0.0 if run is best else self.judge.judge(moved).tool_rms
-            if size > 0:
-                off = self.judge.judge(run.error + moved - best.error).tool_rms / size
+            if size == 0.0:
+                continue
+            miss = run.error + moved - best.error
+            variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
+            left = self.smooth(miss, choose_penalty(self.lifted, miss, variance))
+            unrepeated = 2 * self._noise_in_loops().tool_rms ** 2
+            off = float(np.sqrt(max(self.judge.judge(left).tool_rms ** 2 - unrepeated, 0.0))) / size
         return off
 
     def _average(self) -> tuple[FloatArray, float]:
@@ -148,13 +156,13 @@ class Estimate:
         noise = np.random.default_rng(0).normal(size=self.error.shape)
         return self.judge.judge(self.smooth(noise * self.runs[-1].noise, self.penalty)).rms
 
-    def _loop_noise(self) -> float:
-        """RMS error of the tool that noise in the loops makes [m].
+    def _noise_in_loops(self) -> ToolError:
+        """Errors of the tool that noise in the loops makes.
 
         Noise of a position measurement moves the joint as noise of the command does.
         """
-        noise = np.random.default_rng(1).normal(size=self.error.shape)
-        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise)).rms
+        noise = np.random.default_rng(1).normal(size=self.lifted.planned.shape)
+        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise))
 
     @property
     def resolution(self) -> float:

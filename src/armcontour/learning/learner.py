@@ -10,6 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError
 from armcontour.learning.aligning import Clock, fit_clock, fit_delay
+from armcontour.learning.diagnosing import refuse_coarse, refuse_unlike
 from armcontour.learning.estimating import (
     MODEL,
     Estimate,
@@ -29,6 +30,8 @@ from armcontour.servo import ServoModel
 # times as slow.
 MOST_SETBACKS = 3
 HALF, SLOWER = 0.5, 100.0
+# Where the motion changes fast enough to tell dead time, errors are far above any noise.
+TO_FIND_DELAY = 1e-2
 # A bound covers this many standard deviations.
 SURE = 3.0
 
@@ -80,19 +83,18 @@ def _align(
     A robot that is later than its model by whole command intervals gets its set-points earlier by
     these: only their times in the plan change.
     """
-    if isinstance(taught, Lesson):
-        lifted = taught.lifted or Lifted(taught, nominal, taught.delay)
-        return lifted, fit_clock(recording, lifted, taught.q), taught
-    lifted = Lifted(taught, nominal)
+    known = taught.lifted if isinstance(taught, Lesson) else None
+    delay = taught.delay if isinstance(taught, Lesson) else 0.0
+    lifted = Lifted(taught, nominal, delay) if known is None else known
+    refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
-    if recording.command is None and not recording.in_plan_time:
+    expected = lifted.expected(taught.q)
+    refuse_unlike(recording, clock, lifted, expected)
+    knows_time = recording.in_plan_time or recording.command is not None
+    if isinstance(taught, Lesson) or not knows_time:
         return lifted, clock, taught
-    expected, t = lifted.expected(taught.q), clock.plan_time(recording.t)
-    measured = lifted.at_times(t, recording.q, expected)
-    noise = white_noise(recording.q - lifted.between(t, expected))
-    variance = _variance(noise, measured - lifted.planned)
-    penalty = choose_penalty(lifted, measured - expected, variance)
-    delay = fit_delay(lifted, taught.q, measured, penalty)
+    measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
+    delay = fit_delay(lifted, taught.q, measured, TO_FIND_DELAY)
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)
     clock = Clock(clock.offset - early, clock.rate)
