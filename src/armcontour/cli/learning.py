@@ -170,4 +170,6 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
         return
     if not found.robot:
         console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
+        if not found.lesson.finished:
+            console.say(f"Execute them, and give the log of that run with --taught {out}.")
     console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")

@@ -66,13 +66,15 @@ class LearningStudy:
     def profile(self, k: int) -> ErrorProfile:
         """Contour error over time in a run: of simulated links, or as measured, with noise.
 
+        What was measured is shown until the end of the plan.
+
         Args:
             k: Index of the run.
         """
         if self.simulated:
             return self.simulated[k].contour_error
         executed = self._as_measured(k)
-        pieces = pieces_of(executed, self.plan.path, None, float(executed.t[-1]))
+        pieces = pieces_of(executed, self.plan.path, None, self.plan.trajectory.duration)
         return ErrorProfile.join([x.contour_error for x in pieces])
 
     @property
@@ -86,8 +88,8 @@ class LearningStudy:
         lesson, found = self.lesson, [self._verdict]
         if lesson.delay >= TOLD_DELAY:
             found.append(
-                f"The robot is {lesson.delay * 1e3:.1f} ms later than its servo model says; "
-                "learning allows for it."
+                f"The robot acts as if it were {lesson.delay * 1e3:.1f} ms later than its servo "
+                "model says; learning allows for it."
             )
         if abs(lesson.runs[-1].rate - 1) >= TOLD_RATE:
             found.append(

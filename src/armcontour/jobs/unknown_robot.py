@@ -22,6 +22,9 @@ HEAVIER = 0.1
 # Dry friction as a share of the torque limit, and viscous friction at the velocity limit as a share
 # of it. On a UR5e they are 6 N m and 5 N m s/rad at its large joints.
 COULOMB, VISCOUS = 0.04, 0.1
+# A joint that is so far off [rad] gets the torque that stands for its torque limit where that is
+# larger: drives of little inertia are not strong, and have little friction.
+FAR_OFF = 0.1
 # Largest relative error of the position loop gains, which are drawn evenly.
 GAINS = 0.05
 # Noise of measured positions [rad]: an encoder of 17 bits.
@@ -82,8 +85,8 @@ def _assumed(job: Job, plan: RunPlan, experiment: Experiment) -> Experiment:
     assert chain is not None and chain.masses is not None
     assert chain.coulomb is not None and chain.viscous is not None
     nominal = build_plant(experiment, job.arm, job.servo, plan.run.limits)
-    # Without any limit drives are as strong as they need be, and friction has no measure.
-    torque = np.where(np.isfinite(nominal.torque_limit), nominal.torque_limit, 0.0)
+    stiffness = nominal.nominal_inertia * nominal.kv * nominal.servo.kp
+    torque = np.minimum(nominal.torque_limit, FAR_OFF * stiffness)
     given = plan.run.limits.joint_velocity, job.arm.limits.joint_velocity
     fastest = next((x for x in given if x is not None), np.ones(job.arm.dof))
     own = chain.payload or Payload(mass=0.0)
