@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -63,8 +64,8 @@ def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
     _refuse_short(recording, lifted)
     if recording.command is not None:
         times = lifted.start + np.arange(len(q), dtype=np.float64) * lifted.period
-        return _fit(recording.t, recording.command, times, q)
-    return _fit(recording.t, recording.q, lifted.t, lifted.expected(q))
+        return fit_to(recording.t, recording.command, times, q)
+    return fit_to(recording.t, recording.q, lifted.t, lifted.expected(q))
 
 
 def _refuse_short(recording: Recording, lifted: Lifted) -> None:
@@ -82,7 +83,7 @@ def _refuse_short(recording: Recording, lifted: Lifted) -> None:
         )
 
 
-def _fit(t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray) -> Clock:
+def fit_to(t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray) -> Clock:
     """The clock with which values fit a reference.
 
     Args:
@@ -144,7 +145,9 @@ def coarse_offset(
     return float(short[0] - long[k])
 
 
-def fit_delay(lifted: Lifted, q: FloatArray, measured: FloatArray, penalty: float) -> float:
+def fit_delay(
+    lifted: Lifted, moved: FloatArray, expected: Callable[[float], FloatArray], penalty: float
+) -> float:
     """The dead time that the servo model does not know [s].
 
     Friction, load and gains that differ from the model's make joints late, too. So every joint may
@@ -155,19 +158,18 @@ def fit_delay(lifted: Lifted, q: FloatArray, measured: FloatArray, penalty: floa
 
     Args:
         lifted: The model.
-        q: Set-points of the run [rad], (count, dof).
-        measured: Measured joint positions at the model's times [rad], (n, dof).
+        moved: Measured motion of the joints at the model's times [rad], (n, dof).
+        expected: What is expected of it for a dead time [rad], (n, dof).
         penalty: As in `Lifted.correct`, for the difference from what is expected.
     """
-    expected = lifted.expected(q)
-    smooth = expected - lifted.correct(measured - expected, penalty)[1]
+    smooth = expected(lifted.delay)
+    smooth = smooth - lifted.correct(moved - smooth, penalty)[1]
     causes = [_jumps(lifted, x, penalty) for x in _other_causes(lifted, smooth)]
     explained = np.stack(causes, axis=-1)
-    known = _jumps(lifted, measured - lifted.planned, penalty)
 
     @cache
     def unlikely(delay: float) -> float:
-        rest = known - _jumps(lifted, lifted.expected(q, delay) - lifted.planned, penalty)
+        rest = _jumps(lifted, moved - expected(delay), penalty)
         return sum(_unlikely(explained[:, j], rest[:, j]) for j in range(lifted.dof))
 
     least = -float(lifted.nominal.servo.dead_time.min())

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
@@ -22,6 +24,7 @@ from armcontour.learning.judging import Judge
 from armcontour.learning.lesson import LearnedRun, Lesson
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
+from armcontour.learning.tracking import add_tool
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.servo import ServoModel
@@ -44,6 +47,7 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
+    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
 
@@ -59,6 +63,9 @@ def learn(
         servo: The nominal servo.
         limits: Limits of the controller, as in `compensate`; by default they are not checked.
         gravity_feedforward: Whether the controller adds the torque against gravity.
+        tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
+            [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
+            otherwise the tracker has a clock of its own. Give it for every run or for none.
 
     Raises:
         InvalidInput: The log is not of this taught data, or not fit to learn from.
@@ -70,7 +77,7 @@ def learn(
     recording = record(executed, taught)
     lifted, clock, taught = _align(taught, recording, nominal)
     judge = Judge(arm, taught.trajectory, lifted.t, lifted.planned)
-    run = _judge_run(lifted, judge, taught, recording, clock)
+    run = _judge_run(lifted, judge, taught, recording, clock, tool)
     before = taught.runs if isinstance(taught, Lesson) else ()
     return _next_lesson(taught, (*before, run), lifted, judge, limits)
 
@@ -94,7 +101,7 @@ def _align(
     if isinstance(taught, Lesson) or not knows_time:
         return lifted, clock, taught
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
-    delay = fit_delay(lifted, taught.q, measured, TO_FIND_DELAY)
+    delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), TO_FIND_DELAY)
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)
     clock = Clock(clock.offset - early, clock.rate)
@@ -102,7 +109,12 @@ def _align(
 
 
 def _judge_run(
-    lifted: Lifted, judge: Judge, taught: TaughtData, recording: Recording, clock: Clock
+    lifted: Lifted,
+    judge: Judge,
+    taught: TaughtData,
+    recording: Recording,
+    clock: Clock,
+    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
 ) -> LearnedRun:
     """A run as learning sees it."""
     expected = lifted.expected(taught.q)
@@ -112,6 +124,9 @@ def _judge_run(
     in_loop = loop_noise(lifted, recording, lifted.planned + error - expected, noise)
     # Noise of samples that are further apart than the model's times counts for all of these.
     noise *= np.sqrt(max(recording.interval * clock.rate / lifted.step, 1.0))
+    if tool is not None:
+        error, more = add_tool(tool, lifted, error, clock if recording.in_plan_time else None)
+        noise = np.hypot(noise, more)
     smooth = -lifted.correct(error, choose_penalty(lifted, error, _variance(noise, error)))[1]
     found = judge.judge(smooth)
     last = taught if isinstance(taught, Lesson) else None
@@ -154,17 +169,18 @@ def _next_lesson(
     if runs[-1].rms > before + SURE * known.resolution:
         setbacks += 1
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
-    share, reason = _keep_limits(taught, best.q, change * HALF**setbacks, limits)
-    share *= HALF**setbacks
-    left = known.judge.judge(known.off * share * response).rms
-    predicted = float(np.hypot(left + (1 - share) * best.rms, known.noise))
+    change = HALF**setbacks * (known.q - best.q + change)
+    share, reason = _keep_limits(taught, best.q, change, limits)
+    left = judge.judge(known.off * response).rms
+    rest = 1 - share * HALF**setbacks
+    predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
     bound = float(np.hypot(min(SURE * left, best.rms), known.noise + SURE * known.resolution))
-    finished = best.rms - predicted < known.resolution or setbacks >= MOST_SETBACKS
+    finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
     if finished:
         reason = (
             f"{setbacks} changes made the error larger"
             if setbacks >= MOST_SETBACKS
-            else "what could be gained is less than the noise"
+            else "what remains is noise"
         )
         predicted, bound = best.rms, best.rms + SURE * known.resolution
     return Lesson(
