@@ -387,7 +387,7 @@ TEXTS = {
     "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
     "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log", "--model",
     "--out", "--output", "--package", "--path", "--run", "--skip", "--taught", "--template",
-    "--tip", "--topic", "--units", "--xacro-arg",
+    "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 
 

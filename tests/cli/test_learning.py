@@ -87,6 +87,12 @@ def test_two_runs_of_a_robot(command, shop, tmp_path):
     assert command("export", third, exported)[0] == 0
     assert len(exported.read_text().splitlines()) == 1 + len(read_run(third).taught().t)
 
+    # The log of the first run once more.
+    log, again = written(tmp_path, shop.table), tmp_path / "again"
+    code, _, errors = command("learn", shop.file, "--taught", out, "--log", log, "--out", again)
+    assert code == 2 and "run.csv has the set-points of run 1 (run.csv)" in errors
+    assert not again.exists()
+
 
 def changed(columns, change):
     def make(table):

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from armcontour.jobs.learning import LearningStudy
 
 # Options that say what a real robot did, and those of a simulated one.
-OF_LOGS = ("taught", "log", "start", "end", "columns", "topic", "unwrap")
+OF_LOGS = ("taught", "log", "tool_positions", "start", "end", "columns", "topic", "unwrap")
 OF_SIMULATION = ("seed",)
-NAMES = {"start": "--from", "end": "--to"}
+NAMES = {"start": "--from", "end": "--to", "tool_positions": "--tool-positions"}
 
 
 def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
@@ -116,6 +116,7 @@ def _learn_from_log(
     """Learn from the log of a real robot."""
     from armcontour.io.log_file import read_run_log
     from armcontour.io.taught_file import read_taught
+    from armcontour.io.tool_file import read_tool_positions
     from armcontour.jobs.learning import LearningStudy, learn_run
 
     assert x.taught is not None and x.log is not None
@@ -130,8 +131,11 @@ def _learn_from_log(
         columns=x.columns,
         topic=x.topic,
     )
+    tool = None
+    if x.tool_positions is not None:
+        tool = read_tool_positions(x.tool_positions, job.program.dimension)
     progress(Step(("learning from the log",)))
-    lesson = learn_run(job, plan, taught, log)
+    lesson = learn_run(job, plan, taught, log, tool=tool)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 

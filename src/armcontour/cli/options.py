@@ -398,6 +398,13 @@ class LearnOptions:
         FilePath | None,
         typer.Option("--log", help="Log of that run: CSV of positions over time, or a bag."),
     ] = None
+    tool_positions: Annotated[
+        FilePath | None,
+        typer.Option(
+            "--tool-positions",
+            help="CSV of measured positions of the tool over the same time: t, x, y, z.",
+        ),
+    ] = None
     simulate: Annotated[
         int | None,
         typer.Option(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -18,12 +17,16 @@ from armcontour.execution import RigidBodyPlant, execute
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.study import RunPlan, teach
-from armcontour.learning import Lesson, learn
-from armcontour.motion import Execution, TaughtData
+from armcontour.learning import Lesson, Recording, learn
+from armcontour.learning.aligning import fit_clock
+from armcontour.learning.recording import record
+from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import refuse_commands
 
 # Smallest dead time [s] and clock error that are told to the user.
 TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5
+# Set-points of an earlier run that are so much nearer to those of a log are those of the log.
+NEARER = 0.5
 # Builds the simulated robot of a run of learning, by the number of the run, from 0.
 Robot = Callable[[int], RigidBodyPlant]
 
@@ -181,7 +184,14 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
     return teach(replace(job, runs=(this,)), progress=progress)[this.name]
 
 
-def learn_run(job: Job, plan: RunPlan, taught: TaughtData, executed: Any, **more: Any) -> Lesson:
+def learn_run(
+    job: Job,
+    plan: RunPlan,
+    taught: TaughtData,
+    executed: Execution | Log | Recording,
+    *,
+    tool: tuple[FloatArray, FloatArray] | None = None,
+) -> Lesson:
     """What a run of a job teaches, by the job's arm and servo.
 
     The limits of the run hold for the set-points, unless those before learning exceed them.
@@ -191,20 +201,53 @@ def learn_run(job: Job, plan: RunPlan, taught: TaughtData, executed: Any, **more
         plan: The plan of the run.
         taught: The set-points that were executed: those of the plan, or a lesson.
         executed: What the joints did, as `learn` takes it.
-        more: Other keyword arguments of `learn`.
+        tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
 
     Raises:
         ArmContourError: As `learn` raises it.
     """
-    return learn(
+    lesson = learn(
         taught,
         executed,
         arm=job.arm,
         servo=job.servo,
         limits=limits_to_keep(job, plan),
         gravity_feedforward=plan.run.experiment is None or plan.run.experiment.gravity_feedforward,
-        **more,
+        tool=tool,
     )
+    if isinstance(executed, Log):
+        refuse_earlier_run(lesson, executed)
+    return lesson
+
+
+def refuse_earlier_run(lesson: Lesson, log: Log) -> None:
+    """Refuse the log of an earlier run, by the set-points in it.
+
+    Args:
+        lesson: What was learned, with the run of the log as its last run.
+        log: The log.
+
+    Raises:
+        InvalidInput: The set-points of an earlier run fit those of the log better.
+    """
+    if len(lesson.runs) < 2:
+        return
+    assert lesson.lifted is not None
+    recording = record(log, lesson)
+    times = lesson.times(len(lesson.q), lesson.period)
+    misfits = []
+    for run in lesson.runs:
+        at = fit_clock(recording, lesson.lifted, run.q).plan_time(log.t)
+        told = np.stack([np.interp(at, times, x) for x in run.q.T], axis=1)
+        misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
+    k = int(np.argmin(misfits))
+    if misfits[k] < NEARER * misfits[-1]:
+        raise InvalidInput(
+            f"{log.source} has the set-points of run {k + 1} ({lesson.runs[k].source}), and not "
+            "those that were to be executed: give the log of the last run, or the taught data "
+            "that the robot executed.",
+            index=k,
+        )
 
 
 def limits_to_keep(job: Job, plan: RunPlan) -> Limits | None:
