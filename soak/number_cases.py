@@ -387,9 +387,9 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 TEXTS = {
     "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
-    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--model", "--out",
-    "--output", "--package", "--path", "--run", "--skip", "--template", "--tip", "--topic",
-    "--units", "--xacro-arg",
+    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log", "--model",
+    "--out", "--output", "--package", "--path", "--run", "--skip", "--taught", "--template",
+    "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 
 
