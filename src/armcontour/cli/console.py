@@ -52,8 +52,8 @@ class Console:
         for i, heading in enumerate(headings):
             # Long names are folded, not cut; usual names of runs and joints stay on one line.
             justify: Literal["left", "right"] = "left" if i in left else "right"
-            least = min(max((len(x[i]) for x in lines), default=0), USUAL_NAME) if i == 0 else None
-            table.add_column(escape(heading), justify=justify, overflow="fold", min_width=least)
+            whole = i == 0 and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
+            table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=whole)
         for row in lines:
             table.add_row(*(escape(x) for x in row))
         self._rich.print(table)
