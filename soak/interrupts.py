@@ -32,6 +32,7 @@ COMMANDS = {
     "certify": ["certify", "job.yaml", "--out", "out"],
     "sweep": ["sweep", "job.yaml", "--out", "out", "--speeds", "50 mm/s, 0.1 m/s"],
     "identify": ["identify", "log.csv", "--out", "out"],
+    "learn": ["learn", "job.yaml", "--simulate", "2", "--out", "out"],
     "export": [
         *("run", "job.yaml", "--out", "out", "--no-simulation"),
         *("--export", "csv", "--export", "npz", "--export", "ros-yaml"),

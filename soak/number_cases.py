@@ -221,6 +221,8 @@ BASES: list[dict[str, Any]] = [
             "armature": 0.1,
             "viscous": 1.0,
             "coulomb": 0.1,
+            "joint_stiffness": 2e4,
+            "joint_damping": 2.0,
         },
         published={
             "source": "a paper",
@@ -385,9 +387,9 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 TEXTS = {
     "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
-    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--model", "--out",
-    "--output", "--package", "--path", "--run", "--skip", "--template", "--tip", "--topic",
-    "--units", "--xacro-arg",
+    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log", "--model",
+    "--out", "--output", "--package", "--path", "--run", "--skip", "--taught", "--template",
+    "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 
 

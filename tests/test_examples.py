@@ -56,6 +56,21 @@ contour error 0.0007 mm at most; holds for: independent joint servos of order se
 time [40.0, 40.0] ms; accelerations that saturate at the joints' limits
 set-points lead by 40 ms
 """,
+    "07_learning": """\
+run 1: contour error 1.614 mm RMS, 2.181 mm at most
+run 2: contour error 0.039 mm RMS, 0.071 mm at most
+run 3: contour error 0.009 mm RMS, 0.028 mm at most
+next: 0.002 mm RMS expected, 0.007 mm at most
+""",
+    "08_learning_from_logs": """\
+run 1: 0.0547 mm RMS, 0.1236 mm at most
+  the log shows 0.0543 mm; the run began at 1234.5710 s
+run 2: 0.0017 mm RMS, 0.0043 mm at most
+  the log shows 0.0012 mm; the run began at 1234.5670 s
+run 3: 0.0013 mm RMS, 0.0036 mm at most
+  the log shows 0.0008 mm; the run began at 1234.5670 s
+next: 0.0008 mm expected; finished: True
+""",
     "06_drawing": """\
 gasket.dxf: 8 contours, 895 mm
 40.9 s, contour error 0.0008 mm at most, on handle 3A

@@ -16,6 +16,7 @@ from armcontour.cli.options import (
     Force,
     IdentifyOptions,
     JobOptions,
+    LearnOptions,
     Open,
     Out,
     RunOptions,
@@ -167,7 +168,7 @@ def sweep(
 @grouped
 def export(
     result: Annotated[
-        FilePath, typer.Argument(help="Folder of a result, of `run` or of `certify`.")
+        FilePath, typer.Argument(help="Folder of a result, of `run`, `certify` or `learn`.")
     ],
     file: Annotated[FilePath, typer.Argument(help="File to write; its ending says the format.")],
     options: StoredExportOptions,
@@ -190,6 +191,19 @@ def identify(
     from armcontour.cli.identifying import identify_file
 
     raise typer.Exit(0 if identify_file(log, options) else 1)
+
+
+@app.command()
+@grouped
+def learn(
+    job: JobOrDrawing,
+    job_options: JobOptions,
+    options: LearnOptions,
+) -> None:
+    """Learn the taught data of the next run from the log of the last, or on a simulated robot."""
+    from armcontour.cli.learning import learn_file
+
+    learn_file(job, job_options, options)
 
 
 @app.command()

@@ -13,6 +13,8 @@ from armcontour._text import to_line
 
 # Width of output to a file or another program [characters].
 WIDTH = 120
+# Longest name that is not folded in the first column of a table [characters].
+USUAL_NAME = 24
 
 
 class Console:
@@ -46,12 +48,14 @@ class Console:
 
         shown = None if title is None else escape(to_line(title))
         table = Table(title=shown, title_justify="left")
+        lines = [[to_line(x) for x in row] for row in rows]
         for i, heading in enumerate(headings):
-            # Long names are folded, not cut.
+            # Long names are folded, not cut; usual names of runs and joints stay on one line.
             justify: Literal["left", "right"] = "left" if i in left else "right"
-            table.add_column(escape(heading), justify=justify, overflow="fold")
-        for row in rows:
-            table.add_row(*(escape(to_line(x)) for x in row))
+            least = min(max((len(x[i]) for x in lines), default=0), USUAL_NAME) if i == 0 else None
+            table.add_column(escape(heading), justify=justify, overflow="fold", min_width=least)
+        for row in lines:
+            table.add_row(*(escape(x) for x in row))
         self._rich.print(table)
 
     def say(self, text: str) -> None:

@@ -65,6 +65,13 @@ Columns = Annotated[
 Topic = Annotated[
     str | None, typer.Option("--topic", help="Topic of a bag of ROS, if several would do.")
 ]
+Start = Annotated[
+    str | None, typer.Option("--from", help="First time of the log to use, such as '2 s'.")
+]
+End = Annotated[
+    str | None, typer.Option("--to", help="Last time of the log to use, such as '30 s'.")
+]
+Unwrap = Annotated[bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
 ServoBudget = Annotated[
     str | None,
@@ -324,20 +331,14 @@ class IdentifyOptions:
             help="Command between set-points: linear or step; by default as the log says.",
         ),
     ] = None
-    start: Annotated[
-        str | None, typer.Option("--from", help="First time to use, such as '2 s'.")
-    ] = None
-    end: Annotated[str | None, typer.Option("--to", help="Last time to use, such as '30 s'.")] = (
-        None
-    )
+    start: Start = None
+    end: End = None
     longest_dead_time: Annotated[
         str, typer.Option("--longest-dead-time", help="Longest dead time in the search.")
     ] = "250 ms"
     columns: Columns = None
     topic: Topic = None
-    unwrap: Annotated[
-        bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")
-    ] = False
+    unwrap: Unwrap = False
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False
@@ -378,3 +379,55 @@ class SweepOptions:
     )
     force: Force = False
     open_report: Open = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnOptions:
+    """Options of the command `learn`."""
+
+    run_name: Name = None
+    taught: Annotated[
+        FilePath | None,
+        typer.Option(
+            "--taught",
+            help="What the robot executed: taught.csv of run or of the learn before, or the folder "
+            "of that result.",
+        ),
+    ] = None
+    log: Annotated[
+        FilePath | None,
+        typer.Option("--log", help="Log of that run: CSV of positions over time, or a bag."),
+    ] = None
+    tool_positions: Annotated[
+        FilePath | None,
+        typer.Option(
+            "--tool-positions",
+            help="CSV of measured positions of the tool over the same time: t, x, y, z.",
+        ),
+    ] = None
+    simulate: Annotated[
+        int | None,
+        typer.Option(
+            "--simulate",
+            min=1,
+            max=100,
+            help="In place of a log: learn from so many runs of a simulated robot that is not "
+            "quite known.",
+        ),
+    ] = None
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=0, help="Seed of noise and gains of the simulated robot."),
+    ] = None
+    out: Annotated[
+        FilePath | None,
+        typer.Option("--out", "-o", help="Folder for taught data of the next run, and a report."),
+    ] = None
+    start: Start = None
+    end: End = None
+    columns: Columns = None
+    topic: Topic = None
+    unwrap: Unwrap = False
+    force: Force = False
+    open_report: Open = False
+    as_json: AsJson = False

@@ -7,12 +7,14 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 
+from armcontour._checks import FloatArray
 from armcontour._files import LARGE, read_text
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
-from armcontour.io.number_table import read_columns, split_csv
+from armcontour.io.number_table import CsvTable, read_columns, split_csv
 from armcontour.io.ros_files import is_ros_file, read_ros_log
+from armcontour.learning import Recording
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
@@ -118,18 +120,10 @@ def parse_log(
         InvalidInput: As in `read_log`.
     """
     table = split_csv(text, source, columns)
-    known = read_titles(
-        table.names,
-        where=table.heading,
-        example=TITLES,
-        key_of=_column_role,
-        si_of=lambda key: "s" if key == TIMES_OF else "rad",
-        unknown=lambda title: None,
-    )
+    known = _read_roles(table)
     joints = _pair(known, table.heading)
     keys = [TIMES_OF, *(("command", x) for x in joints), *(("measured", x) for x in joints)]
-    used = [known[key] for key in keys]
-    values = read_columns(table, [x.index for x in used])[0] * [x.factor for x in used]
+    values = _read_values(table, known, keys)
     dof = len(joints)
     return cut(
         values[:, 0],
@@ -142,6 +136,104 @@ def parse_log(
         source=source,
         unwrap=unwrap,
     )
+
+
+def read_run_log(
+    file: str | FilePath,
+    joint_names: Sequence[str],
+    *,
+    start: float = -math.inf,
+    end: float = math.inf,
+    unwrap: bool = False,
+    columns: str | None = None,
+    topic: str | None = None,
+) -> Log | Recording:
+    """Read the log of one run of a robot, from which the next is learned.
+
+    It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the names
+    of the arm are put in the order of the arm; others stay in theirs.
+
+    Args:
+        file: As in `read_log`.
+        joint_names: Names of the arm's joints.
+        start: First time to use [s].
+        end: Last time to use [s].
+        unwrap: Whether to undo jumps of whole turns.
+        columns: As in `read_log`.
+        topic: As in `read_log`.
+
+    Raises:
+        InvalidInput: As in `read_log`.
+    """
+    place = FilePath(file)
+    if not is_ros_file(place) and topic is None:
+        text = read_text(file, "log", most=LARGE)
+        table = split_csv(text, place.name, columns)
+        known = _read_roles(table)
+        if TIMES_OF in known and known.keys() - {TIMES_OF} and not _has_commands(known):
+            return _read_positions(table, known, joint_names, start, end, unwrap)
+    found = read_log(file, start=start, end=end, unwrap=unwrap, columns=columns, topic=topic)
+    order = _arm_order(found.joint_names, joint_names)
+    return Log(
+        t=found.t,
+        command=found.command[:, order],
+        measured=found.measured[:, order],
+        joint_names=tuple(found.joint_names[i] for i in order),
+        interpolation=found.interpolation,
+        source=found.source,
+    )
+
+
+def _read_positions(
+    table: CsvTable,
+    known: Mapping[_Key, Column[_Key]],
+    joint_names: Sequence[str],
+    start: float,
+    end: float,
+    unwrap: bool,
+) -> Recording:
+    """Measured positions of a log without commands."""
+    joints = _sorted([joint for role, joint in known if role == "measured"])
+    values = _read_values(table, known, [TIMES_OF, *(("measured", x) for x in joints)])
+    q = values[:, 1:]
+    # A log refuses gaps, wrapped angles and numbers that no joint has.
+    found = cut(
+        values[:, 0], q, q, start, end, joints, source=table.source, unwrap=unwrap
+    )  # fmt: skip
+    order = _arm_order(joints, joint_names)
+    return Recording(t=found.t, q=found.measured[:, order], source=table.source)
+
+
+def _arm_order(own: Sequence[str], joint_names: Sequence[str]) -> list[int]:
+    """Where the joints of an arm are among those of a log; all in their order if names differ."""
+    if set(joint_names) <= set(own):
+        return [own.index(x) for x in joint_names]
+    return list(range(len(own)))
+
+
+def _has_commands(known: Mapping[_Key, Column[_Key]]) -> bool:
+    """Whether a log has a command of any joint."""
+    return any(role == "command" for role, _ in known)
+
+
+def _read_roles(table: CsvTable) -> dict[_Key, Column[_Key]]:
+    """The columns that are needed, by role and joint."""
+    return read_titles(
+        table.names,
+        where=table.heading,
+        example=TITLES,
+        key_of=_column_role,
+        si_of=lambda key: "s" if key == TIMES_OF else "rad",
+        unknown=lambda title: None,
+    )
+
+
+def _read_values(
+    table: CsvTable, known: Mapping[_Key, Column[_Key]], keys: Sequence[_Key]
+) -> FloatArray:
+    """Columns in SI units, (samples, keys)."""
+    used = [known[key] for key in keys]
+    return read_columns(table, [x.index for x in used])[0] * [x.factor for x in used]
 
 
 def _find_interpolation(lines: Sequence[str]) -> str | None:
@@ -198,5 +290,9 @@ def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:
                     f"for the same joint: name one such as {'u' if role == 'command' else 'q'}"
                     f"{joint if joint.isdigit() else '_' + joint}."
                 )
-    numbers = all(x.isdigit() for x in joints)
-    return sorted(joints, key=int) if numbers else joints
+    return _sorted(joints)
+
+
+def _sorted(joints: list[str]) -> list[str]:
+    """Joints in the order of their numbers; in their own order if they have names."""
+    return sorted(joints, key=int) if all(x.isdigit() for x in joints) else joints

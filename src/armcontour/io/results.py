@@ -279,12 +279,12 @@ def verify_file(folder: FilePath, name: str) -> FilePath:
     written = _manifest(folder)
     if written is None or SUMMARY not in written:
         raise InvalidInput(
-            f"{folder} holds no result: name the folder that --out of run or certify made."
+            f"{folder} holds no result: name the folder that --out of run, certify or learn made."
         )
     if name not in written:
         raise InvalidInput(
             f"The result in {folder} has no {name}: a run with --no-simulation and --export "
-            "writes only the exports."
+            "writes only the exports, and learning on a simulated robot no set-points."
         )
     if _checksum(folder / name) != written[name]:
         raise InvalidInput(

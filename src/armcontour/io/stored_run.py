@@ -22,7 +22,7 @@ from armcontour.motion import Samples, TimedEvent
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredRun:
-    """A run of a result folder, of `run`, `demo` or `certify`.
+    """A run of a result folder, of `run`, `demo`, `certify` or `learn`.
 
     Args:
         folder: The result folder.

@@ -67,6 +67,8 @@ UNITS = {
     "armature": "kg m^2",
     "viscous": "N m s/rad",
     "coulomb": "N m",
+    "joint_stiffness": "N m/rad",
+    "joint_damping": "N m s/rad",
 }
 
 
@@ -81,7 +83,7 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
     """
     job = study.job
     runs = {name: run_summary(job, result) for name, result in study.runs.items()}
-    data = _of_job(job, runs, files)
+    data = of_job(job, runs, files)
     if job.published is not None:
         data["published"] = {
             "source": job.published.source,
@@ -100,11 +102,17 @@ def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str
         files: The files of the result, relative to its folder.
     """
     runs = {name: plan_summary(job, plan) for name, plan in plans.items()}
-    return _json({**_of_job(job, runs, files), "simulated": False})
+    return _json({**of_job(job, runs, files), "simulated": False})
 
 
-def _of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str, Any]:
-    """Data of a job, its arm and its runs."""
+def of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str, Any]:
+    """Data of a job, its arm and its runs, for a summary.
+
+    Args:
+        job: The job.
+        runs: Data of the runs by their names.
+        files: The files of the result, relative to its folder.
+    """
     return {
         "armcontour": __version__,
         "job": job.name,
@@ -346,7 +354,11 @@ def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, An
         "noise": plant.noise,
         "seed": plant.seed,
         "nominal_inertia": plant.nominal_inertia,
-        "robot": _robot(plant.chain),
+        "robot": {
+            **_robot(plant.chain),
+            "joint_stiffness": plant.joint_stiffness,
+            "joint_damping": plant.joint_damping,
+        },
         "controller": _robot(plant.known_chain),
         **_errors(experiment.evaluation),
         **_angular_motion(executed, experiment.evaluation),

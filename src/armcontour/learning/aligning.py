@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -12,7 +13,7 @@ from scipy.signal import fftconvolve
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.learning.lifted import Lifted, along
+from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
 
 # Largest difference between two clocks; more is another job, or another unit of time.
@@ -56,16 +57,15 @@ def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
         q: Set-points of the run [rad], (count, dof).
 
     Raises:
-        InvalidInput: The recording is shorter than the motion, or its clock too far off.
+        InvalidInput: The recording is shorter than the motion.
     """
     if recording.in_plan_time:
         return Clock(0.0, 1.0)
     _refuse_short(recording, lifted)
     if recording.command is not None:
         times = lifted.start + np.arange(len(q), dtype=np.float64) * lifted.period
-        return _fit(recording.t, recording.command, times, q, recording.source)
-    expected = lifted.expected(q)
-    return _fit(recording.t, recording.q, lifted.t, expected, recording.source)
+        return fit_to(recording.t, recording.command, times, q)
+    return fit_to(recording.t, recording.q, lifted.t, lifted.expected(q))
 
 
 def _refuse_short(recording: Recording, lifted: Lifted) -> None:
@@ -83,9 +83,7 @@ def _refuse_short(recording: Recording, lifted: Lifted) -> None:
         )
 
 
-def _fit(
-    t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray, source: str
-) -> Clock:
+def fit_to(t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray) -> Clock:
     """The clock with which values fit a reference.
 
     Args:
@@ -93,10 +91,6 @@ def _fit(
         values: Values of the recording, (m, dof).
         times: Regular times of the plan [s], (n,).
         reference: Values of the plan, (n, dof).
-        source: For messages.
-
-    Raises:
-        InvalidInput: The clocks differ by more than WORST_RATE.
     """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
@@ -120,12 +114,6 @@ def _fit(
             break
         if abs(rate - 1) > 2 * WORST_RATE:
             break
-    if abs(rate - 1) > WORST_RATE:
-        raise InvalidInput(
-            f"{source} fits the motion only with a clock that is off by {100 * abs(rate - 1):.2g} "
-            f"%, and more than {100 * WORST_RATE:g} % is not a clock: give the log of this job, "
-            "with times in the unit that its column says."
-        )
     return Clock(centre - rate * middle, rate)
 
 
@@ -157,28 +145,31 @@ def coarse_offset(
     return float(short[0] - long[k])
 
 
-def fit_delay(lifted: Lifted, q: FloatArray, measured: FloatArray, penalty: float) -> float:
+def fit_delay(
+    lifted: Lifted, moved: FloatArray, expected: Callable[[float], FloatArray], penalty: float
+) -> float:
     """The dead time that the servo model does not know [s].
 
     Friction, load and gains that differ from the model's make joints late, too. So every joint may
-    also be off by parts that go with the direction, the velocity and the acceleration of its plan,
-    before the rest is taken for dead time. All is compared as differences of the set-points that
-    would explain it, so that dead time shows where the motion changes fast; absolute values
-    count, not squares, because friction is not quite known at reversals.
+    also be off by parts that go with its direction, velocity and acceleration, before the rest is
+    taken for dead time. All is compared as differences of the set-points that would explain it, so
+    that dead time shows where the motion changes fast; absolute values count, not squares, because
+    friction is not quite known at reversals.
 
     Args:
         lifted: The model.
-        q: Set-points of the run [rad], (count, dof).
-        measured: Measured joint positions at the model's times [rad], (n, dof).
+        moved: Measured motion of the joints at the model's times [rad], (n, dof).
+        expected: What is expected of it for a dead time [rad], (n, dof).
         penalty: As in `Lifted.correct`, for the difference from what is expected.
     """
-    causes = [_jumps(lifted, x, penalty) for x in _other_causes(lifted)]
+    smooth = expected(lifted.delay)
+    smooth = smooth - lifted.correct(moved - smooth, penalty)[1]
+    causes = [_jumps(lifted, x, penalty) for x in _other_causes(lifted, smooth)]
     explained = np.stack(causes, axis=-1)
-    known = _jumps(lifted, measured - lifted.planned, penalty)
 
     @cache
     def unlikely(delay: float) -> float:
-        rest = known - _jumps(lifted, lifted.expected(q, delay) - lifted.planned, penalty)
+        rest = _jumps(lifted, moved - expected(delay), penalty)
         return sum(_unlikely(explained[:, j], rest[:, j]) for j in range(lifted.dof))
 
     least = -float(lifted.nominal.servo.dead_time.min())
@@ -198,9 +189,15 @@ def _jumps(lifted: Lifted, error: FloatArray, penalty: float) -> FloatArray:
     return np.diff(-lifted.correct(error, penalty)[0], axis=0)
 
 
-def _other_causes(lifted: Lifted) -> list[FloatArray]:
-    """Deviations of all joints by other causes than dead time, one cause for each joint."""
-    speed, change = (along(lifted.plan, lifted.t, order) for order in (1, 2))
+def _other_causes(lifted: Lifted, q: FloatArray) -> list[FloatArray]:
+    """Deviations of all joints by other causes than dead time, one cause for each joint.
+
+    Args:
+        lifted: The model.
+        q: The joints' motion [rad], (n, dof).
+    """
+    speed = np.gradient(q, lifted.step, axis=0)
+    change = np.gradient(speed, lifted.step, axis=0)
     fastest = np.abs(speed).max(axis=0)
     direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
     return [lifted.respond_to(x) for x in (direction, speed, change)]

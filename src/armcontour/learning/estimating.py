@@ -16,6 +16,9 @@ from armcontour.learning.recording import Recording
 MODEL = 1e-3
 # Before a run has told how far the model is off, its response counts as off by this fraction.
 UNTESTED = 0.3
+# Errors of set-points between or beyond those of runs are off by this fraction, as friction is not
+# linear.
+LINEAR = 0.3
 # Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
 # the first one.
 PENALTIES, FIRST = (-8, 6), -3
@@ -87,6 +90,19 @@ def choose_penalty(lifted: Lifted, error: FloatArray, variance: float) -> float:
         power = following
 
 
+def _weigh(apart: FloatArray, error: FloatArray, noise: FloatArray) -> FloatArray:
+    """Weights of runs with which the error of the best run, and of their noise, is smallest.
+
+    Args:
+        apart: Differences of the runs' errors from the best one's [rad], (n, runs).
+        error: The best run's error [rad], (n,).
+        noise: Variance of the runs' noise [rad²], (runs,).
+    """
+    power = (apart**2).sum(axis=0)
+    square = apart.T @ apart + np.diag(LINEAR**2 * power + len(error) * noise)
+    return np.asarray(np.linalg.lstsq(square, -apart.T @ error, rcond=None)[0])
+
+
 class Estimate:
     """What runs tell together.
 
@@ -97,6 +113,8 @@ class Estimate:
 
     Attributes:
         best: Index of the best run.
+        q: Set-points that all runs together say have the least error [rad], (count, dof).
+        error: Their error [rad], (n, dof).
         noise: RMS error that does not repeat [m].
         penalty: As `choose_penalty` gives it, for the error that repeats.
         off: Relative error of the model's response, by the last run that was predicted.
@@ -106,38 +124,63 @@ class Estimate:
     def __init__(self, lifted: Lifted, judge: Judge, runs: tuple[LearnedRun, ...]) -> None:
         self.lifted, self.judge, self.runs = lifted, judge, runs
         self.best = min(range(len(runs)), key=lambda k: runs[k].rms)
-        self._moved = [lifted.respond(runs[self.best].q - x.q) for x in runs]
+        self._moved = [lifted.respond(x.q - runs[self.best].q) for x in runs]
         self.off = self._compare()
-        self.error, variance = self._average()
+        self.q, self.error, variance = self._combine()
         self.penalty = choose_penalty(lifted, self.error, variance)
-        self.noise = float(np.hypot(self._measured_noise(), self._loop_noise()))
+        self.noise = float(np.hypot(self._measured_noise(), self._noise_in_loops().rms))
         duration = float(lifted.t[-1] - lifted.t[0])
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
 
     def _compare(self) -> float:
-        """How far the model's response is off, relatively, by the last run but the best one."""
+        """How far the model's response is off, relatively, by the last run but the best one.
+
+        White noise and the noise in the loops of both runs do not count.
+        """
         best, off = self.runs[self.best], UNTESTED
         for run, moved in zip(self.runs, self._moved, strict=True):
             size = 0.0 if run is best else self.judge.judge(moved).tool_rms
-            if size > 0:
-                off = self.judge.judge(run.error + moved - best.error).tool_rms / size
+            if size == 0.0:
+                continue
+            miss = run.error - best.error - moved
+            variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
+            left = self.smooth(miss, choose_penalty(self.lifted, miss, variance))
+            unrepeated = 2 * self._noise_in_loops().tool_rms ** 2
+            off = float(np.sqrt(max(self.judge.judge(left).tool_rms ** 2 - unrepeated, 0.0))) / size
         return off
 
-    def _average(self) -> tuple[FloatArray, float]:
-        """The error of the best run's set-points by all runs [rad], and its variance [rad²].
+    def _combine(self) -> tuple[FloatArray, FloatArray, float]:
+        """Set-points between or beyond those of the runs, with the least error by all runs.
 
-        A run tells the more, the less noise it has and the nearer its set-points are: the model's
-        response to the difference is off by a fraction of it.
+        The error is an affine function of the set-points, whatever the robot is, as far as it is
+        linear: a mean of runs, with weights that may be negative, has the mean of their errors.
+        Every joint has its own weights, which the model's coupling of joints is added to. Noise
+        and what is not linear keep the weights small.
+
+        Returns:
+            The set-points [rad], their error [rad], and the variance of its noise [rad²].
         """
-        total, weights = np.zeros_like(self.runs[0].error), np.zeros(self.lifted.dof)
-        for run, moved in zip(self.runs, self._moved, strict=True):
-            far = (moved**2).mean(axis=0)
-            floor = (MODEL**2) * (run.error**2).mean(axis=0)
-            variance = run.noise**2 + floor + self.off**2 * far
-            weight = 1 / np.maximum(variance, 1e-300)
-            total += weight * (run.error + moved)
-            weights += weight
-        return total / weights, float(np.mean(1 / weights))
+        best = self.runs[self.best]
+        others = [k for k in range(len(self.runs)) if k != self.best]
+        apart = [self.runs[k].error - best.error for k in others]
+        weights = np.zeros((len(others), self.lifted.dof))
+        noise = np.array([self._variances(x) for x in self.runs])
+        for j in range(self.lifted.dof):
+            if others:
+                columns = np.stack([x[:, j] for x in apart], axis=1)
+                weights[:, j] = _weigh(columns, best.error[:, j], noise[others, j])
+        q, error = best.q.copy(), best.error.copy()
+        for k, weight, off in zip(others, weights, apart, strict=True):
+            q += weight * (self.runs[k].q - best.q)
+            error += weight * (off - self._moved[k])
+        error += self.lifted.respond(q - best.q)
+        shares = np.vstack([weights, 1 - weights.sum(axis=0)])
+        variances = np.vstack([noise[others], noise[self.best]])
+        return q, error, float(np.mean((shares**2 * variances).sum(axis=0)))
+
+    def _variances(self, run: LearnedRun) -> FloatArray:
+        """Variance of what the model need not explain in a run's error [rad²], (dof,)."""
+        return np.asarray(run.noise**2 + MODEL**2 * (run.error**2).mean(axis=0))
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
@@ -148,13 +191,13 @@ class Estimate:
         noise = np.random.default_rng(0).normal(size=self.error.shape)
         return self.judge.judge(self.smooth(noise * self.runs[-1].noise, self.penalty)).rms
 
-    def _loop_noise(self) -> float:
-        """RMS error of the tool that noise in the loops makes [m].
+    def _noise_in_loops(self) -> ToolError:
+        """Errors of the tool that noise in the loops makes.
 
         Noise of a position measurement moves the joint as noise of the command does.
         """
-        noise = np.random.default_rng(1).normal(size=self.error.shape)
-        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise)).rms
+        noise = np.random.default_rng(1).normal(size=self.lifted.planned.shape)
+        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise))
 
     @property
     def resolution(self) -> float:

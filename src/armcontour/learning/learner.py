@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError
 from armcontour.learning.aligning import Clock, fit_clock, fit_delay
+from armcontour.learning.diagnosing import refuse_coarse, refuse_unlike
 from armcontour.learning.estimating import (
     MODEL,
     Estimate,
@@ -21,6 +24,7 @@ from armcontour.learning.judging import Judge
 from armcontour.learning.lesson import LearnedRun, Lesson
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
+from armcontour.learning.tracking import add_tool
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.servo import ServoModel
@@ -29,6 +33,8 @@ from armcontour.servo import ServoModel
 # times as slow.
 MOST_SETBACKS = 3
 HALF, SLOWER = 0.5, 100.0
+# Where the motion changes fast enough to tell dead time, errors are far above any noise.
+TO_FIND_DELAY = 1e-2
 # A bound covers this many standard deviations.
 SURE = 3.0
 
@@ -41,6 +47,7 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
+    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
 
@@ -56,6 +63,9 @@ def learn(
         servo: The nominal servo.
         limits: Limits of the controller, as in `compensate`; by default they are not checked.
         gravity_feedforward: Whether the controller adds the torque against gravity.
+        tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
+            [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
+            otherwise the tracker has a clock of its own. Give it for every run or for none.
 
     Raises:
         InvalidInput: The log is not of this taught data, or not fit to learn from.
@@ -67,7 +77,7 @@ def learn(
     recording = record(executed, taught)
     lifted, clock, taught = _align(taught, recording, nominal)
     judge = Judge(arm, taught.trajectory, lifted.t, lifted.planned)
-    run = _judge_run(lifted, judge, taught, recording, clock)
+    run = _judge_run(lifted, judge, taught, recording, clock, tool)
     before = taught.runs if isinstance(taught, Lesson) else ()
     return _next_lesson(taught, (*before, run), lifted, judge, limits)
 
@@ -80,19 +90,18 @@ def _align(
     A robot that is later than its model by whole command intervals gets its set-points earlier by
     these: only their times in the plan change.
     """
-    if isinstance(taught, Lesson):
-        lifted = taught.lifted or Lifted(taught, nominal, taught.delay)
-        return lifted, fit_clock(recording, lifted, taught.q), taught
-    lifted = Lifted(taught, nominal)
+    known = taught.lifted if isinstance(taught, Lesson) else None
+    delay = taught.delay if isinstance(taught, Lesson) else 0.0
+    lifted = Lifted(taught, nominal, delay) if known is None else known
+    refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
-    if recording.command is None and not recording.in_plan_time:
+    expected = lifted.expected(taught.q)
+    refuse_unlike(recording, clock, lifted, expected)
+    knows_time = recording.in_plan_time or recording.command is not None
+    if isinstance(taught, Lesson) or not knows_time:
         return lifted, clock, taught
-    expected, t = lifted.expected(taught.q), clock.plan_time(recording.t)
-    measured = lifted.at_times(t, recording.q, expected)
-    noise = white_noise(recording.q - lifted.between(t, expected))
-    variance = _variance(noise, measured - lifted.planned)
-    penalty = choose_penalty(lifted, measured - expected, variance)
-    delay = fit_delay(lifted, taught.q, measured, penalty)
+    measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
+    delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), TO_FIND_DELAY)
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)
     clock = Clock(clock.offset - early, clock.rate)
@@ -100,7 +109,12 @@ def _align(
 
 
 def _judge_run(
-    lifted: Lifted, judge: Judge, taught: TaughtData, recording: Recording, clock: Clock
+    lifted: Lifted,
+    judge: Judge,
+    taught: TaughtData,
+    recording: Recording,
+    clock: Clock,
+    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
 ) -> LearnedRun:
     """A run as learning sees it."""
     expected = lifted.expected(taught.q)
@@ -110,6 +124,9 @@ def _judge_run(
     in_loop = loop_noise(lifted, recording, lifted.planned + error - expected, noise)
     # Noise of samples that are further apart than the model's times counts for all of these.
     noise *= np.sqrt(max(recording.interval * clock.rate / lifted.step, 1.0))
+    if tool is not None:
+        error, more = add_tool(tool, lifted, error, clock if recording.in_plan_time else None)
+        noise = np.hypot(noise, more)
     smooth = -lifted.correct(error, choose_penalty(lifted, error, _variance(noise, error)))[1]
     found = judge.judge(smooth)
     last = taught if isinstance(taught, Lesson) else None
@@ -152,17 +169,18 @@ def _next_lesson(
     if runs[-1].rms > before + SURE * known.resolution:
         setbacks += 1
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
-    share, reason = _keep_limits(taught, best.q, change * HALF**setbacks, limits)
-    share *= HALF**setbacks
-    left = known.judge.judge(known.off * share * response).rms
-    predicted = float(np.hypot(left + (1 - share) * best.rms, known.noise))
+    change = HALF**setbacks * (known.q - best.q + change)
+    share, reason = _keep_limits(taught, best.q, change, limits)
+    left = judge.judge(known.off * response).rms
+    rest = 1 - share * HALF**setbacks
+    predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
     bound = float(np.hypot(min(SURE * left, best.rms), known.noise + SURE * known.resolution))
-    finished = best.rms - predicted < known.resolution or setbacks >= MOST_SETBACKS
+    finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
     if finished:
         reason = (
             f"{setbacks} changes made the error larger"
             if setbacks >= MOST_SETBACKS
-            else "what could be gained is less than the noise"
+            else "what remains is noise"
         )
         predicted, bound = best.rms, best.rms + SURE * known.resolution
     return Lesson(

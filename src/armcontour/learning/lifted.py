@@ -102,6 +102,11 @@ class Lifted:
         self.planned = along(self.plan, self.t, 0)
         self._needed = nominal.command(self.plan, self.t).ravel()
         self._make_equations()
+        # What set-points that stay where the plan starts make the joints do.
+        held = np.tile(self.planned[0], self.count)
+        self._still = self.planned + self._solved(
+            self._by_command @ (self._weights @ held - self._needed)
+        )
         self._factors: dict[float, tuple[Any, Any]] = {}
 
     def _make_equations(self) -> None:
@@ -142,13 +147,15 @@ class Lifted:
         shape = n * self.dof, self.count * self.dof
         return csc_array(coo_array((np.concatenate(values), where), shape=shape))
 
-    def respond(self, change: FloatArray) -> FloatArray:
+    def respond(self, change: FloatArray, delay: float | None = None) -> FloatArray:
         """Change of the joints by a change of the set-points [rad], (n, dof).
 
         Args:
             change: Change of the set-points [rad], (count, dof).
+            delay: Dead time beyond that of the servo model [s]; by default that of the model.
         """
-        return self._solved(self._right @ change.ravel())
+        weights = self._weights if delay is None else self._set_point_weights(delay)
+        return self._solved(self._by_command @ (weights @ change.ravel()))
 
     def respond_to(self, command: FloatArray) -> FloatArray:
         """Change of the joints by a change of the command that reaches the drives [rad].
@@ -166,8 +173,8 @@ class Lifted:
             q: Set-points [rad], (count, dof).
             delay: Dead time beyond that of the servo model [s]; by default that of the model.
         """
-        weights = self._weights if delay is None else self._set_point_weights(delay)
-        return self.planned + self._solved(self._by_command @ (weights @ q.ravel() - self._needed))
+        held = np.tile(self.planned[0], (self.count, 1))
+        return self._still + self.respond(q - held, delay)
 
     def _solved(self, right: FloatArray) -> FloatArray:
         found = np.asarray(self._solve.solve(right))

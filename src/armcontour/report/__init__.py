@@ -1,5 +1,11 @@
 """The report of a study: the only package that plots."""
 
-from armcontour.report.report import render_drawing, render_report, render_sweep, write_report
+from armcontour.report.report import (
+    render_drawing,
+    render_learning,
+    render_report,
+    render_sweep,
+    write_report,
+)
 
-__all__ = ["render_drawing", "render_report", "render_sweep", "write_report"]
+__all__ = ["render_drawing", "render_learning", "render_report", "render_sweep", "write_report"]

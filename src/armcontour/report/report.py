@@ -10,11 +10,15 @@ from armcontour._version import __version__
 from armcontour.certification import Certificate, Sweep
 from armcontour.errors import InvalidInput
 from armcontour.jobs import Job, Study
+from armcontour.jobs.learning import LearningStudy
 from armcontour.program import Program
 from armcontour.report import sections
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
 
+# Where the figures of a page come from.
+OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
+OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
 # Largest number of tiles in a row.
 MOST_COLUMNS = 5
 
@@ -75,8 +79,23 @@ def render_drawing(program: Program, title: str) -> str:
     return _page(None, [sections.drawing(program)], title=title, about=about)
 
 
+def render_learning(study: LearningStudy) -> str:
+    """Render the report of learning as one HTML page without other files.
+
+    Args:
+        study: The runs, and what was learned from them.
+    """
+    source = OF_SIMULATION if study.robot else OF_LOGS
+    return _page(study.job, [sections.learning(study)], source=source)
+
+
 def _page(
-    job: Job | None, found: Sequence[Section], *, title: str | None = None, about: str = ""
+    job: Job | None,
+    found: Sequence[Section],
+    *,
+    title: str | None = None,
+    about: str = "",
+    source: str = OF_SIMULATION,
 ) -> str:
     """Render sections as one HTML page, of a job or with another title."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -103,6 +122,7 @@ def _page(
         job=job,
         title=title if job is None else job.title,
         about=about,
+        source="" if job is None else source,
         version=__version__,
         sections=found,
         drawing=drawing,

@@ -1,0 +1,30 @@
+"""Learning on a simulated robot with load, friction and gains that nobody knows of."""
+
+import armcontour as ac
+from armcontour.arms import Payload
+from armcontour.motion.smoothing import smooth
+
+arm = ac.load_arm("ur5e").with_dynamics(armature=0.1)
+servo = ac.ServoModel(kp=25.0, kv=150.0)
+corner = ac.Path.polyline([(0.45, 0.00, 0.20), (0.50, 0.00, 0.20), (0.50, 0.03, 0.20)])
+path = ac.round_corners(corner.pointing((0.0, 0.0, -1.0)), tolerance=0.25e-3)
+limits = arm.limits.replace(speed=0.25, joint_acceleration=6.4)
+planned = smooth(ac.plan(path, arm, limits), 0.02)
+
+loaded = arm.with_dynamics(
+    payload=Payload(mass=2.0),
+    coulomb=[6.0, 6.0, 4.0, 1.5, 1.5, 1.5],
+    viscous=[8.0, 8.0, 5.0, 2.0, 2.0, 2.0],
+)
+real = servo.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
+
+taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, arm=arm)
+for run in range(1, 4):
+    robot = ac.RigidBodyPlant(loaded, real, known=arm, noise=1e-5, seed=run)
+    executed = ac.execute(taught, robot)
+    error = ac.evaluate(executed, path).contour_error
+    print(
+        f"run {run}: contour error {error.rms * 1e3:.3f} mm RMS, {error.max * 1e3:.3f} mm at most"
+    )
+    taught = ac.learn(taught, executed, arm=arm, servo=servo)
+print(f"next: {taught.predicted * 1e3:.3f} mm RMS expected, {taught.bound * 1e3:.3f} mm at most")

@@ -1,0 +1,177 @@
+"""`python -m soak.learning`: learning on random robots, judged by their true motion.
+
+Every robot differs from its model: payload, friction, loop gains, dead time, noise. Its logs have a
+sample per millisecond, the noise of its encoders, and a clock of their own. It is taught the same
+job for some runs. Counted are runs that are worse than the best run before by more than noise,
+robots that diverge, and the error at last over what noise leaves.
+
+The friction of the UR5e is that of the reference problem, that of another joint in proportion to
+the inertia of its loop; so is the payload, to the mass of the arm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from benchmarks import ur5e
+from scipy.interpolate import CubicSpline
+
+import armcontour as ac
+from armcontour.drives.drives import nominal_inertia
+from armcontour.motion import smooth
+
+ARMS = ("pmk3s", "ur5e", "panda")
+ARMATURE = 0.1  # kg m²
+COULOMB, VISCOUS = (6, 6, 4, 1.5, 1.5, 1.5), (8, 8, 5, 2, 2, 2)  # N m, N m s/rad
+PAYLOAD, MASS = 5.0, 20.6  # kg, and the mass of the UR5e
+NOISES, GAINS, DEAD_TIME, CLOCK = (1e-6, 1e-4), 0.1, 10e-3, 0.01
+INTERVAL = 1e-3
+# Drives that never saturate: saturation is another topic.
+STRONG = ac.Limits(joint_torque=1e5)
+RUNS = 8
+# The bars: the error at last over that of noise, the share of robots that keep it.
+OVER_NOISE, SHARE = 2.0, 0.95
+# A run may be worse than the best before it by noise of so many standard deviations.
+SURE = 3.0
+POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
+
+
+@dataclass(frozen=True)
+class Task:
+    """A job, planned for the nominal arm."""
+
+    arm: ac.Arm
+    path: ac.Path
+    taught: ac.TaughtData
+
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+
+
+def task(name):
+    """The paper's job on its arm, and a square on the others."""
+    arm = ac.load_arm(name)
+    if name == "pmk3s":
+        path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09)
+        limits = arm.limits.replace(
+            speed=0.15, joint_acceleration=0.72, centripetal_acceleration=0.09
+        )
+        window = 4e-3
+    else:
+        arm = arm._copy(chain=arm.chain.replace(armature=np.full(arm.dof, ARMATURE)))
+        path = ac.round_corners(ur5e.square(), tolerance=0.25e-3)
+        limits = ac.Limits(joint_velocity=2.0, joint_acceleration=6.4, speed=0.25)
+        window = 0.02
+    plan = smooth(ac.plan(path, arm, limits.for_joints(arm.dof)), window)
+    return Task(arm, path, ac.compensate(plan, SERVO, method="inverse"))
+
+
+def draw(task, rng, seed):
+    """A robot: a function from the number of a run to its plant, and the noise of its encoders."""
+    chain, dof = task.arm.chain, task.arm.dof
+    inertia = nominal_inertia(task.arm)
+    own = nominal_inertia(ur5e_arm())
+    coulomb = float(np.median(np.array(COULOMB) / own)) * inertia
+    viscous = float(np.median(np.array(VISCOUS) / own)) * inertia
+    if dof == len(COULOMB):
+        coulomb, viscous = np.array(COULOMB), np.array(VISCOUS)
+    factor = rng.uniform(0, 2)
+    payload = rng.uniform(0, PAYLOAD) * float(np.sum(chain.masses)) / MASS
+    true = task.arm._copy(
+        chain=chain.replace(
+            payload=ac.Payload(mass=payload), coulomb=factor * coulomb, viscous=factor * viscous
+        )
+    )
+    noise = float(np.exp(rng.uniform(*np.log(NOISES))))
+    servo = SERVO.replace(
+        kp=25.0 * rng.uniform(1 - GAINS, 1 + GAINS, dof), dead_time=rng.uniform(0, DEAD_TIME)
+    )
+
+    def plant(run):
+        return ac.RigidBodyPlant(
+            true, servo, STRONG.for_joints(dof), noise=noise, known=task.arm, seed=1000 * seed + run
+        )
+
+    return plant, noise
+
+
+def ur5e_arm():
+    """The UR5e with its drives."""
+    arm = ac.load_arm("ur5e")
+    return arm._copy(chain=arm.chain.replace(armature=np.full(6, ARMATURE)))
+
+
+def record(executed, noise, clock, rng):
+    """The log of an execution, with a clock of its own."""
+    begin, end = executed.t[0] - rng.uniform(0.02, 0.2), executed.t[-1]
+    t = np.arange(begin, end, INTERVAL)
+    q = CubicSpline(executed.t, executed.q)(np.clip(t, executed.t[0], None))
+    taught = executed.taught
+    command = np.stack([np.interp(t, taught.t, x) for x in taught.q.T], axis=1)
+    return ac.Log(
+        t=(t - begin) * clock,
+        command=command,
+        measured=q + rng.normal(0.0, noise, q.shape),
+    )
+
+
+def teach(task, rng, seed, runs):
+    """True errors of all runs [m], lessons, and what noise alone leaves of the best run [m]."""
+    plant, noise = draw(task, rng, seed)
+    clock = rng.uniform(1 - CLOCK, 1 + CLOCK)
+    taught, errors, lessons = task.taught, [], []
+    for run in range(runs + 1):
+        done = ac.execute(taught, plant(run))
+        errors.append(ac.evaluate(done, task.path).contour_error.rms)
+        if run == runs:
+            break
+        taught = ac.learn(taught, record(done, noise, clock, rng), arm=task.arm, servo=SERVO)
+        lessons.append(taught)
+    again = ac.execute(taught, plant(runs + 1))
+    size = min(len(again.q), len(done.q))
+    apart = np.linalg.norm(again.tool[:size] - done.tool[:size], axis=1)
+    return np.array(errors), lessons, float(np.sqrt(np.mean(apart**2) / 2))
+
+
+def main() -> None:
+    """Teach random robots of every arm, and count what went wrong."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--robots", type=int, default=200, help="robots per arm")
+    options.add_argument("--runs", type=int, default=RUNS)
+    options.add_argument("--first", type=int, default=0, help="first seed")
+    options.add_argument("--arms", nargs="+", default=ARMS)
+    args = options.parse_args()
+    tasks = {name: task(name) for name in args.arms}
+    counts = {"robots": 0, "worse": 0, "diverged": 0, "over": 0, "beyond bound": 0, "runs": 0}
+    for seed in range(args.first, args.first + args.robots):
+        for name, own in tasks.items():
+            rng = np.random.default_rng([seed, ARMS.index(name)])
+            errors, lessons, floor = teach(own, rng, seed, args.runs)
+            before = np.minimum.accumulate(errors)[:-1]
+            noise = np.array([x.noise for x in lessons])
+            sure = SURE * noise / np.sqrt(own.taught.trajectory.duration * 25.0)
+            worse = errors[1:] > before + sure
+            beyond = errors[1:] > np.array([x.bound for x in lessons]) + sure
+            last = errors[-1]
+            counts["robots"] += 1
+            counts["runs"] += len(errors) - 1
+            counts["worse"] += int(worse.sum())
+            counts["beyond bound"] += int(beyond.sum())
+            counts["diverged"] += int(errors.max() > 1.1 * errors[0])
+            counts["over"] += int(last > OVER_NOISE * max(floor, noise[-1]))
+            print(
+                f"{name} {seed}: " + " ".join(f"{1e3 * x:.4f}" for x in errors)
+                + f" mm, noise {1e3 * noise[-1]:.4f} mm (of the loops {1e3 * floor:.4f} mm)"
+                + (" WORSE" if worse.any() else ""),
+                flush=True,
+            )  # fmt: skip
+        print(", ".join(f"{k} {v}" for k, v in counts.items()), flush=True)
+    kept = 1 - counts["over"] / counts["robots"]
+    sys.exit(0 if counts["worse"] == counts["diverged"] == 0 and kept >= SHARE else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,179 @@
+"""The command `learn`: taught data for the next run, from the log of the last one."""
+
+from __future__ import annotations
+
+import math
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from armcontour._progress import Progress, Step, under
+from armcontour.cli.console import Console, open_page
+from armcontour.cli.opening import open_job
+from armcontour.cli.progress import search_progress
+from armcontour.cli.quantities import read_option
+
+if TYPE_CHECKING:
+    from armcontour.cli.options import JobOptions, LearnOptions
+    from armcontour.io import ResultFolder
+    from armcontour.jobs import Job, RunPlan
+    from armcontour.jobs.learning import LearningStudy
+
+# Options that say what a real robot did, and those of a simulated one.
+OF_LOGS = ("taught", "log", "tool_positions", "start", "end", "columns", "topic", "unwrap")
+OF_SIMULATION = ("seed",)
+NAMES = {"start": "--from", "end": "--to", "tool_positions": "--tool-positions"}
+
+
+def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
+    """Learn a run of a job from a log or on a simulated robot; print and write the result.
+
+    Args:
+        file: A job file, or a drawing.
+        job_options: Options that replace values of the job.
+        x: Options of the command. The folder gets the taught data of the next run, unless the robot
+            is simulated, and report.html and summary.json.
+
+    Raises:
+        ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
+            written.
+    """
+    from armcontour.io import ResultFolder
+    from armcontour.io.learning import learning_json
+
+    _refuse_mixed(x)
+    window = _read_window(x)
+    with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
+        with search_progress("learning") as progress:
+            found = _learn(file, job_options, x, window, progress)
+        if folder is not None:
+            _write(found, folder)
+    if x.as_json:
+        print(learning_json(found), end="")
+    else:
+        _print(found, x.out)
+    if x.out is not None and x.open_report:
+        open_page(x.out / "report.html")
+
+
+def _refuse_mixed(x: LearnOptions) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        InvalidInput: An option is missing, or one is for the other kind of learning.
+    """
+    from armcontour.errors import InvalidInput
+
+    if x.out is None and (x.open_report or x.force):
+        raise InvalidInput("--open and --force go with --out, the folder for the report.")
+    real = x.simulate is None
+    for name in OF_SIMULATION if real else OF_LOGS:
+        if getattr(x, name) not in (None, False):
+            option, other = NAMES.get(name, f"--{name}"), "--simulate" if real else "--log"
+            raise InvalidInput(f"{option} goes with {other}: leave it out.")
+    if not real:
+        return
+    if x.taught is None or x.log is None:
+        raise InvalidInput(
+            "learn needs what the robot executed and what it did, --taught and --log; or "
+            "--simulate with a number of runs."
+        )
+    if x.out is None:
+        raise InvalidInput("learn needs --out, the folder for the taught data of the next run.")
+
+
+def _read_window(x: LearnOptions) -> tuple[float, float]:
+    """First and last time of the log to use [s]."""
+    from armcontour._quantities import Moment
+
+    start, end = read_option("--from", x.start, Moment), read_option("--to", x.end, Moment)
+    return -math.inf if start is None else start, math.inf if end is None else end
+
+
+def _learn(
+    file: FilePath,
+    job_options: JobOptions,
+    x: LearnOptions,
+    window: tuple[float, float],
+    progress: Progress,
+) -> LearningStudy:
+    """Read the job, plan its run, and learn."""
+    from armcontour.jobs.learning import plan_run, simulate_learning
+    from armcontour.jobs.unknown_robot import unknown_robot
+
+    job = open_job(file, job_options, under(progress, "reading"))
+    plan = plan_run(job, x.run_name, progress=progress)
+    if x.simulate is None:
+        return _learn_from_log(job, plan, x, window, progress)
+    robot, about = unknown_robot(job, plan, x.seed)
+    return simulate_learning(job, plan, robot, about, runs=x.simulate, progress=progress)
+
+
+def _learn_from_log(
+    job: Job, plan: RunPlan, x: LearnOptions, window: tuple[float, float], progress: Progress
+) -> LearningStudy:
+    """Learn from the log of a real robot."""
+    from armcontour.io.log_file import read_run_log
+    from armcontour.io.taught_file import read_taught
+    from armcontour.io.tool_file import read_tool_positions
+    from armcontour.jobs.learning import LearningStudy, learn_run
+
+    assert x.taught is not None and x.log is not None
+    progress(Step(("reading the log",)))
+    taught = read_taught(x.taught, job, plan)
+    log = read_run_log(
+        x.log,
+        job.arm.joint_names,
+        start=window[0],
+        end=window[1],
+        unwrap=x.unwrap,
+        columns=x.columns,
+        topic=x.topic,
+    )
+    tool = None
+    if x.tool_positions is not None:
+        tool = read_tool_positions(x.tool_positions, job.program.dimension)
+    progress(Step(("learning from the log",)))
+    lesson = learn_run(job, plan, taught, log, tool=tool)
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
+
+
+def _write(found: LearningStudy, folder: ResultFolder) -> None:
+    """Write what was learned: taught data only of a real robot."""
+    import dataclasses
+
+    from armcontour.cli.running import write_motions
+    from armcontour.io.learning import learning_json
+    from armcontour.io.lesson_file import write_lesson
+    from armcontour.io.taught_file import LESSON
+    from armcontour.report import render_learning
+
+    if not found.robot:
+        name = found.plan.run.name
+        write_motions(
+            folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)}
+        )
+        folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
+    folder.write("report.html", render_learning(found))
+    folder.write("summary.json", learning_json(found, [*folder.files, "summary.json"]))
+
+
+def _print(found: LearningStudy, out: FilePath | None) -> None:
+    """Print a table of the runs, whether to go on, and what was written."""
+    from armcontour.report.sections.learning import run_header, run_rows
+
+    console = Console()
+    title = f"{found.job.title}, run {found.plan.run.name}: error of the tool"
+    console.show_table(run_header(found), run_rows(found), title=title)
+    for note in found.notes:
+        console.say(note)
+    for note in found.job.arm.notes:
+        console.say(f"Note: {note}")
+    if out is None:
+        return
+    if not found.robot:
+        console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
+        if not found.lesson.finished:
+            console.say(f"Execute them, and give the log of that run with --taught {out}.")
+    console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")

@@ -1,0 +1,63 @@
+"""The summary of learning, as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from armcontour.io.summary import UNITS, of_job, plain, plan_summary
+from armcontour.jobs.learning import LearningStudy
+from armcontour.learning import LearnedRun
+
+LEARNING_UNITS = {
+    "tool_rms": "m",
+    "tool_max": "m",
+    "contour_rms": "m",
+    "contour_max": "m",
+    "joint_rms": "rad",
+    "joint_max": "rad",
+    "predicted": "m",
+    "bound": "m",
+    "offset": "s",
+    "delay": "s",
+    "does_not_repeat": "m",
+    "remaining": "m",
+}
+# What a lesson says beside its set-points and runs.
+OF_LESSON = "delay predicted bound setbacks finished reason remaining noise_share".split()
+# Arrays over time are in the file of the lesson.
+LEFT_OUT = ("q", "error")
+
+
+def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
+    """Errors of all runs of learning as JSON, in SI units; in the form of a summary.
+
+    Args:
+        study: The runs, and what was learned from them.
+        files: The files of the result, relative to its folder.
+    """
+    lesson, run = study.lesson, study.plan.run
+    learned = {
+        "run": run.name,
+        "simulated_robot": study.robot or None,
+        **{name: getattr(lesson, name) for name in OF_LESSON},
+        "does_not_repeat": lesson.noise,
+        "best": lesson.best + 1,
+        "runs": [_of_run(study, k, x) for k, x in enumerate(lesson.runs)],
+        "notes": study.notes,
+    }
+    runs = {run.name: plan_summary(study.job, study.plan)}
+    data = {**of_job(study.job, runs, files), "learning": learned}
+    data["units"] = UNITS | LEARNING_UNITS
+    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+
+
+def _of_run(study: LearningStudy, k: int, run: LearnedRun) -> dict[str, Any]:
+    """Data of one run."""
+    found = {x.name: getattr(run, x.name) for x in fields(run) if x.name not in LEFT_OUT}
+    if study.simulated:
+        profile = study.simulated[k].contour_error
+        found["executed"] = {"rms": profile.rms, "max": profile.max, "t_max": profile.t_max}
+    return found

@@ -1,0 +1,310 @@
+"""Learning of a job's run: from logs of a robot, or on a simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step, under
+from armcontour.arms import Limits
+from armcontour.errors import CompensationError, InvalidInput
+from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
+from armcontour.evaluation.pieces import pieces_of
+from armcontour.execution import RigidBodyPlant, execute
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.memory import RESOLUTION
+from armcontour.jobs.study import RunPlan, teach
+from armcontour.learning import Lesson, Recording, learn
+from armcontour.learning.aligning import fit_clock
+from armcontour.learning.recording import record
+from armcontour.motion import Execution, Log, TaughtData
+from armcontour.motion.command_limits import refuse_commands
+
+# Smallest dead time [s] and clock error that are told to the user.
+TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5
+# Set-points of an earlier run that are so much nearer to those of a log are those of the log.
+NEARER = 0.5
+# Builds the simulated robot of a run of learning, by the number of the run, from 0.
+Robot = Callable[[int], RigidBodyPlant]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LearningStudy:
+    """A job's run, and what was learned from its runs on a robot.
+
+    Args:
+        job: The job.
+        plan: Plan and taught data before learning.
+        lesson: What was learned, and the taught data of the next run.
+        simulated: Evaluations of the simulated runs, one per run of the lesson; empty for a real
+            robot.
+        robot: What the simulated robot has and its controller does not know; empty for a real one.
+    """
+
+    job: Job
+    plan: RunPlan
+    lesson: Lesson
+    simulated: tuple[Evaluation, ...] = ()
+    robot: str = ""
+
+    def errors(self, k: int) -> tuple[float, float]:
+        """RMS and largest error of the tool in a run [m].
+
+        On a simulated robot it is the contour error of its links. In logs it is the contour error
+        that the encoders show, or the distance from the planned position if the plan has no path.
+
+        Args:
+            k: Index of the run.
+        """
+        if self.simulated:
+            found = self.simulated[k].contour_error
+            return found.rms, found.max
+        run = self.lesson.runs[k]
+        largest = run.tool_max if run.contour_max is None else run.contour_max
+        return run.rms, largest
+
+    def profile(self, k: int) -> ErrorProfile:
+        """Contour error over time in a run: of simulated links, or as measured, with noise.
+
+        What was measured is shown until the end of the plan.
+
+        Args:
+            k: Index of the run.
+        """
+        if self.simulated:
+            return self.simulated[k].contour_error
+        executed = self._as_measured(k)
+        pieces = pieces_of(executed, self.plan.path, None, self.plan.trajectory.duration)
+        return ErrorProfile.join([x.contour_error for x in pieces])
+
+    @property
+    def has_path(self) -> bool:
+        """Whether errors are those from a path."""
+        return bool(self.simulated) or self.lesson.runs[0].contour_rms is not None
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on what comes next, and on what the runs have shown."""
+        lesson, found = self.lesson, [self._verdict]
+        if lesson.delay >= TOLD_DELAY:
+            found.append(
+                f"The robot acts as if it were {lesson.delay * 1e3:.1f} ms later than its servo "
+                "model says; learning allows for it."
+            )
+        if abs(lesson.runs[-1].rate - 1) >= TOLD_RATE:
+            found.append(
+                f"The clock of the log differs from that of the set-points by "
+                f"{(lesson.runs[-1].rate - 1) * 100:+.3f} %; learning allows for it."
+            )
+        if limits_to_keep(self.job, self.plan) is None:
+            found.append(
+                "The set-points exceed limits of the joints already before learning, so learning "
+                "does not keep these limits either."
+            )
+        if self.robot:
+            found.append(
+                f"The simulated robot has what neither plan nor controller knows: {self.robot}."
+            )
+        return found
+
+    @property
+    def _verdict(self) -> str:
+        """Whether another run is worth while."""
+        lesson = self.lesson
+        noise = f"{lesson.noise * 1e3:.3g} mm RMS does not repeat from run to run"
+        if lesson.finished:
+            best = f"the set-points are those of run {lesson.best + 1}, the best"
+            return f"Finished: {lesson.reason}; {best}, and {noise}."
+        because = f" ({lesson.reason})" if lesson.reason else ""
+        return (
+            f"Go on{because}: the next run should have {lesson.predicted * 1e3:.3g} mm RMS, and at "
+            f"most {lesson.bound * 1e3:.3g} mm; {noise}."
+        )
+
+    def _as_measured(self, k: int) -> Execution:
+        """The measured motion of a run, without demands."""
+        assert self.lesson.lifted is not None
+        t, run = self.lesson.lifted.t, self.lesson.runs[k]
+        still = np.zeros_like(run.error)
+        return Execution(
+            arm=self.job.arm,
+            taught=self.plan.taught,
+            t=t,
+            q=self.planned(t) + run.error,
+            dq=still,
+            ddq=still,
+            demand=still,
+            demand_range=still[:2],
+            saturated_time=still[0],
+        )
+
+    def planned(self, t: FloatArray) -> FloatArray:
+        """Planned joint positions [rad], (n, dof); at rest before and after the motion.
+
+        Args:
+            t: Times [s], (n,).
+        """
+        plan = self.plan.trajectory
+        return plan(np.clip(t, 0.0, plan.duration))
+
+
+def choose_run(job: Job, name: str | None) -> Run:
+    """The run of a name, or the only run.
+
+    Raises:
+        InvalidInput: There is no such run, or there are several.
+    """
+    names = ", ".join(x.name for x in job.runs)
+    found = [x for x in job.runs if name in (None, x.name)]
+    if not found:
+        raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+    if len(found) > 1:
+        raise InvalidInput(
+            f"The job {job.name} has several runs: say which one is to be learned, with --run "
+            f"({names})."
+        )
+    return found[0]
+
+
+def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunPlan:
+    """Plan and taught data of one run of a job.
+
+    Args:
+        job: The job.
+        name: Name of the run; None for the only one.
+        progress: As in `run`.
+
+    Raises:
+        ArmContourError: No such run, or a run that cannot be planned.
+    """
+    this = choose_run(job, name)
+    return teach(replace(job, runs=(this,)), progress=progress)[this.name]
+
+
+def learn_run(
+    job: Job,
+    plan: RunPlan,
+    taught: TaughtData,
+    executed: Execution | Log | Recording,
+    *,
+    tool: tuple[FloatArray, FloatArray] | None = None,
+) -> Lesson:
+    """What a run of a job teaches, by the job's arm and servo.
+
+    The limits of the run hold for the set-points, unless those before learning exceed them.
+
+    Args:
+        job: The job.
+        plan: The plan of the run.
+        taught: The set-points that were executed: those of the plan, or a lesson.
+        executed: What the joints did, as `learn` takes it.
+        tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
+
+    Raises:
+        ArmContourError: As `learn` raises it.
+    """
+    lesson = learn(
+        taught,
+        executed,
+        arm=job.arm,
+        servo=job.servo,
+        limits=limits_to_keep(job, plan),
+        gravity_feedforward=plan.run.experiment is None or plan.run.experiment.gravity_feedforward,
+        tool=tool,
+    )
+    if isinstance(executed, Log):
+        refuse_earlier_run(lesson, executed)
+    return lesson
+
+
+def refuse_earlier_run(lesson: Lesson, log: Log) -> None:
+    """Refuse the log of an earlier run, by the set-points in it.
+
+    Args:
+        lesson: What was learned, with the run of the log as its last run.
+        log: The log.
+
+    Raises:
+        InvalidInput: The set-points of an earlier run fit those of the log better.
+    """
+    if len(lesson.runs) < 2:
+        return
+    assert lesson.lifted is not None
+    recording = record(log, lesson)
+    times = lesson.times(len(lesson.q), lesson.period)
+    misfits = []
+    for run in lesson.runs:
+        at = fit_clock(recording, lesson.lifted, run.q).plan_time(log.t)
+        told = np.stack([np.interp(at, times, x) for x in run.q.T], axis=1)
+        misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
+    k = int(np.argmin(misfits))
+    if misfits[k] < NEARER * misfits[-1]:
+        raise InvalidInput(
+            f"{log.source} has the set-points of run {k + 1} ({lesson.runs[k].source}), and not "
+            "those that were to be executed: give the log of the last run, or the taught data "
+            "that the robot executed.",
+            index=k,
+        )
+
+
+def limits_to_keep(job: Job, plan: RunPlan) -> Limits | None:
+    """The limits of a run; None if its set-points exceed them before learning.
+
+    Args:
+        job: The job.
+        plan: Plan and taught data before learning.
+    """
+    try:
+        refuse_commands(plan.taught, plan.run.limits.for_joints(job.arm.dof))
+    except CompensationError:
+        return None
+    return plan.run.limits
+
+
+def simulate_learning(
+    job: Job,
+    plan: RunPlan,
+    robot: Robot,
+    about: str,
+    *,
+    runs: int = 6,
+    progress: Progress | None = None,
+) -> LearningStudy:
+    """Learn a run of a job on a simulated robot, until nothing more is to be had.
+
+    Args:
+        job: The job.
+        plan: Plan and taught data before learning.
+        robot: Builds the simulated robot of each run.
+        about: What the robot has and its controller does not know.
+        runs: Largest number of runs after the first.
+        progress: Called before each run.
+
+    Raises:
+        ArmContourError: As `execute` and `learn` raise it.
+    """
+    tell = under(progress, plan.run.name)
+    taught: TaughtData = plan.taught
+    done: list[Evaluation] = []
+    for k in range(runs + 1):
+        tell(Step((f"run {k + 1} of {runs + 1}",)))
+        plant = robot(k)
+        executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
+        done.append(
+            evaluate(
+                executed,
+                plan.path,
+                objective=plan.objective,
+                limits=plan.run.limits,
+                until=plan.run.until,
+            )
+        )
+        tell(Step((f"learning from run {k + 1}",)))
+        taught = learn_run(job, plan, taught, executed)
+        if taught.finished:
+            break
+    assert isinstance(taught, Lesson)
+    return LearningStudy(job=job, plan=plan, lesson=taught, simulated=tuple(done), robot=about)

@@ -1,0 +1,125 @@
+"""Refusals of recordings that are not of the taught data, with the reason that fits them best."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from armcontour._checks import FloatArray
+from armcontour.errors import InvalidInput
+from armcontour.learning.aligning import WORST_RATE, Clock, coarse_offset
+from armcontour.learning.lifted import Lifted
+from armcontour.learning.recording import Recording
+
+# A recording is one of this motion if it differs from what is expected by at most this share of
+# the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
+UNLIKE = 0.3
+# Another reading of the numbers explains them if it leaves at most this share of the difference.
+BETTER = 0.3
+# Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
+SAMPLES = 5.0
+
+
+def refuse_coarse(recording: Recording, lifted: Lifted) -> None:
+    """Refuse a recording with fewer samples than the loops' bandwidth needs.
+
+    Raises:
+        InvalidInput: It is too coarse.
+    """
+    servo = lifted.nominal.servo
+    rate = servo.kp if servo.kv is None else np.sqrt(servo.kp * servo.kv)
+    allowed = 2 * math.pi / float(rate.max()) / SAMPLES
+    if recording.interval > allowed:
+        raise InvalidInput(
+            f"{recording.source} has a sample every {1e3 * recording.interval:.4g} ms, but the "
+            f"joints' loops need one every {1e3 * allowed:.3g} ms at least: record faster.",
+            limit="interval",
+            needed=recording.interval,
+            allowed=allowed,
+        )
+
+
+def refuse_unlike(recording: Recording, clock: Clock, lifted: Lifted, expected: FloatArray) -> None:
+    """Refuse a recording that ends before the plan, or of another motion.
+
+    Args:
+        recording: What was measured.
+        clock: Its clock.
+        lifted: The model.
+        expected: Expected joint positions at the model's times [rad], (n, dof).
+
+    Raises:
+        InvalidInput: It does not hold this motion; with what it is instead, if that can be told.
+    """
+    t = clock.plan_time(recording.t)
+    wanted = lifted.between(t, expected)
+    moved = _size(expected - expected.mean(axis=0))
+    off = _size(recording.q - wanted)
+    if off > UNLIKE * moved:
+        raise InvalidInput(
+            f"{recording.source} is {off:.3g} rad RMS from what the set-points make the arm do, "
+            f"but the whole motion is {moved:.3g} rad RMS{_reason(recording, lifted, expected)}."
+        )
+    _refuse_clock(recording, clock)
+    slack = 2 * recording.interval
+    if t[-1] < lifted.plan.duration - slack or t[0] > slack:
+        raise InvalidInput(
+            f"{recording.source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan "
+            f"lasts from 0 to {lifted.plan.duration:.4g} s: record the whole run, from before its "
+            "first set-point until the arm rests."
+        )
+
+
+def _refuse_clock(recording: Recording, clock: Clock) -> None:
+    """Refuse a clock that runs too fast or too slowly.
+
+    Raises:
+        InvalidInput: It is off by more than WORST_RATE.
+    """
+    off = abs(clock.rate - 1)
+    if off > WORST_RATE:
+        raise InvalidInput(
+            f"{recording.source} fits the motion with a clock that is off by {100 * off:.3g} %, "
+            f"and more than {100 * WORST_RATE:g} % is not a clock: give its times the unit that "
+            "they have."
+        )
+
+
+def _reason(recording: Recording, lifted: Lifted, expected: FloatArray) -> str:
+    """What explains measured positions better than that they are of this motion, and what mends it.
+
+    Args:
+        recording: What was measured.
+        lifted: The model.
+        expected: Expected joint positions at the model's times [rad], (n, dof).
+    """
+    # How far the joints are from where they start needs neither the order nor the unit of columns.
+    gone, due = (_distance(x) for x in (recording.q, expected))
+    offset = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
+    wanted = lifted.between(recording.t + offset, expected)
+    measured = recording.q
+    off, turn = _size(measured - wanted), 180 / math.pi
+    for factor, unit in ((turn, "degrees"), (1 / turn, "radians that were taken for degrees")):
+        if _size(measured / factor - wanted) < BETTER * min(off, _size(wanted)):
+            return f": its positions look like {unit}, so give their columns the right unit"
+    apart = ((measured[:, :, None] - wanted[:, None, :]) ** 2).mean(axis=0)
+    _rows, order = linear_sum_assignment(apart.T)
+    if _size(measured[:, order] - wanted) < BETTER * off:
+        names = ", ".join(str(k + 1) for k in order)
+        return (
+            f": its columns fit the joints in the order {names}, so name them, or put them in "
+            "that order"
+        )
+    return ": it is a log of another job, of other set-points or of another arm"
+
+
+def _distance(q: FloatArray) -> FloatArray:
+    """Distance of the joints from their start, as a share of the largest one, (n, 1)."""
+    found = np.linalg.norm(q - q[0], axis=1)
+    return np.asarray(found / max(float(found.max()), 1e-300))[:, None]
+
+
+def _size(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

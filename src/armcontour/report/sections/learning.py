@@ -1,0 +1,240 @@
+"""The section on learning: the error of the tool from run to run, and the joints' parts of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour.jobs.learning import LearningStudy
+from armcontour.report.section import Section, Table, Tile
+from armcontour.report.style import (
+    EXECUTED_COLOUR,
+    LIMIT_COLOUR,
+    MOST_SENTENCES,
+    PATH_COLOUR,
+    PLANNED_COLOUR,
+    RUN_COLOURS,
+    finish,
+    line,
+    thin,
+)
+
+# Smallest error on a logarithmic axis [mm].
+SMALLEST_ERROR = 1e-6
+# Marks tell joints apart where colours repeat.
+MARKS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon")
+
+
+def learning(study: LearningStudy) -> Section:
+    """Error over runs, the joints' parts, and contour error before and after, over time.
+
+    Args:
+        study: The runs, and what was learned from them.
+    """
+    figures = [_over_runs(study), _of_joints(study)]
+    if study.has_path:
+        figures.append(_over_time(study))
+    return Section(
+        key="learning",
+        title="Learning",
+        text=_introduction(study),
+        tiles=((study.plan.run.name, _tiles(study)),),
+        figures=tuple(figures),
+        tables=(_table(study),),
+        notes=tuple(study.notes[:MOST_SENTENCES]),
+    )
+
+
+def _introduction(study: LearningStudy) -> str:
+    """What the errors of this section are."""
+    what = "contour error" if study.has_path else "distance of the tool from its planned position"
+    if study.robot:
+        return (
+            f"The {what} of a simulated robot of rigid bodies, from run to run: each run has the "
+            "set-points that were learned from the encoders of those before it."
+        )
+    return (
+        f"The {what} that the robot's logs show, from run to run, without measurement noise: each "
+        "run has the set-points that were learned from those before it. What the encoders do not "
+        "see, such as links that bend, is not in it."
+    )
+
+
+def _tiles(study: LearningStudy) -> tuple[Tile, ...]:
+    """Tiles of the errors before and after, of what is expected, and of the noise."""
+    lesson = study.lesson
+    first, best = study.errors(0), study.errors(lesson.best)
+    found = [
+        Tile(label="before learning, RMS", value=_mm(first[0]), note=f"largest {_mm(first[1])}"),
+        Tile(
+            label=f"best so far, run {lesson.best + 1}, RMS",
+            value=_mm(best[0]),
+            note=f"largest {_mm(best[1])}",
+        ),
+    ]
+    if lesson.finished:
+        found.append(Tile(label="next run", value="not needed", note=lesson.reason))
+    else:
+        found.append(
+            Tile(
+                label="next run, expected RMS",
+                value=_mm(lesson.predicted),
+                note=f"at most {_mm(lesson.bound)}",
+            )
+        )
+    found.append(
+        Tile(
+            label="does not repeat, RMS",
+            value=_mm(lesson.noise),
+            note="noise, which no learning takes away",
+        )
+    )
+    return tuple(found)
+
+
+def _over_runs(study: LearningStudy) -> Any:
+    """Figure of RMS and largest error over runs, with predictions and noise."""
+    import plotly.graph_objects as go
+
+    lesson, count = study.lesson, len(study.lesson.runs)
+    errors = np.array([study.errors(k) for k in range(count)]) * 1e3
+    numbers = np.arange(1, count + 1)
+    figure = go.Figure()
+    for column, name, colour, symbol in (
+        (1, "largest", PLANNED_COLOUR, "diamond"),
+        (0, "RMS", EXECUTED_COLOUR, "circle"),
+    ):
+        figure.add_trace(
+            go.Scatter(
+                x=numbers,
+                y=np.maximum(errors[:, column], SMALLEST_ERROR),
+                name=name,
+                mode="lines+markers",
+                line={"color": colour, "width": 2},
+                marker={"color": colour, "symbol": symbol, "size": 9},
+            )
+        )
+    figure.add_trace(_predictions(study))
+    last = count if lesson.finished else count + 1
+    if lesson.noise > 0:
+        level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
+        figure.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
+    figure.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
+    figure.update_yaxes(title="error of the tool [mm]", type="log")
+    return finish(figure, title="Error of the tool from run to run", height=440)
+
+
+def _predictions(study: LearningStudy) -> Any:
+    """Markers of predicted RMS errors, with bars up to their bounds."""
+    import plotly.graph_objects as go
+
+    lesson = study.lesson
+    found = [
+        (number, x.predicted, x.bound)
+        for number, x in enumerate(lesson.runs, start=1)
+        if x.predicted is not None and x.bound is not None
+    ]
+    if not lesson.finished:
+        found.append((len(lesson.runs) + 1, lesson.predicted, lesson.bound))
+    numbers = [x[0] for x in found]
+    expected = np.maximum(1e3 * np.array([x[1] for x in found]), SMALLEST_ERROR)
+    bound = np.maximum(1e3 * np.array([x[2] for x in found]), expected)
+    return go.Scatter(
+        x=numbers,
+        y=expected,
+        name="RMS that was predicted, and its bound",
+        mode="markers",
+        marker={"color": LIMIT_COLOUR, "symbol": "circle-open", "size": 13},
+        error_y={
+            "type": "data",
+            "symmetric": False,
+            "array": bound - expected,
+            "arrayminus": np.zeros(len(found)),
+            "color": LIMIT_COLOUR,
+            "thickness": 1,
+        },
+    )
+
+
+def _of_joints(study: LearningStudy) -> Any:
+    """Figure of the RMS error of every joint over runs."""
+    import plotly.graph_objects as go
+
+    runs = study.lesson.runs
+    numbers = np.arange(1, len(runs) + 1)
+    figure = go.Figure()
+    for j, name in enumerate(study.job.arm.joint_names):
+        colour = RUN_COLOURS[j % len(RUN_COLOURS)]
+        figure.add_trace(
+            go.Scatter(
+                x=numbers,
+                y=np.maximum([1e3 * x.joint_rms[j] for x in runs], SMALLEST_ERROR),
+                name=name,
+                mode="lines+markers",
+                line={"color": colour, "width": 1.5},
+                marker={"color": colour, "symbol": MARKS[j % len(MARKS)], "size": 8},
+            )
+        )
+    figure.update_xaxes(title="run", dtick=max(1, len(runs) // 12), range=[0.7, len(runs) + 0.3])
+    figure.update_yaxes(title="RMS error [mrad]", type="log")
+    return finish(figure, title="The joints' parts", height=440)
+
+
+def _over_time(study: LearningStudy) -> Any:
+    """Figure of the contour error over time in the first run and in the best."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    best = study.lesson.best
+    shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}
+    for k, colour in shown.items():
+        profile = study.profile(k)
+        t, values, s = thin(profile.t, profile.values * 1e3, profile.s)
+        name = "before learning" if k == 0 else f"run {k + 1}"
+        rms, largest = study.errors(k)
+        label = f"{name}: RMS {_mm(rms)}, largest {_mm(largest)}"
+        curve = line(t, np.maximum(values, SMALLEST_ERROR), label, colour, width=1.5)
+        curve.customdata = s.astype(np.float32)
+        curve.hovertemplate = "%{y:.4f} mm at %{x:.3f} s, s = %{customdata:.4f} m<extra></extra>"
+        figure.add_trace(curve)
+    figure.update_xaxes(title="time [s]")
+    figure.update_yaxes(title="contour error [mm]", type="log")
+    title = "Contour error over time" if study.robot else "Contour error as measured, over time"
+    return finish(figure, title=title, height=460)
+
+
+def _table(study: LearningStudy) -> Table:
+    """Table of all runs."""
+    rows = [tuple(row) for row in run_rows(study)]
+    return Table(header=run_header(study), rows=tuple(rows))
+
+
+def run_header(study: LearningStudy) -> tuple[str, ...]:
+    """Titles of the columns of `run_rows`."""
+    seen = ("encoders show, RMS [mm]",) if study.robot else ("begins in the log at [s]",)
+    return ("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", "bound [mm]", *seen)
+
+
+def run_rows(study: LearningStudy) -> list[list[str]]:
+    """Cells of a row for every run, and of one for the next."""
+    lesson, rows = study.lesson, []
+    for k, x in enumerate(lesson.runs):
+        name = str(k + 1) if study.robot else f"{k + 1}: {x.source}"
+        seen = f"{x.rms * 1e3:.5f}" if study.robot else f"{-x.offset / x.rate:.4f}"
+        mark = " (best)" if k == lesson.best and k else ""
+        errors = [f"{1e3 * e:.5f}" for e in study.errors(k)]
+        rows.append([name + mark, *errors, _cell(x.predicted), _cell(x.bound), seen])
+    if not lesson.finished:
+        rows.append(["next", "", "", _cell(lesson.predicted), _cell(lesson.bound), ""])
+    return rows
+
+
+def _cell(length: float | None) -> str:
+    """A length in mm without its unit."""
+    return "" if length is None else f"{length * 1e3:.5f}"
+
+
+def _mm(length: float) -> str:
+    """A length in mm as text."""
+    return f"{length * 1e3:.3g} mm"

@@ -1,0 +1,147 @@
+"""Learning of a job's run: on simulated robots, and what a study says of its runs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from soak.corner_job import CORNER_JOB
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_job
+from armcontour.jobs.learning import (
+    LearningStudy,
+    choose_run,
+    learn_run,
+    limits_to_keep,
+    plan_run,
+    simulate_learning,
+)
+from armcontour.jobs.unknown_robot import unknown_robot
+
+TWO_RUNS = CORNER_JOB + "  other: {compensation: {method: none}}\n"
+EXPERIMENT = "experiment: {payload: {mass: 0.2 kg}, seed: 7, noise: 1e-5 rad}\n"
+
+
+@pytest.fixture(scope="module")
+def job():
+    return parse_job(CORNER_JOB)
+
+
+@pytest.fixture(scope="module")
+def plan(job):
+    return plan_run(job, None)
+
+
+@pytest.fixture(scope="module")
+def study(job, plan):
+    robot, about = unknown_robot(job, plan)
+    told = []
+    found = simulate_learning(job, plan, robot, about, runs=1, progress=told.append)
+    assert [str(x) for x in told] == [
+        "only: run 1 of 2",
+        "only: learning from run 1",
+        "only: run 2 of 2",
+        "only: learning from run 2",
+    ]
+    return found
+
+
+def test_the_run_is_chosen_by_its_name_or_the_only_one(refuses):
+    job = parse_job(TWO_RUNS)
+    assert choose_run(job, "other").compensation == "none"
+    refuses(lambda: choose_run(job, None), InvalidInput, "several runs", "--run (only, other)")
+    refuses(lambda: choose_run(job, "cut"), InvalidInput, "no run 'cut'", "only, other")
+
+
+def test_errors_of_a_simulated_robot_are_those_of_its_links(job, plan, study):
+    robot, _ = unknown_robot(job, plan)
+    executed = ac.execute(plan.taught, robot(0))
+    error = ac.evaluate(executed, plan.path, limits=plan.run.limits).contour_error
+    assert study.errors(0) == (error.rms, error.max)
+    assert study.profile(0).rms == error.rms
+    assert study.errors(1)[0] < 0.2 * study.errors(0)[0]
+    assert study.has_path and len(study.lesson.runs) == 2
+
+
+def test_errors_of_logs_are_those_that_the_encoders_show(job, plan, study):
+    real = LearningStudy(job=job, plan=plan, lesson=study.lesson)
+    run = study.lesson.runs[0]
+    assert real.errors(0) == (run.contour_rms, run.contour_max)
+    # Stiff links and little noise: encoders show what the tool does.
+    profile = real.profile(0)
+    assert profile.rms == pytest.approx(study.errors(0)[0], rel=0.02)
+    assert not any("simulated" in x for x in real.notes)
+
+
+def test_the_verdict(study):
+    lesson = study.lesson
+    go_on = dataclasses.replace(study, lesson=dataclasses.replace(lesson, finished=False))
+    assert go_on.notes[0].startswith("Go on: the next run should have ")
+    done = dataclasses.replace(lesson, finished=True, reason="three setbacks")
+    done = dataclasses.replace(study, lesson=done)
+    assert done.notes[0].startswith("Finished: three setbacks; the set-points are those of run 2")
+    assert "a payload of 0.12 kg" in done.notes[-1]
+    late = dataclasses.replace(study, lesson=dataclasses.replace(lesson, delay=0.0123))
+    assert any("12.3 ms later" in x for x in late.notes)
+    fast = dataclasses.replace(lesson.runs[-1], rate=1.004)
+    fast = dataclasses.replace(lesson, runs=(*lesson.runs[:-1], fast))
+    assert any("+0.400 %" in x for x in dataclasses.replace(study, lesson=fast).notes)
+
+
+def test_the_robot_of_the_job_is_taken_where_it_differs(job):
+    given = parse_job(CORNER_JOB + EXPERIMENT)
+    plan = plan_run(given, None)
+    build, about = unknown_robot(given, plan)
+    assert about == "a payload of 0.2 kg"
+    robot = build(2)
+    assert robot.seed == 9 and unknown_robot(given, plan, 3)[0](1).seed == 4
+    assert robot.chain.payload.mass == 0.2 and robot.known_chain.payload is None
+    np.testing.assert_array_equal(robot.servo.kp, given.servo.kp)
+
+    plant = parse_job(CORNER_JOB + "plant: {kp: [25, 24]}\n")
+    robot, about = unknown_robot(plant, plan_run(plant, None))
+    assert about == "kp of the job's plant"
+    np.testing.assert_array_equal(robot(0).servo.kp, [25, 24])
+
+
+def test_the_assumed_robot(job, plan):
+    build, about = unknown_robot(job, plan, 1)
+    robot = build(0)
+    off = robot.servo.kp / job.servo.kp - 1
+    assert (np.abs(off) <= 0.05).all() and np.ptp(off) > 0
+    np.testing.assert_array_equal(unknown_robot(job, plan, 1)[0](3).servo.kp, robot.servo.kp)
+    assert unknown_robot(job, plan, 2)[1] != about
+    chain = robot.chain
+    assert chain.payload.mass == pytest.approx(0.1 * job.arm.chain.masses.sum(), rel=0.05)
+    nominal = ac.RigidBodyPlant(job.arm, job.servo, plan.run.limits)
+    assert (chain.coulomb <= 0.042 * nominal.torque_limit).all() and (chain.coulomb > 0).all()
+    assert robot.noise == 1e-5 and "K_p that differ by" in about
+    np.testing.assert_array_equal(robot.nominal_inertia, nominal.nominal_inertia)
+
+
+def test_an_arm_without_masses_cannot_be_simulated(refuses, job, plan):
+    bare = job.arm._copy(chain=None)
+    refuses(
+        lambda: unknown_robot(dataclasses.replace(job, arm=bare), plan),
+        InvalidInput,
+        "has no masses",
+        "learn from the log of a robot",
+    )
+
+
+def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, plan, study):
+    assert limits_to_keep(job, plan) is plan.run.limits
+    rate = np.abs(np.diff(plan.taught.q, axis=0)).max(axis=0) / plan.taught.period
+    slow = dataclasses.replace(
+        plan, run=dataclasses.replace(
+            plan.run, limits=plan.run.limits.replace(joint_velocity=0.9 * rate))
+    )  # fmt: skip
+    assert limits_to_keep(job, slow) is None
+    told = dataclasses.replace(study, plan=slow).notes
+    assert sum("exceed limits of the joints already before learning" in x for x in told) == 1
+    robot, _ = unknown_robot(job, plan)
+    lesson = learn_run(job, slow, slow.taught, ac.execute(slow.taught, robot(0)))
+    assert not lesson.finished
