@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.motion import smooth
 
 # Those of the paper; the optimal planner has its own tests.
 METHODS = ("mac", "conventional")
@@ -90,3 +91,20 @@ def test_a_joint_path_takes_no_branch(arm, rounded, limits, refuses):
         ac.InvalidInput,
         "traced already",
     )
+
+
+def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
+    plain = ac.plan(traced, arm, limits)
+    for windows in (0.02, [0.02, 0.01]):
+        found = ac.plan(traced, arm, limits, smoothing=windows)
+        by_hand = smooth(plain, *np.atleast_1d(windows))
+        t = np.linspace(0, found.duration, 101)
+        np.testing.assert_array_equal(found(t), by_hand(t))
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "words"),
+    [("20 ms", ("smoothing must be numbers",)), (-0.02, ("window", "above zero")), ([0.0], ())],
+)
+def test_windows_that_cannot_be(arm, traced, limits, smoothing, words, refuses):
+    refuses(lambda: ac.plan(traced, arm, limits, smoothing=smoothing), ac.InvalidInput, *words)

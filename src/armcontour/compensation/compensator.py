@@ -52,9 +52,9 @@ def compensate(
             the unsaturated servo, from the trajectory's derivatives (right-sided where they jump);
             the servo saturates if accelerations jump at their limits. The first set-point, one
             interval before time 0, is the start of the plan. "inverse_dynamics" is the inverse of
-            drives that move the bodies of `arm`, for plans without jumps of acceleration (`smooth`
-            them); its first and last set-points hold the arm at both ends of the plan. "none" is
-            the trajectory itself, without time advance.
+            drives that move the bodies of `arm`, best for plans that are smoothed over a command
+            interval; its first and last set-points hold the arm at both ends of the plan. "none"
+            is the trajectory itself, without time advance.
         period: Command interval [s].
         arm: The nominal arm, for "inverse_dynamics"; other methods do not use it.
         limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and

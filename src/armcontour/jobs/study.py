@@ -316,7 +316,7 @@ def _teach(
     progress(Step(("timing",)))
     trajectory = time_run(job, this, traced, progress, duration=this.duration)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
-    beyond = smoothed_beyond(trajectory, path, job.arm, this) if this.smoothing else ()
+    beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
     progress(Step(("compensation",)))
     taught = compensate(
         trajectory,

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.arms.limits import UNITS
-from armcontour.evaluation import Evaluation, check
+from armcontour.evaluation import Evaluation, LimitUse, check
 from armcontour.geometry import Path
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Method, Trajectory
@@ -24,8 +26,10 @@ MOST_NAMES = 4
 SAME = 1e-9
 # A joint that is asked for this multiple of its acceleration limit is far above it.
 FAR_ABOVE = 1.5
-# Random times per interval of a smoothed plan at which its limits are looked at, beside its breaks.
-LOOKS = 4
+# Limits of a smoothed plan are looked at this often [s], and once between; an excess below this
+# share is not said.
+LOOK = 1e-3
+UNSEEN = 1e-3
 # The compensation whose set-points are for rigid bodies.
 INVERSE_DYNAMICS = "inverse_dynamics"
 
@@ -137,30 +141,64 @@ def made_for_bodies(on_servo: Evaluation, on_bodies: Evaluation | None, this: Ru
     )
 
 
-def smoothed_beyond(trajectory: Trajectory, program: Program, arm: Arm, this: Run) -> list[str]:
+@dataclass(frozen=True, slots=True)
+class _Thinned:
+    """A motion as a law with breaks every LOOK, and where its path bends anew.
+
+    A smoothed plan has a hundred thousand breaks in a few seconds, but jumps there only.
+    """
+
+    motion: Trajectory
+    breaks: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        motion, end = self.motion, self.motion.duration
+        bends = np.zeros(0) if motion.path is None else motion.time_at(motion.path.breaks)
+        t = np.unique(np.concatenate([np.arange(0.0, end, LOOK), bends]).clip(0.0, end))
+        object.__setattr__(self, "breaks", np.append(t[t < end], end))
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end [s]."""
+        return self.motion.duration
+
+    def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
+        """Joint positions, velocities or accelerations, (n, dof)."""
+        return self.motion(t, order, side=side)
+
+
+def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
     """A warning for the limit that a smoothed plan exceeds most, or none.
 
     Args:
         trajectory: The smoothed plan.
-        program: The program that it follows.
         arm: The arm.
         this: The run.
     """
-    found = check(trajectory, arm, this.limits, program, points=LOOKS).violations
-    beyond = [x for x in found if x.name in UNITS]
+    beyond: dict[str, LimitUse] = {}
+    for span in trajectory.spans or trajectory.contour_spans:
+        if span.trajectory is None:
+            continue
+        on, limits = span.trajectory.path, this.limits
+        if span.kind != "contour":
+            on, limits = None, limits.of_joints
+        for x in check(_Thinned(span.trajectory), arm, limits, on, points=1).uses:
+            known = x.name in UNITS and x.certain > 1 + UNSEEN
+            if known and (x.name not in beyond or x.certain > beyond[x.name].certain):
+                beyond[x.name] = replace(x, t=x.t + span.t[0])
     if not beyond:
         return []
-    worst = max(beyond, key=lambda x: x.certain)
+    worst = max(beyond.values(), key=lambda x: x.certain)
     who = "the tool" if worst.joint is None else arm.joint_names[worst.joint - 1]
     mend = "take shorter windows"
     if worst.name in RESERVED:
         # With a reserve the motion gets slower, too: this one is enough.
         reserve = this.reserve + (1 - this.reserve) * (1 - 1 / worst.certain)
         mend += f", or a reserve, such as timing: {{reserve: {math.ceil(reserve * 100)} %}}"
-    others = [x.name for x in beyond if x is not worst]
+    others = [name for name, x in beyond.items() if x is not worst]
     more = f" (and exceeds {list_some(others, MOST_NAMES)}, too)" if others else ""
     return [
-        f"smoothing takes {who} to {worst.certain:.3g} times its {worst.name} of "
+        f"smoothing takes {who} to {worst.certain:.4g} times its {worst.name} of "
         f"{worst.limit:.4g} {UNITS[worst.name]} at {worst.t:.4g} s{more}, where the path bends: "
         f"{mend}; armcontour certify smooths plans within the limits."
     ]

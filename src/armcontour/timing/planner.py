@@ -47,7 +47,7 @@ def plan(
     ignore_jerk: bool = False,
     reserve: float = 0.0,
     duration: float | None = None,
-    smoothing: Sequence[float] = (),
+    smoothing: npt.ArrayLike = (),
     progress: Progress | None = None,
     memory: float = _memory.DEFAULT,
     **options: Any,
@@ -69,7 +69,7 @@ def plan(
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         duration: Time from start to end [s], for the method "optimal": contours are slowed down by
             one factor, rapids and dwells are not. By default the motion is the fastest.
-        smoothing: Windows of a moving average of s(t), none, one or two as in `smooth` [s], for the
+        smoothing: Window of a moving average of s(t), or two as in `smooth` [s], for the
             method "optimal" without a given duration. Every motion between two rests takes longer
             by the sum of the windows, and may exceed limits of the joints where the path bends.
         progress: Called after every contour with the step "timing" and the share that is done.
@@ -92,12 +92,13 @@ def plan(
     refuse_jerk(bounds, ignore_jerk)
     _refuse_options(method, options, arm, memory)
     timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
+    windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
     if duration is not None:
-        _refuse_duration(duration, method, options, smoothing)
+        _refuse_duration(duration, method, options, smoothed=bool(windows))
     traced = _trace(path, arm, bounds, branch, start)
     if isinstance(traced, Tracing):
         timing = replace(timing, options=_fit_options(traced.program, method, options))
-    moves: MoveTiming = Smoothed(timing, tuple(smoothing)) if smoothing else timing
+    moves: MoveTiming = Smoothed(timing, windows) if windows else timing
     if duration is not None:
         found = time_in(duration, traced, timing, progress)
     elif isinstance(traced, JointPath):
@@ -206,7 +207,7 @@ def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: f
 
 
 def _refuse_duration(
-    duration: float, method: str, options: Mapping[str, Any], smoothing: Sequence[float]
+    duration: float, method: str, options: Mapping[str, Any], *, smoothed: bool
 ) -> None:
     """Refuse a duration that cannot be planned for, whatever the path.
 
@@ -217,7 +218,7 @@ def _refuse_duration(
     _checks.between("duration", _checks.positive("duration", duration, "s"), 0, LONGEST_MOTION, "s")
     if method != Method.OPTIMAL:
         raise InvalidInput(f"A duration is planned by the method optimal only, not by {method}.")
-    if smoothing:
+    if smoothed:
         raise InvalidInput(
             "Smoothing takes time of its own: leave out smoothing, or the given duration."
         )
