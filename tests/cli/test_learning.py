@@ -94,6 +94,38 @@ def test_two_runs_of_a_robot(command, shop, tmp_path):
     assert not again.exists()
 
 
+def test_positions_of_the_tool(command, shop, tmp_path):
+    """A tracker, with a clock of its own, that sees links bend, which the encoders do not."""
+    t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
+    bent = q + 1e-3 * np.sin(2 * np.pi * np.clip(t, 0, 2)[:, None] * [1.0, 1.5]) ** 2
+    tool = np.column_stack([1e3 * t, 1e3 * shop.job.arm.forward(bent)])
+    file = written(tmp_path, tool, "t [ms],x [mm],y [mm]", "tool.csv")
+    log, out = written(tmp_path, shop.table), tmp_path / "out"
+    code, _, errors = command(
+        "learn", shop.file, "--taught", shop.first, "--log", log, "--tool-positions", file,
+        "--out", out,
+    )  # fmt: skip
+    assert code == 0, errors
+    run = json.loads((out / "summary.json").read_text(encoding="utf-8"))["learning"]["runs"][0]
+    inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
+    path = shop.plan.path.path
+    seen = path.project(shop.job.arm.forward(bent[inside])).distance
+    blind = path.project(shop.job.arm.forward(q[inside])).distance
+    assert run["contour_rms"] == pytest.approx(np.sqrt(np.mean(seen**2)), rel=0.1)
+    assert np.sqrt(np.mean(seen**2)) > 2 * np.sqrt(np.mean(blind**2))
+
+
+def test_positions_of_another_tool_are_refused(command, shop, tmp_path):
+    points = shop.job.arm.forward(np.radians(shop.table[:, 3:])) + [0.1, 0.0]
+    file = written(tmp_path, np.column_stack([shop.table[:, 0], points]), "t,x,y", "tool.csv")
+    log, out = written(tmp_path, shop.table), tmp_path / "out"
+    code, _, errors = command(
+        "learn", shop.file, "--taught", shop.first, "--log", log, "--tool-positions", file,
+        "--out", out,
+    )  # fmt: skip
+    assert code == 2 and "frame of the path" in errors and not out.exists()
+
+
 def changed(columns, change):
     def make(table):
         found = table.copy()
