@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 from soak.corner_job import CORNER_JOB
+from soak.number_cases import ROBOT
 
 from armcontour.cli.running import run_job
 from armcontour.execution import execute
@@ -222,3 +223,14 @@ def test_a_simulated_robot(command, shop, tmp_path):
     # Set-points for a robot that does not exist are no robot program.
     code, _, said = command("export", out, tmp_path / "robot.csv")
     assert code == 2 and "simulated robot" in said
+
+
+def test_an_arm_without_masses_has_no_simulated_bodies(command, tmp_path):
+    (tmp_path / "robot.urdf").write_bytes(ROBOT)
+    text = "arm: {file: robot.urdf, tip: tcp}\npath: {points: [[0.4, 0.2, 0], [0.42, 0.2, 0]]}\n"
+    text += "limits: {speed: 0.1, joint_acceleration: 1}\nservo: {kp: 25, kv: 150}\nname: bare\n"
+    file, out = tmp_path / "job.yaml", tmp_path / "out"
+    file.write_text(text + "runs: {only: {}}\n", encoding="utf-8")
+    code, _, errors = command("learn", file, "--simulate", "1", "--out", out)
+    assert code == 2 and "has no masses" in errors and errors.count("\n") == 1
+    assert not out.exists()
