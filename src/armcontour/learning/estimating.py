@@ -14,7 +14,8 @@ from armcontour.learning.recording import Recording
 
 # The relative error of the model's response where the model is right, from tests of `Response`.
 MODEL = 1e-3
-# Before a run has told how far the model is off, its response counts as off by this fraction.
+# The response counts as off by this fraction, at least: runs that tell less moved far, and small
+# changes meet friction, which is not linear.
 UNTESTED = 0.3
 # Errors of set-points between or beyond those of runs are off by this fraction, as friction is not
 # linear.

@@ -15,6 +15,7 @@ from armcontour.learning.aligning import Clock, fit_clock, fit_delay
 from armcontour.learning.diagnosing import refuse_coarse, refuse_unlike
 from armcontour.learning.estimating import (
     MODEL,
+    UNTESTED,
     Estimate,
     choose_penalty,
     loop_noise,
@@ -35,7 +36,7 @@ MOST_SETBACKS = 3
 HALF, SLOWER = 0.5, 100.0
 # Where the motion changes fast enough to tell dead time, errors are far above any noise.
 TO_FIND_DELAY = 1e-2
-# A bound covers this many standard deviations.
+# A run is worse than another one, not noisy, by this many standard deviations.
 SURE = 3.0
 
 
@@ -65,7 +66,8 @@ def learn(
         gravity_feedforward: Whether the controller adds the torque against gravity.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
-            otherwise the tracker has a clock of its own. Give it for every run or for none.
+            otherwise the tracker has a clock of its own, and a tool that is late on its whole way
+            cannot be told from a clock that is off. Give it for every run or for none.
 
     Raises:
         InvalidInput: The log is not of this taught data, or not fit to learn from.
@@ -171,10 +173,10 @@ def _next_lesson(
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
     change = HALF**setbacks * (known.q - best.q + change)
     share, reason = _keep_limits(taught, best.q, change, limits)
-    left = judge.judge(known.off * response).rms
+    left = judge.judge(max(known.off, UNTESTED) * response).rms
     rest = 1 - share * HALF**setbacks
     predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
-    bound = float(np.hypot(min(SURE * left, best.rms), known.noise + SURE * known.resolution))
+    bound = best.rms + SURE * known.resolution
     finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
     if finished:
         reason = (
@@ -182,7 +184,7 @@ def _next_lesson(
             if setbacks >= MOST_SETBACKS
             else "what remains is noise"
         )
-        predicted, bound = best.rms, best.rms + SURE * known.resolution
+        predicted = best.rms
     return Lesson(
         period=taught.period,
         q=best.q if finished else best.q + share * change,

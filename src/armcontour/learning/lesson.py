@@ -33,7 +33,7 @@ class LearnedRun:
         offset: Time of the plan when the clock of the log was at 0 [s].
         rate: Seconds of the plan in a second of the log.
         predicted: What `rms` was predicted to be [m]; None for the first run.
-        bound: Bound of that prediction [m].
+        bound: What it was not to exceed [m].
         source: Where it comes from, for messages.
     """
 
@@ -71,7 +71,8 @@ class Lesson(TaughtData):
         runs: The runs so far, in order.
         delay: Dead time of the robot beyond that of the servo model [s].
         predicted: Expected RMS error of the next run [m], comparable to `LearnedRun.rms`.
-        bound: The next run should not have a larger RMS error than this [m].
+        bound: A next run with a larger RMS error than this [m] is worse than the best run by more
+            than noise. It then is a setback, and learning goes back to the best run.
         noise: RMS error that does not repeat from run to run [m], as far as it is known.
         setbacks: Number of times that a run was worse than the best before it.
         finished: Whether nothing more is to be had. The set-points are then those of the best run.

@@ -1,0 +1,168 @@
+"""Learning from run to run: what lessons hold, and what they make plants do."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.learning import Lesson
+from armcontour.motion import smooth
+
+pytest.importorskip("mujoco")
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+# A robot with a load, friction and gains that its model does not have.
+GAINS = (23.0, 26.5)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    arm = ac.load_arm("pmk3s")
+    return arm._copy(chain=arm.chain.replace(armature=np.array([0.02, 0.005])))
+
+
+@pytest.fixture(scope="module")
+def path():
+    points = [(0.35, 0.10), (0.38, 0.13), (0.35, 0.16)]
+    return ac.round_corners(ac.Path.polyline(points), tolerance=2e-3)
+
+
+@pytest.fixture(scope="module")
+def taught(arm, path):
+    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0)
+    plan = smooth(ac.plan(path, arm, limits.for_joints(2)), 0.02)
+    return ac.compensate(plan, SERVO, method="inverse")
+
+
+def plant(arm, run, *, dead_time=0.0, noise=1e-6):
+    chain = arm.chain.replace(
+        payload=ac.Payload(mass=0.05), coulomb=np.array([0.3, 0.05]), viscous=np.array([0.4, 0.05])
+    )
+    return ac.RigidBodyPlant(
+        arm._copy(chain=chain),
+        SERVO.replace(kp=GAINS, dead_time=dead_time),
+        ac.Limits(joint_torque=1e3).for_joints(2),
+        noise=noise,
+        seed=run,
+        known=arm,
+    )
+
+
+def teach(arm, taught, runs, **options):
+    """Executions and lessons, in turn."""
+    done, lessons = [], []
+    for run in range(runs):
+        done.append(ac.execute(taught, plant(arm, run, **options)))
+        taught = ac.learn(taught, done[-1], arm=arm, servo=SERVO)
+        lessons.append(taught)
+    return done, lessons
+
+
+@pytest.fixture(scope="module")
+def late(arm, taught):
+    """Runs of a robot that is 9 ms later than its model."""
+    return teach(arm, taught, 4, dead_time=9e-3)
+
+
+def test_runs_get_better(late, path):
+    done, lessons = late
+    errors = [ac.evaluate(x, path).contour_error.rms for x in done]
+    assert errors[1] < 0.25 * errors[0]
+    assert errors[3] < 0.05 * errors[0]
+    for error, run in zip(errors, lessons[-1].runs, strict=True):
+        assert run.rms == pytest.approx(error, rel=0.1)
+        assert run.predicted is None or run.rms < run.bound
+
+
+def test_dead_time_is_known_after_a_run(late, taught):
+    _, lessons = late
+    assert lessons[0].delay == pytest.approx(9e-3, abs=2e-3)
+    assert lessons[0].start_time == pytest.approx(taught.start_time - 8e-3)
+
+
+def test_a_lesson_comes_back_from_its_numbers(arm, late):
+    """The history of a folder gives the same next set-points as the history in memory."""
+    done, lessons = late
+    parts = {x.name: getattr(lessons[1], x.name) for x in fields(Lesson)}
+    again = Lesson(**{**parts, "lifted": None})
+    found = ac.learn(again, done[2], arm=arm, servo=SERVO)
+    np.testing.assert_allclose(found.q, lessons[2].q, atol=1e-9)
+    assert found.predicted == pytest.approx(lessons[2].predicted, rel=1e-6)
+
+
+def test_it_never_goes_on_from_a_worse_run(arm, taught, late):
+    """Set-points that are worse than their forerunners count as a setback, and are left again."""
+    done, lessons = late
+    spoiled = replace(lessons[0], q=lessons[0].q + 2e-3 * np.sin(np.arange(len(taught.q)))[:, None])
+    bad = ac.execute(spoiled, plant(arm, 1, dead_time=9e-3))
+    after = ac.learn(spoiled, bad, arm=arm, servo=SERVO)
+    good = ac.learn(lessons[0], done[1], arm=arm, servo=SERVO)
+    if after.runs[1].rms > after.runs[0].rms:
+        assert after.best == 0
+        assert after.setbacks == 1
+    assert good.best == 1
+    assert good.setbacks == 0
+
+
+def test_it_ends_with_the_best_run_after_setbacks(arm, taught, late):
+    done, lessons = late
+    lesson = replace(lessons[0], setbacks=2, q=lessons[0].q * 1.02)
+    bad = ac.execute(lesson, plant(arm, 1, dead_time=9e-3))
+    last = ac.learn(lesson, bad, arm=arm, servo=SERVO)
+    assert last.finished
+    assert "larger" in last.reason
+    np.testing.assert_array_equal(last.q, taught.q)
+
+
+def test_it_stops_when_only_noise_is_left(arm, taught):
+    """A robot like its model, but with noise: two runs leave nothing."""
+    loud = ac.RigidBodyPlant(
+        arm, SERVO, ac.Limits(joint_torque=1e3).for_joints(2), noise=1e-4, seed=1
+    )
+    lesson = taught
+    for _ in range(3):
+        lesson = ac.learn(lesson, ac.execute(lesson, loud), arm=arm, servo=SERVO)
+    assert lesson.finished
+    assert lesson.reason == "what remains is noise"
+    assert lesson.noise_share > 0.5
+    np.testing.assert_array_equal(lesson.q, lesson.runs[lesson.best].q)
+
+
+def test_limits_of_commands_are_kept(arm, taught, late, refuses):
+    done, _ = late
+    rate = np.abs(np.diff(taught.q, axis=0)).max(axis=0) / taught.period
+    close = ac.Limits(joint_velocity=1.0005 * rate)
+    free = ac.learn(taught, done[0], arm=arm, servo=SERVO)
+    held = ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=close)
+    fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / taught.period for x in (free, held)]
+    assert (fastest[0] > close.joint_velocity).any()
+    assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
+    assert "joint_velocity" in held.reason
+    slow = ac.Limits(joint_velocity=0.5 * rate)
+    refuses(
+        lambda: ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=slow),
+        ac.CompensationError, "joint_velocity",
+    )  # fmt: skip
+
+
+def test_the_first_order_servo_learns_without_masses(path):
+    """One run takes all of a wrong gain's error away that the model explains."""
+    arm = ac.PlanarTwoLink(
+        name="rods",
+        links=(0.25, 0.25),
+        base=0.0,
+        limits=ac.Limits(joint_velocity=[3.0] * 2, joint_acceleration=[5.0] * 2),
+    )
+    servo = ac.ServoModel(kp=25.0, order="first")
+    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm), 0.02)
+    taught = ac.compensate(plan, servo, method="inverse")
+    robot = ac.ServoPlant(arm, servo.replace(kp=[23.0, 27.0]))
+    first = ac.execute(taught, robot)
+    lesson = ac.learn(taught, first, arm=arm, servo=servo)
+    second = ac.execute(lesson, robot)
+    off = [np.abs(x.q - plan(np.clip(x.t, 0, plan.duration))).max() for x in (first, second)]
+    assert off[1] < 0.1 * off[0]
+    assert lesson.runs[0].contour_rms is None
+    assert lesson.runs[0].rms == lesson.runs[0].tool_rms

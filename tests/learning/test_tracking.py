@@ -1,0 +1,75 @@
+"""Learning from positions of the tool."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import smooth
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    limits = ac.Limits(joint_velocity=[3.0, 3.0], joint_acceleration=[5.0, 5.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+
+
+@pytest.fixture(scope="module")
+def taught(arm):
+    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm), 0.1)
+    return ac.compensate(plan, SERVO, method="inverse")
+
+
+def give_way(executed):
+    """Tool positions of links that hang, and lag behind their encoders."""
+    bent = executed.q - 2e-3 * executed.dq - [1e-3, -2e-3]
+    return executed.t, executed.arm.forward(bent)
+
+
+def test_the_tool_counts_where_encoders_see_nothing(arm, taught):
+    plant = ac.ServoPlant(arm, SERVO)
+    errors = {"encoders": [], "tracker": []}
+    for name, found in errors.items():
+        lesson = taught
+        for _ in range(4):
+            done = ac.execute(lesson, plant)
+            t, points = give_way(done)
+            plan = lesson.trajectory
+            due = arm.forward(plan(np.clip(t, 0, plan.duration)))
+            found.append(float(np.linalg.norm(points - due, axis=1).max()))
+            tool = (t, points) if name == "tracker" else None
+            lesson = ac.learn(lesson, done, arm=arm, servo=SERVO, tool=tool)
+    assert errors["tracker"][-1] < 0.1 * errors["tracker"][0]
+    assert errors["encoders"][-1] > 0.7 * errors["encoders"][0]
+
+
+def test_a_tracker_may_have_a_clock_of_its_own(arm, taught):
+    """Its offset and rate are found from the motion; a lag of the tool is part of the offset."""
+    done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
+    points = arm.forward(done.q - [1e-3, -2e-3])
+    log = ac.Recording(t=done.t + 2.0, q=done.q)
+    lesson = ac.learn(taught, log, arm=arm, servo=SERVO, tool=(1.002 * done.t - 5.0, points))
+    run = lesson.runs[0]
+    np.testing.assert_allclose(
+        run.error[100:-100], np.tile([-1e-3, 2e-3], (len(run.error) - 200, 1)), atol=1e-4
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t, x: (t, 1e3 * x), ["mm from where the joints say", "in metres"]),
+        (lambda t, x: (t, x[:, :1]), ["rows of 2 or 3 coordinates"]),
+        (lambda t, x: (t[::-1], x), ["must increase"]),
+        (lambda t, x: (t[: len(t) // 2], x[: len(t) // 2]), ["track the whole run"]),
+    ],
+)
+def test_refusals(arm, taught, refuses, change, words):
+    done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
+    tool = change(*give_way(done))
+    refuses(
+        lambda: ac.learn(taught, done, arm=arm, servo=SERVO, tool=tool), ac.InvalidInput, *words
+    )
