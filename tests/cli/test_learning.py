@@ -39,7 +39,7 @@ class Shop:
         """What a controller logs of set-points: t, commands, positions, at 125 Hz in degrees."""
         done = execute(read_taught(taught, self.job, self.plan), self.robot(number))
         t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, 0.008)
-        noise = 1e-5 * np.random.default_rng(number).standard_normal((len(t), 2))
+        noise = 1e-6 * np.random.default_rng(number).standard_normal((len(t), 2))
         u = np.stack([np.interp(t, done.taught.t, x) for x in done.taught.q.T], axis=1)
         q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1) + noise
         return np.column_stack([t + BEGUN, u * DEGREES, q * DEGREES])
@@ -227,7 +227,8 @@ def test_a_simulated_robot(command, shop, tmp_path):
 
 def test_an_arm_without_masses_has_no_simulated_bodies(command, tmp_path):
     (tmp_path / "robot.urdf").write_bytes(ROBOT)
-    text = "arm: {file: robot.urdf, tip: tcp}\npath: {points: [[0.4, 0.2, 0], [0.42, 0.2, 0]]}\n"
+    text = "arm: {file: robot.urdf, tip: tcp, locked: {lift: 0.1}}\n"
+    text += "path: {points: [[0.40, 0.20, 0], [0.42, 0.20, 0]]}\n"
     text += "limits: {speed: 0.1, joint_acceleration: 1}\nservo: {kp: 25, kv: 150}\nname: bare\n"
     file, out = tmp_path / "job.yaml", tmp_path / "out"
     file.write_text(text + "runs: {only: {}}\n", encoding="utf-8")
