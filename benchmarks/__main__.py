@@ -8,6 +8,7 @@ from rich.table import Table
 from benchmarks import (
     certify,
     kinematics,
+    learning,
     optimal,
     polyline,
     program,
@@ -30,7 +31,7 @@ def main() -> None:
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
-    smaller = [*start_up.measure(), *projection.measure(), *certify.measure()]
+    smaller = [*start_up.measure(), *projection.measure(), *certify.measure(), *learning.measure()]
     for measured in [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs]:
         table.add_row(
             measured.what,

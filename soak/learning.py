@@ -6,7 +6,7 @@ job for some runs. Counted are runs that are worse than the best run before by m
 robots that diverge, and the error at last over what noise leaves.
 
 The friction of the UR5e is that of the reference problem, that of another joint in proportion to
-the inertia of its loop; so is the payload, to the mass of the arm.
+the torque for its largest acceleration; so is the payload, to the mass of the arm.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from armcontour.motion import smooth
 
 ARMS = ("pmk3s", "ur5e", "panda")
 ARMATURE = 0.1  # kg m²
+ACCELERATION, SLOW = 6.4, 0.72  # rad/s², of the square and of the paper's job
 COULOMB, VISCOUS = (6, 6, 4, 1.5, 1.5, 1.5), (8, 8, 5, 2, 2, 2)  # N m, N m s/rad
 PAYLOAD, MASS = 5.0, 20.6  # kg, and the mass of the UR5e
 NOISES, GAINS, DEAD_TIME, CLOCK = (1e-6, 1e-4), 0.1, 10e-3, 0.01
@@ -46,6 +47,7 @@ class Task:
     arm: ac.Arm
     path: ac.Path
     taught: ac.TaughtData
+    acceleration: float  # rad/s²
 
 
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -57,16 +59,17 @@ def task(name):
     if name == "pmk3s":
         path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09)
         limits = arm.limits.replace(
-            speed=0.15, joint_acceleration=0.72, centripetal_acceleration=0.09
+            speed=0.15, joint_acceleration=SLOW, centripetal_acceleration=0.09
         )
         window = 4e-3
     else:
         arm = arm._copy(chain=arm.chain.replace(armature=np.full(arm.dof, ARMATURE)))
         path = ac.round_corners(ur5e.square(), tolerance=0.25e-3)
-        limits = ac.Limits(joint_velocity=2.0, joint_acceleration=6.4, speed=0.25)
+        limits = ac.Limits(joint_velocity=2.0, joint_acceleration=ACCELERATION, speed=0.25)
         window = 0.02
     plan = smooth(ac.plan(path, arm, limits.for_joints(arm.dof)), window)
-    return Task(arm, path, ac.compensate(plan, SERVO, method="inverse"))
+    taught = ac.compensate(plan, SERVO, method="inverse")
+    return Task(arm, path, taught, SLOW if name == "pmk3s" else ACCELERATION)
 
 
 def draw(task, rng, seed):
@@ -74,8 +77,9 @@ def draw(task, rng, seed):
     chain, dof = task.arm.chain, task.arm.dof
     inertia = nominal_inertia(task.arm)
     own = nominal_inertia(ur5e_arm())
-    coulomb = float(np.median(np.array(COULOMB) / own)) * inertia
-    viscous = float(np.median(np.array(VISCOUS) / own)) * inertia
+    torque = inertia * task.acceleration / ACCELERATION
+    coulomb = float(np.median(np.array(COULOMB) / own)) * torque
+    viscous = float(np.median(np.array(VISCOUS) / own)) * torque
     if dof == len(COULOMB):
         coulomb, viscous = np.array(COULOMB), np.array(VISCOUS)
     factor = rng.uniform(0, 2)

@@ -105,6 +105,8 @@ def _align(
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
     delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), TO_FIND_DELAY)
     early = max(int(delay / taught.period), 0) * taught.period
+    if early == 0:
+        return lifted.with_delay(delay), clock, taught
     taught = replace(taught, start_time=taught.start_time - early)
     clock = Clock(clock.offset - early, clock.rate)
     return Lifted(taught, nominal, delay), clock, taught

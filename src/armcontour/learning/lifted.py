@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,7 +89,7 @@ class Lifted:
         delay: float = 0.0,
         memory: float = _memory.DEFAULT,
     ) -> None:
-        self.plan, self.nominal, self.delay = taught.trajectory, nominal, delay
+        self.plan, self.nominal = taught.trajectory, nominal
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape
         self.t = _times(taught, nominal.servo)
@@ -102,6 +103,19 @@ class Lifted:
         self.planned = along(self.plan, self.t, 0)
         self._needed = nominal.command(self.plan, self.t).ravel()
         self._make_equations()
+        self._set_delay(delay)
+
+    def with_delay(self, delay: float) -> Lifted:
+        """The same model with another dead time beyond that of the servo model [s]."""
+        other = copy.copy(self)
+        other._set_delay(delay)
+        return other
+
+    def _set_delay(self, delay: float) -> None:
+        """Everything that depends on the dead time beyond that of the servo model [s]."""
+        self.delay = delay
+        self._weights = self._set_point_weights(delay)
+        self._right = csc_array(self._by_command @ self._weights)
         # What set-points that stay where the plan starts make the joints do.
         held = np.tile(self.planned[0], self.count)
         self._still = self.planned + self._solved(
@@ -128,8 +142,6 @@ class Lifted:
         self._left = csc_array(diags_array(1 / gain) @ left)
         self._by_command = csc_array(diags_array(1 / gain) @ right @ diags_array(gain))
         self._solve = splu(self._left, permc_spec="NATURAL")
-        self._weights = self._set_point_weights(self.delay)
-        self._right = csc_array(self._by_command @ self._weights)
 
     def _set_point_weights(self, delay: float) -> csc_array:
         """The command that reaches the drives, per set-point."""
