@@ -19,7 +19,7 @@ taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, a
 def write_log(file: Path, executed: ac.Execution, seed: int) -> None:
     """What a controller would log: time, set-points and measured positions."""
     t = np.arange(executed.t[0] - 0.3, executed.t[-1] + 0.3, 0.008)
-    noise = 1e-5 * np.random.default_rng(seed).standard_normal((len(t), arm.dof))
+    noise = 1e-6 * np.random.default_rng(seed).standard_normal((len(t), arm.dof))
     at = executed.taught.t
     u = np.stack([np.interp(t, at, x) for x in executed.taught.q.T], axis=1)
     q = np.stack([np.interp(t, executed.t, x) for x in executed.q.T], axis=1) + noise

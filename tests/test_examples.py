@@ -58,18 +58,18 @@ set-points lead by 40 ms
 """,
     "07_learning": """\
 run 1: contour error 1.614 mm RMS, 2.181 mm at most
-run 2: contour error 0.039 mm RMS, 0.071 mm at most
+run 2: contour error 0.038 mm RMS, 0.071 mm at most
 run 3: contour error 0.009 mm RMS, 0.028 mm at most
-next: 0.002 mm RMS expected, 0.007 mm at most
+next: 0.002 mm RMS expected, 0.009 mm at most
 """,
     "08_learning_from_logs": """\
 run 1: 0.0547 mm RMS, 0.1236 mm at most
-  the log shows 0.0543 mm; the run began at 1234.5710 s
-run 2: 0.0017 mm RMS, 0.0043 mm at most
-  the log shows 0.0012 mm; the run began at 1234.5670 s
-run 3: 0.0013 mm RMS, 0.0036 mm at most
-  the log shows 0.0008 mm; the run began at 1234.5670 s
-next: 0.0008 mm expected; finished: True
+  the log shows 0.0547 mm; the run began at 1234.5710 s
+run 2: 0.0016 mm RMS, 0.0039 mm at most
+  the log shows 0.0016 mm; the run began at 1234.5670 s
+run 3: 0.0003 mm RMS, 0.0014 mm at most
+  the log shows 0.0002 mm; the run began at 1234.5670 s
+next: 0.0002 mm expected; finished: False
 """,
     "06_drawing": """\
 gasket.dxf: 8 contours, 895 mm

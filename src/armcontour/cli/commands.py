@@ -197,8 +197,8 @@ def identify(
 @grouped
 def learn(
     job: JobOrDrawing,
-    job_options: JobOptions,
     options: LearnOptions,
+    job_options: JobOptions,
 ) -> None:
     """Learn the taught data of the next run from the log of the last, or on a simulated robot."""
     from armcontour.cli.learning import learn_file
