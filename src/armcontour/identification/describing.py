@@ -14,9 +14,9 @@ from armcontour.identification.correlation import whiteness
 from armcontour.identification.fitting import Data, Fit, State, noise_of
 from armcontour.identification.friction import Friction, find_friction
 from armcontour.identification.intervals import Ends
-from armcontour.motion.log import Log
 from armcontour.identification.profile import lowest_limit
 from armcontour.identification.results import Estimate, JointIdentification
+from armcontour.motion.log import Log
 
 # A standard deviation of more than this part of a value leaves it undetermined.
 DETERMINED = 0.10

@@ -10,10 +10,10 @@ from pathlib import Path as FilePath
 from armcontour._files import LARGE, read_text
 from armcontour._text import show
 from armcontour.errors import InvalidInput
-from armcontour.motion.log import INTERPOLATIONS, Log, cut
 from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import read_columns, split_csv
 from armcontour.io.ros_files import is_ros_file, read_ros_log
+from armcontour.motion.log import INTERPOLATIONS, Log, cut
 
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
 MEASURED = ("measured", "meas", "actual", "feedback", "encoder")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path as FilePath
+from typing import Any
 
 from armcontour import _files
 from armcontour._xacro.expanding import Value
@@ -76,7 +77,7 @@ def load_arm(
                 f"The arm {name} has no other tip, base, joints to be locked, packages or "
                 "arguments: these are chosen of a .urdf or .xacro file."
             )
-        arm = _read(str(name), payload)
+        arm = _read(str(name), payload, _derived_from(payload, trust_xacro=trust_xacro))
         if limits_file is not None:
             table = table_of(arm.limits, arm.dof)
             override(table, arm.joint_names, limits_file)
@@ -104,10 +105,32 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
             )
 
 
-def _read(name: str, payload: Payload | None) -> Arm:
-    """Read a built-in arm or an arm file."""
+def _derived_from(payload: Payload | None, *, trust_xacro: bool) -> Callable[..., Arm]:
+    """The function that loads the arm from which another one is derived."""
+
+    def load(name: str | FilePath, **options: Any) -> Arm:
+        if is_description(FilePath(name)):
+            return load_arm(name, trust_xacro=trust_xacro, **options)
+        if options:
+            raise InvalidInput(
+                f"The arm {name} has no other {', '.join(options)}: leave that out, or name a "
+                ".urdf or .xacro file."
+            )
+        return _read(str(name), payload, None)
+
+    return load
+
+
+def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
+    """Read a built-in arm or an arm file.
+
+    Args:
+        name: Name of the arm or file.
+        payload: As in `read_arm`.
+        load: As in `read_arm`.
+    """
     if name.lower().endswith((".yaml", ".yml")):
-        return read_arm(name, _files.read_bytes(name, "arm file"), payload)
+        return read_arm(name, _files.read_bytes(name, "arm file"), payload, load)
     if name not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
