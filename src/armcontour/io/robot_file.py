@@ -48,8 +48,13 @@ def robot_yaml(found: RobotIdentification, arm: str | Mapping[str, str], folder:
         if load_of.inertia.any():
             six = load_of.inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
             page["payload_inertia"] = _quantity(six, "kg m^2", [])
-    scale = () if found.armature is None else (found.armature,)
-    page["armature"] = _quantity(chain.armature, "kg m^2", scale)
+    inertias = [x.armature for x in found.joints if x.armature is not None]
+    if found.armature is not None:
+        factor = found.armature
+        page["armature"] = _quantity(chain.armature, "kg m^2", [factor])
+        page["armature"]["source"] += " times those of the nominal arm" * factor.determined
+    else:
+        page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
     page["viscous"] = _quantity(chain.viscous, "N m s/rad", [x.viscous for x in found.joints])
     page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in found.joints])
     return yaml.safe_dump(page, sort_keys=False, width=96, allow_unicode=True)

@@ -36,7 +36,7 @@ SYMBOLS = {
     "payload_center_x": "payload, centre along x",
     "payload_center_y": "payload, centre along y",
     "payload_center_z": "payload, centre along z",
-    "armature": "inertia of the drives, factor",
+    "armature": "inertia of drives",
 }
 # Longest segment for the spectrum [samples]: fine enough to show a resonance.
 SEGMENT = 2048

@@ -145,8 +145,8 @@ def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
     assert found.servo.kp[5] == pytest.approx(25.0, rel=1e-12)
     # The other joints shake it less than its friction: how strong that is, nobody knows.
     assert found.arm.chain.coulomb[5] == 0.0
-    blind = identify(log, arm=nominal, gravity="loaded")
-    with pytest.raises(InvalidInput, match="does not determine kp of"):
+    blind = dataclasses.replace(found, gains_known=False)
+    with pytest.raises(InvalidInput, match="does not determine k"):
         _ = blind.servo
 
 
@@ -197,7 +197,7 @@ def changed(log, **changes):
 )
 def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal, change, message):
     with pytest.raises(InvalidInput, match=message) as raised:
-        identify(change(log), arm=nominal, servo=nominal_servo(), gravity="nominal")
+        identify(change(log.between(0, 2.5)), arm=nominal, servo=nominal_servo(), gravity="nominal")
     assert "\n" not in str(raised.value)
 
 

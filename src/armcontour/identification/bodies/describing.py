@@ -10,13 +10,14 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.identification.bodies.fitting import BodyFit
+from armcontour.identification.bodies.fitting import BodyFit, Trial
 from armcontour.identification.bodies.model import (
     AXES,
     LEAST_MASS,
     LOGARITHMIC,
     UNITS,
     Model,
+    Unknown,
 )
 from armcontour.identification.bodies.precision import (
     MOVES,
@@ -105,9 +106,8 @@ def describe(
     Raises:
         InvalidInput: The model does not explain the motion.
     """
-    fitted = _fitted(recordings, found)
-    explained = _explained(fitted)
-    _refuse_misfit(fitted, explained)
+    fitted = fitted_of(recordings, found.trial)
+    explained = refuse_misfit(fitted)
     values = found.trial.values
     known = _Known(
         model=model,
@@ -131,6 +131,7 @@ def describe(
             if model.keep_kv
             else _tied(known, "viscous", j),
             coulomb=_estimate(known, of["coulomb", j]),
+            armature=None if model.scales else _estimate(known, of["armature", j]),
             rms=float(np.sqrt(np.mean(every[:, j] ** 2))),
             explained=float(explained[j]),
             whiteness=whiteness(np.ascontiguousarray(every[:, j])),
@@ -145,7 +146,7 @@ def describe(
         joints=joints,
         payload_mass=_estimate(known, of["payload_mass", -1]),
         payload_center=(x, y, z),
-        armature=_estimate(known, of["armature", -1]) if ("armature", -1) in of else None,
+        armature=_estimate(known, of["armature", -1]) if model.scales else None,
         dead_time=_estimate(known, of["dead_time", -1]),
         arm=arm,
         fitted=fitted,
@@ -186,10 +187,16 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
     return arm, servo
 
 
-def _fitted(recordings: list[Recording], found: BodyFit) -> tuple[Fitted, ...]:
+def fitted_of(recordings: list[Recording], trial: Trial) -> tuple[Fitted, ...]:
+    """The logs with their simulated motion.
+
+    Args:
+        recordings: The logs.
+        trial: The motion.
+    """
     return tuple(
         Fitted(log=x.log, t=x.log.t[x.rows], measured=x.measured, simulated=x.measured - residuals)
-        for x, residuals in zip(recordings, found.trial.residuals, strict=True)
+        for x, residuals in zip(recordings, trial.residuals, strict=True)
     )
 
 
@@ -203,28 +210,31 @@ def _sought(found: BodyFit) -> FloatArray:
 
 def _lags(fitted: tuple[Fitted, ...]) -> FloatArray:
     """Commands less measured positions [rad], (samples, dof)."""
-    found = []
-    for x in fitted:
-        first = int(np.searchsorted(x.log.t, x.t[0]))
-        found.append((x.log.command - x.log.measured)[first : first + len(x.t)])
-    return np.concatenate(found)
+    commands = [
+        np.stack([np.interp(x.t, x.log.t, y) for y in x.log.command.T], axis=1) for x in fitted
+    ]
+    return np.asarray(np.concatenate(commands) - np.concatenate([x.measured for x in fitted]))
 
 
 def _explained(fitted: tuple[Fitted, ...]) -> FloatArray:
     """Share of the mean square lag behind the commands that the model explains, (dof,)."""
     left = np.sum(np.concatenate([x.residuals for x in fitted]) ** 2, axis=0)
     # What the encoders add is not the model's to explain.
-    noise = np.array([[noise_of(y) for y in x.measured.T] for x in fitted])
-    left = np.maximum(left - len(fitted[0].t) * np.sum(noise**2, axis=0), 0.0)
+    noise = np.array([[noise_of(y) for y in x.log.measured.T] for x in fitted])
+    left = np.maximum(left - np.array([len(x.t) for x in fitted]) @ noise**2, 0.0)
     return np.asarray(1 - left / np.maximum(np.sum(_lags(fitted) ** 2, axis=0), 1e-300))
 
 
-def _refuse_misfit(fitted: tuple[Fitted, ...], explained: FloatArray) -> None:
-    """Refuse logs whose motion the model does not explain.
+def refuse_misfit(fitted: tuple[Fitted, ...]) -> FloatArray:
+    """Shares of the lags that the model explains, (dof,).
+
+    Args:
+        fitted: The logs with their simulated motion.
 
     Raises:
-        InvalidInput: Names the joint.
+        InvalidInput: The model does not explain the motion of a joint.
     """
+    explained = _explained(fitted)
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in fitted], axis=0)
     poor = (ranges > MOVES) & (explained < EXPLAINS)
     if poor.any():
@@ -236,6 +246,7 @@ def _refuse_misfit(fitted: tuple[Fitted, ...], explained: FloatArray) -> None:
             "the log of this arm, with its joints in the arm's order?",
             joint=j + 1,
         )
+    return explained
 
 
 def _estimate(known: _Known, k: int) -> Estimate:
@@ -251,13 +262,26 @@ def _estimate(known: _Known, k: int) -> Estimate:
         sd *= value
     elif x.name in ("coulomb", "payload_mass", "armature"):
         low = max(low, 0.0)
-    return _made(x.name, value, sd, low, high)
+    return _made(x.name, value, sd, low, high, factor=_is_factor(x))
+
+
+def _is_factor(x: Unknown) -> bool:
+    """Whether an unknown is the factor of all nominal drive inertias."""
+    return x.name == "armature" and x.index < 0
 
 
 def _made(
-    name: str, value: float, sd: float, low: float, high: float, advice: str = ""
+    name: str,
+    value: float,
+    sd: float,
+    low: float,
+    high: float,
+    advice: str = "",
+    *,
+    factor: bool = False,
 ) -> Estimate:
     unit = UNITS["payload_center"] if name.startswith("payload_center") else UNITS[name]
+    unit = "1" if factor else unit
     return Estimate(
         name=name, unit=unit, value=value, sd=sd, low=low, high=high, determined=not advice,
         advice=advice,
@@ -271,7 +295,7 @@ def _not_told(known: _Known, k: int) -> Estimate:
     logarithmic = x.name in LOGARITHMIC
     value = math.exp(value) if logarithmic else value
     symbol = SYMBOLS[x.name]
-    share = logarithmic or x.name == "armature"
+    share = logarithmic or _is_factor(x)
     if not known.moved[k]:
         why = f"The joint is not told to move, so the log does not show {symbol}"
     elif not math.isfinite(sd) or (share and sd > 1):
@@ -285,7 +309,8 @@ def _not_told(known: _Known, k: int) -> Estimate:
         )
     gain = x.name in LOGARITHMIC
     kept = "a guess" if gain and not model.keep_kv else "its nominal value"
-    return _made(x.name, value, math.nan, -math.inf, math.inf, f"{why}, so it keeps {kept}.")
+    advice = f"{why}, so it keeps {kept}."
+    return _made(x.name, value, math.nan, -math.inf, math.inf, advice, factor=_is_factor(x))
 
 
 def _tied(known: _Known, name: str, j: int) -> Estimate:

@@ -12,8 +12,8 @@ from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.checking import check_logs
-from armcontour.identification.bodies.describing import describe
-from armcontour.identification.bodies.fitting import BodyFit, attempt, derivatives, fit
+from armcontour.identification.bodies.describing import describe, fitted_of, refuse_misfit
+from armcontour.identification.bodies.fitting import BodyFit, Trial, attempt, derivatives, fit
 from armcontour.identification.bodies.model import GRAVITIES, LOGARITHMIC, Model
 from armcontour.identification.bodies.precision import OF_JOINTS, allowed, moved, told
 from armcontour.identification.bodies.recording import Recording
@@ -94,7 +94,9 @@ def identify_robot(
         tell(Step(("gravity",)))
         model, values = _choose_gravity(model, coarse, values)
     tell(Step(("coarse fit",)))
-    values = _approach(model, coarse, values)
+    near = _approach(model, coarse, values)
+    refuse_misfit(fitted_of(coarse, near))
+    values = near.values
     tell(Step(("fit",)))
     found = _fit(model, recordings, values)
     return describe(model, recordings, found, delays, gains_known=servo is not None)
@@ -123,8 +125,8 @@ def _choose_gravity(
     return (model, values) if best is None else best[1:]
 
 
-def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> FloatArray:
-    """Values near those with the smallest errors.
+def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> Trial:
+    """A trial near that with the smallest errors.
 
     Friction that holds a joint hides its other unknowns: where a joint is left with errors far
     above the others', the search is repeated with nominal values of this joint.
@@ -139,7 +141,9 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
             poor = noisy > LEFT_OUT * max(float(np.median(noisy)), 1.0)
             if not poor.any():
                 break
-            of_poor = [x.name in OF_JOINTS and poor[x.index] for x in model.unknowns]
+            of_poor = [
+                x.name in OF_JOINTS and x.index >= 0 and poor[x.index] for x in model.unknowns
+            ]
             again = np.where(of_poor, model.nominal, found.values)
             tried = fit(model, recordings, again, _seen(model, recordings, again)).trial
             if tried.cost(found.scatter) >= found.cost(found.scatter):
@@ -147,7 +151,7 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
             found = tried
     except ExecutionError as error:
         raise InvalidInput(f"The log does not fit the arm and its servo: {error}") from None
-    return found.values
+    return found
 
 
 def _fit(model: Model, recordings: list[Recording], values: FloatArray) -> BodyFit:

@@ -24,7 +24,7 @@ UNITS = {
     "coulomb": "N m",
     "payload_mass": "kg",
     "payload_center": "m",
-    "armature": "1",
+    "armature": "kg m²",
     "dead_time": "s",
 }
 AXES = "xyz"
@@ -45,7 +45,8 @@ class Unknown:
     Args:
         name: A key of UNITS. Of the payload's centre the mass times its deviation from the nominal
             centre is sought [kg m].
-        index: Joint or axis, from 0; -1 for a parameter of the whole robot.
+        index: Joint or axis, from 0; -1 for a parameter of the whole robot. Of "armature" -1 means
+            a factor of all nominal drive inertias.
     """
 
     name: str
@@ -89,11 +90,18 @@ class Model:
         known = [(Unknown(name, j), x) for name, values in loops.items() for j, x in _each(values)]
         known.append((Unknown("payload_mass"), load.mass))
         known += [(Unknown("payload_center", i), 0.0) for i in range(3)]
-        if np.any(np.asarray(chain.armature) > 0):
+        if self.scales:
             known.append((Unknown("armature"), 1.0))
+        else:
+            known += [(Unknown("armature", j), 0.0) for j in range(self.arm.dof)]
         known.append((Unknown("dead_time"), float(np.mean(self.servo.dead_time))))
         object.__setattr__(self, "unknowns", tuple(x for x, _ in known))
         object.__setattr__(self, "nominal", _checks.lock_floats([x for _, x in known]))
+
+    @property
+    def scales(self) -> bool:
+        """Whether one factor of the nominal drive inertias is sought; else those of all joints."""
+        return bool(np.any(np.asarray(self.arm.dynamics.chain.armature) > 0))
 
     @property
     def load(self) -> Payload:
@@ -115,11 +123,12 @@ class Model:
 
     def with_bodies(self, values: FloatArray) -> Arm:
         """The arm with payload, Coulomb friction and drive inertias, but no viscous friction."""
-        scale = self.value(values, "armature")
-        armature = np.asarray(self.arm.dynamics.chain.armature)
+        armature = np.maximum(self.value(values, "armature"), 0.0)
+        if self.scales:
+            armature = armature * np.asarray(self.arm.dynamics.chain.armature)
         return self.arm.with_dynamics(
             payload=self.payload(values),
-            armature=armature * max(float(scale[0]), 0.0) if len(scale) else armature,
+            armature=armature,
             coulomb=np.maximum(self.value(values, "coulomb"), 0.0),
             viscous=np.zeros(self.arm.dof),
         )
@@ -176,8 +185,10 @@ class Model:
                 found[:, :, k] = -load[:, :, 0]
             elif x.name == "payload_center":
                 found[:, :, k] = -load[:, :, 1 + j]
-            elif x.name == "armature":
+            elif x.name == "armature" and j < 0:
                 found[:, :, k] = -np.asarray(armature) * motion.ddq
+            elif x.name == "armature":
+                found[:, j, k] = -motion.ddq[:, j]
             else:
                 found[:, :, k] = -drives.stiffness * slope
         return found

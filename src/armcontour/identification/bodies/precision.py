@@ -17,8 +17,8 @@ from armcontour.identification.correlation import WHITE, long_run, whiteness
 # Standard deviations with which a log tells an unknown: a share of gains, viscous and Coulomb
 # friction, payload mass and drive inertias,
 SHARE = 0.10
-# and if that is less, a share of a joint's damping, the friction that moves a joint by this angle
-# [rad], a mass [kg], the payload's centre [m], a dead time [s].
+# and if that is less, a share of a joint's damping and of its inertia, the friction that moves a
+# joint by this angle [rad], a mass [kg], the payload's centre [m], a dead time [s].
 OF_DAMPING = 0.10
 ANGLE = 1e-4
 MASS = 0.05
@@ -26,7 +26,7 @@ CENTER = 0.01
 DELAY = 0.5e-3
 
 
-OF_JOINTS = ("kp", "kv", "viscous", "coulomb")
+OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
 # A joint that is told to move by less than this [rad] does not move.
 MOVES = 1e-3
 
@@ -102,8 +102,10 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
     found = []
     for x, value in zip(model.unknowns, values.tolist(), strict=True):
         share, least = SHARE * abs(value), 0.0
-        if x.name in LOGARITHMIC or x.name == "armature":
+        if x.name in LOGARITHMIC or (x.name == "armature" and x.index < 0):
             share = SHARE
+        elif x.name == "armature":
+            least = OF_DAMPING * float(drives.inertia[x.index])
         elif x.name == "viscous":
             least = OF_DAMPING * float(drives.damping[x.index])
         elif x.name == "coulomb":

@@ -29,6 +29,8 @@ class RobotJoint:
         kv: Gain of the velocity loop [1/s].
         viscous: Viscous friction [N m s/rad].
         coulomb: Coulomb friction [N m].
+        armature: Inertia of the drive, reflected to the joint [kg m²]; None if one factor of all
+            nominal drive inertias was sought.
         rms: Root mean square of the residuals [rad].
         explained: Share of the mean square of command less measured position that the model
             explains.
@@ -40,6 +42,7 @@ class RobotJoint:
     kv: Estimate
     viscous: Estimate
     coulomb: Estimate
+    armature: Estimate | None
     rms: float
     explained: float
     whiteness: float
@@ -47,7 +50,8 @@ class RobotJoint:
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The estimates of all parameters."""
-        return self.kp, self.kv, self.viscous, self.coulomb
+        own = () if self.armature is None else (self.armature,)
+        return (self.kp, self.kv, self.viscous, self.coulomb, *own)
 
     @property
     def white(self) -> bool:
@@ -94,7 +98,8 @@ class RobotIdentification:
         joints: The result of each joint.
         payload_mass: Mass of the payload [kg].
         payload_center: Centre of mass of the payload in the frame of the tip [m], along x, y and z.
-        armature: Factor of the nominal inertias of the drives; None if these are zero.
+        armature: Factor of the nominal inertias of the drives; None if these are zero, and those
+            of every joint are sought.
         dead_time: Dead time of all joints [s].
         arm: The identified arm, with payload, friction and inertias of the drives.
         fitted: The logs, with the motion of the model.

@@ -73,7 +73,7 @@ def read_arm(
         file: Name of the file, for messages.
         content: Content of the file.
         payload: Payload of a planar arm; an arm in space gets its payload by `equip`.
-        load: Loads the arm that a file of the kind "derived" names; None where it must not be one.
+        load: Loads the arm that a derived one names; None where too many name each other.
 
     Raises:
         InvalidInput: Not YAML, or no description of an arm.
@@ -94,8 +94,7 @@ def read_arm(
     if kind == derived.KIND:
         if load is None:
             raise InvalidInput(
-                f"{file} is of the kind {kind} itself, so no other arm is derived from it: name "
-                "the arm that it names."
+                f"{file} names an arm file that leads back to it: name the arm that differs."
             )
         return derived.read_derived(file, data, lambda key, n: _array(file, key, data, n), load)
     return _serial(file, data) if kind == "serial" else _planar(file, data, payload)

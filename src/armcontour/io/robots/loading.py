@@ -18,6 +18,9 @@ from armcontour.io.robots.arm_file import read_arm
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
 
+# Arm files that name an arm file that names an arm file: more of them name themselves.
+MOST_DERIVED = 16
+
 
 def arm_names() -> tuple[str, ...]:
     """Names of the built-in arms."""
@@ -105,8 +108,18 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
             )
 
 
-def _derived_from(payload: Payload | None, *, trust_xacro: bool) -> Callable[..., Arm]:
-    """The function that loads the arm from which another one is derived."""
+def _derived_from(
+    payload: Payload | None, *, trust_xacro: bool, depth: int = 0
+) -> Callable[..., Arm] | None:
+    """The function that loads the arm from which another one is derived; None if that is too deep.
+
+    Args:
+        payload: As in `read_arm`.
+        trust_xacro: Whether a .xacro file may be expanded.
+        depth: Number of files that were derived from each other before.
+    """
+    if depth == MOST_DERIVED:
+        return None
 
     def load(name: str | FilePath, **options: Any) -> Arm:
         if is_description(FilePath(name)):
@@ -116,7 +129,8 @@ def _derived_from(payload: Payload | None, *, trust_xacro: bool) -> Callable[...
                 f"The arm {name} has no other {', '.join(options)}: leave that out, or name a "
                 ".urdf or .xacro file."
             )
-        return _read(str(name), payload, None)
+        further = _derived_from(payload, trust_xacro=trust_xacro, depth=depth + 1)
+        return _read(str(name), payload, further)
 
     return load
 
