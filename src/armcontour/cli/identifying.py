@@ -11,6 +11,7 @@ from armcontour.cli.console import Console, open_page
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
     from armcontour.identification import Estimate, Identification, RobotIdentification
+    from armcontour.io import ResultFolder
     from armcontour.motion import Log
 
 HEADINGS = [
@@ -125,18 +126,20 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
             longest_dead_time=longest,
             progress=progress,
         )
-    refusal = _write_robot(found, x, name, x.out) if x.out is not None else ""
+    written = _write_robot(found, x, name, x.out) if x.out is not None else []
     if x.as_json:
         print(robot_json(found), end="")
     else:
-        _print_robot(found, x.out, refusal)
+        _print_robot(found, written)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
     return found.determined
 
 
-def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath) -> str:
-    """Write the result folder; returns why there is no servo.yaml, or an empty text."""
+def _write_robot(
+    found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath
+) -> list[str]:
+    """Write the result folder; returns sentences on what was written."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.robot_file import robot_json, robot_servo_yaml, robot_yaml
@@ -147,21 +150,42 @@ def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out:
     if name not in arm_names():
         given = {"file": name, "tip": x.tip, "base": x.base, "joint_limits": x.joint_limits}
         base = {key: str(value) for key, value in given.items() if value is not None}
-    refusal = ""
+    servo, said = "servo.yaml", []
     with ResultFolder(out, force=x.force) as folder:
         folder.write("robot.yaml", robot_yaml(found, base, out))
         try:
             folder.write("servo.yaml", robot_servo_yaml(found))
         except InvalidInput as error:
-            # Not an error here: the report shows the cause.
-            refusal = str(error)
+            # Not an error here: what else is known is of use.
+            servo = f"but no servo.yaml: {error}"
+        if found.open:
+            said.append(_write_excitation(found, folder))
         folder.write("report.html", render_robot(found))
         folder.write("summary.json", robot_json(found, [*folder.files, "summary.json"]))
-    return refusal
+    return [*said, f"Written to {out}: robot.yaml, report.html, {servo}"]
 
 
-def _print_robot(found: RobotIdentification, out: FilePath | None, refusal: str) -> None:
-    """Print a table of the parameters, and sentences on the fit."""
+def _write_excitation(found: RobotIdentification, folder: ResultFolder) -> str:
+    """Write set-points of a motion that tells what the logs did not; returns a sentence on it."""
+    from armcontour.errors import InvalidInput
+    from armcontour.identification import propose
+    from armcontour.io.motion_csv import write_taught
+
+    try:
+        excitation = propose(found)
+    except InvalidInput as error:
+        return f"No excitation is proposed: {error}"
+    names = found.nominal.joint_names
+    folder.place("excitation.csv", lambda file: write_taught(file, excitation.taught, names))
+    return (
+        "excitation.csv has set-points of a motion within the arm's limits that would tell "
+        f"{', '.join(excitation.tells) or 'no more'}. Obstacles are not known: look before you run "
+        "it."
+    )
+
+
+def _print_robot(found: RobotIdentification, written: list[str]) -> None:
+    """Print a table of the parameters, and sentences on the fit and on what was written."""
     console = Console()
     whole = [[found.nominal.name, x.name.replace("_", " "), *_cells(x)] for x in found.common]
     console.show_table(
@@ -191,11 +215,8 @@ def _print_robot(found: RobotIdentification, out: FilePath | None, refusal: str)
         console.say(f"{joint.name}: residuals {joint.rms * 1e3:.3g} mrad rms, {white}.")
     for why, names in advice.items():
         console.say(f"{', '.join(names)}: {why}")
-    for note in found.notes:
-        console.say(note)
-    if out is not None:
-        servo = f"but no servo.yaml: {refusal}" if refusal else "servo.yaml"
-        console.say(f"Written to {out}: robot.yaml, report.html, {servo}")
+    for sentence in (*found.notes, *written):
+        console.say(sentence)
 
 
 def _write_results(found: Identification, out: FilePath, *, force: bool) -> str:

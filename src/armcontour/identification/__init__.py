@@ -1,6 +1,12 @@
 """Identification from logs: of the servo alone, or of a robot with masses (`bodies`)."""
 
-from armcontour.identification.bodies import GRAVITIES, RobotIdentification, RobotJoint
+from armcontour.identification.bodies import (
+    GRAVITIES,
+    Excitation,
+    RobotIdentification,
+    RobotJoint,
+    propose,
+)
 from armcontour.identification.identification import MODELS, identify
 from armcontour.identification.results import Estimate, Identification, JointIdentification
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
@@ -10,6 +16,7 @@ __all__ = [
     "INTERPOLATIONS",
     "MODELS",
     "Estimate",
+    "Excitation",
     "Identification",
     "JointIdentification",
     "Log",
@@ -17,4 +24,5 @@ __all__ = [
     "RobotJoint",
     "cut",
     "identify",
+    "propose",
 ]

@@ -23,7 +23,7 @@ from armcontour.identification.bodies.precision import (
     MOVES,
     Precision,
     allowed,
-    between_samples,
+    doubts,
     is_white,
     moved,
     precision,
@@ -70,7 +70,7 @@ class _Known:
         values: Values of the unknowns.
         free: Which were sought.
         precision: Standard deviations.
-        doubt: What the command between samples may do to them.
+        doubt: What the command between samples and the drives' cycle may do to them.
         limit: Standard deviations that count as told.
         sought: Standard deviations if that unknown had been sought too.
         moved: Unknowns but for those of joints that no log moves.
@@ -114,7 +114,7 @@ def describe(
         values=values,
         free=found.free,
         precision=precision(found, found.free),
-        doubt=between_samples(model, recordings, found, found.free),
+        doubt=doubts(model, recordings, found, found.free),
         limit=allowed(model, values),
         sought=_sought(found),
         moved=moved(model, recordings),

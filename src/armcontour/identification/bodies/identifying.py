@@ -14,8 +14,8 @@ from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.checking import check_logs
 from armcontour.identification.bodies.describing import describe, fitted_of, refuse_misfit
 from armcontour.identification.bodies.fitting import BodyFit, Trial, attempt, derivatives, fit
-from armcontour.identification.bodies.model import GRAVITIES, LOGARITHMIC, Model
-from armcontour.identification.bodies.precision import OF_JOINTS, allowed, moved, told
+from armcontour.identification.bodies.model import GRAVITIES, Model
+from armcontour.identification.bodies.precision import OF_JOINTS, allowed, moved, reachable, told
 from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.bodies.results import RobotIdentification
 from armcontour.identification.bodies.starting import start
@@ -191,21 +191,10 @@ def _seen(model: Model, recordings: list[Recording], values: FloatArray) -> Bool
         converged=False,
     )
     some = moved(model, recordings)
-    return told(ideal, some, _reachable(model, values), noise_only=True)
+    return told(ideal, some, reachable(model, values), noise_only=True)
 
 
 def _noise(recordings: list[Recording]) -> FloatArray:
     """Standard deviation of each joint's encoder [rad], (dof,)."""
     found = [[noise_of(x) for x in recording.log.measured.T] for recording in recordings]
     return np.asarray(np.maximum(np.max(found, axis=0), LEAST_NOISE))
-
-
-def _reachable(model: Model, values: FloatArray) -> FloatArray:
-    """What would be told of unknowns whose values are not known yet, such as a load of 1 kg."""
-    bold = np.array(values)
-    for k, x in enumerate(model.unknowns):
-        if x.name == "payload_mass":
-            bold[k] = max(bold[k], 1.0)
-    found = allowed(model, bold)
-    logarithmic = np.array([x.name in LOGARITHMIC for x in model.unknowns])
-    return np.where(logarithmic, found, 2 * found)

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.identification.bodies.fitting import BodyFit
-from armcontour.identification.bodies.model import LOGARITHMIC, Model
+from armcontour.identification.bodies.model import LOGARITHMIC, SHIFT, Model
 from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.correlation import WHITE, long_run, whiteness
 
@@ -120,6 +120,17 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
     return np.array(found)
 
 
+def reachable(model: Model, values: FloatArray) -> FloatArray:
+    """What would be told of unknowns whose values are not known yet, such as a load of 1 kg."""
+    bold = np.array(values)
+    for k, x in enumerate(model.unknowns):
+        if x.name == "payload_mass":
+            bold[k] = max(bold[k], 1.0)
+    found = allowed(model, bold)
+    logarithmic = np.array([x.name in LOGARITHMIC for x in model.unknowns])
+    return np.where(logarithmic, found, 2 * found)
+
+
 def moved(model: Model, recordings: list[Recording]) -> BoolArray:
     """Unknowns but for those of joints that no log moves, (unknowns,).
 
@@ -154,13 +165,13 @@ def told(
     return free
 
 
-def between_samples(
+def doubts(
     model: Model, recordings: list[Recording], found: BodyFit, free: BoolArray
 ) -> FloatArray:
-    """What not knowing the command between the samples of the logs may do to the unknowns.
+    """What the model takes for granted, and what that may do to the unknowns.
 
-    It is the change of the estimates if commands were smooth through their samples, instead of
-    straight from one to the next, to first order.
+    It is the change of the estimates, to first order, if commands were smooth through their samples
+    instead of straight from one to the next, and if the drives' cycle were half as long again.
 
     Args:
         model: The robot.
@@ -168,15 +179,20 @@ def between_samples(
         found: The fit.
         free: Unknowns that are sought, (unknowns,).
     """
-    stiffness = model.drives(found.trial.values).stiffness
+    drives = model.drives(found.trial.values)
     delay = float(found.trial.values[-1]) + model.lag
     moved = []
     for x, motion in zip(recordings, found.trial.motions, strict=True):
-        other = np.zeros_like(motion.q) if x.held else x.smooth_command(delay) - x.command(delay)
-        moved.append(x.sampled(motion.to_torque((stiffness * other)[:, :, None]))[:, :, 0])
-    change = np.concatenate(moved) / found.scatter
+        command = x.command(delay)
+        other = np.zeros_like(command) if x.held else x.smooth_command(delay) - command
+        rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
+        late = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
+        torque = np.stack([drives.stiffness * other, model.lag / 2 * late], axis=-1)
+        moved.append(x.sampled(motion.to_torque(torque)))
+    change = np.concatenate(moved) / found.scatter[:, None]
     a = found.jacobian[:, :, free].reshape(-1, int(free.sum()))
     shift = np.zeros(len(free))
     if free.any():
-        shift[free] = np.linalg.lstsq(a, change.ravel(), rcond=None)[0]
-    return np.abs(shift)
+        both = np.linalg.lstsq(a, change.reshape(-1, 2), rcond=None)[0]
+        shift[free] = np.abs(both).sum(axis=1)
+    return shift
