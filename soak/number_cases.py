@@ -10,6 +10,7 @@ import copy
 import inspect
 import math
 from collections.abc import Iterator
+from pathlib import Path as FilePath
 from typing import Any, get_args
 
 from armcontour.cli.commands import app
@@ -380,6 +381,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--servo": ("# m", "# um"),
     "--tolerances": ("# m", "# mm, 1 mm"),
     "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
+    "--drive-cycle": ("# s", "# ms"),
     "--from": ("# s", "# ms"),
     "--to": ("# s", "# ms"),
     "--longest-dead-time": ("# s", "# ms"),
@@ -387,9 +389,9 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 TEXTS = {
     "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
-    "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log", "--model",
-    "--out", "--output", "--package", "--path", "--run", "--skip", "--taught", "--template",
-    "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
+    "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
+    "--model", "--out", "--output", "--package", "--path", "--run", "--skip", "--taught",
+    "--template", "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 
 
@@ -400,7 +402,7 @@ def numeric_options() -> Iterator[tuple[str, str, str]]:
         LookupError: An option of text that is neither in FORMS nor in TEXTS.
     """
     for command, option, kind in _options():
-        if kind is bool or option in TEXTS:
+        if kind in (bool, FilePath) or option in TEXTS:
             continue
         if kind in (int, float):
             yield command, option, "#"

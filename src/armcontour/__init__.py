@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         Path,
         RoundedPath,
     )
-    from armcontour.identification import Identification, identify
+    from armcontour.identification import Identification, RobotIdentification, identify
     from armcontour.io import read_job
     from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
@@ -103,7 +103,7 @@ _HOME = {
         "Path",
         "RoundedPath",
     ),
-    "identification": ("Identification", "identify"),
+    "identification": ("Identification", "RobotIdentification", "identify"),
     "io": ("read_job",),
     "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
@@ -174,6 +174,7 @@ __all__ = [
     "Rapid",
     "Recording",
     "RigidBodyPlant",
+    "RobotIdentification",
     "RoundedPath",
     "SerialArm",
     "ServoModel",

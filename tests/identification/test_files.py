@@ -11,7 +11,7 @@ import yaml
 from soak.identify import multisine
 from soak.joint import move
 
-from armcontour.cli.identifying import identify_file
+from armcontour.cli.identifying import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify
@@ -214,13 +214,13 @@ def _write(log, file):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(log, file)
-    assert identify_file(file, IdentifyOptions(out=out))
+    assert identify_files([file], IdentifyOptions(out=out))
     printed = capsys.readouterr().out
     assert "dead time" in printed
     assert "joint 1, acceleration: The log does not show the limit" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
-    assert identify_file(file, IdentifyOptions(as_json=True, start="0 s", end="3000 ms"))
+    assert identify_files([file], IdentifyOptions(as_json=True, start="0 s", end="3000 ms"))
     assert json.loads(capsys.readouterr().out)["samples"] == 3001
 
 
@@ -236,7 +236,9 @@ def test_the_command(log, tmp_path, capsys):
 )
 def test_times_on_the_command_line_have_units(tmp_path, refuses, options, words):
     refuses(
-        lambda: identify_file(tmp_path / "l.csv", IdentifyOptions(**options)), InvalidInput, *words
+        lambda: identify_files([tmp_path / "l.csv"], IdentifyOptions(**options)),
+        InvalidInput,
+        *words,
     )
 
 
@@ -247,10 +249,15 @@ def test_the_command_where_the_servo_is_not_determined(tmp_path, capsys, refuses
     file, out = tmp_path / "log.csv", tmp_path / "out"
     table = np.column_stack([t, u, y])
     np.savetxt(file, table, delimiter=",", fmt="%.7f", header="t,u1,q1", comments="")
-    assert not identify_file(file, IdentifyOptions(out=out))
+    assert not identify_files([file], IdentifyOptions(out=out))
     assert "no servo.yaml: log.csv does not determine" in capsys.readouterr().out
     assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
-    refuses(lambda: identify_file(file, IdentifyOptions(open_report=True)), InvalidInput, "--out")
     refuses(
-        lambda: identify_file(file, IdentifyOptions(out=out)), InvalidInput, "not empty", "--force"
+        lambda: identify_files([file], IdentifyOptions(open_report=True)), InvalidInput, "--out"
+    )
+    refuses(
+        lambda: identify_files([file], IdentifyOptions(out=out)),
+        InvalidInput,
+        "not empty",
+        "--force",
     )

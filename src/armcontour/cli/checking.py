@@ -17,7 +17,7 @@ from armcontour.cli.console import Console
 if TYPE_CHECKING:
     from armcontour._checks import FloatArray
     from armcontour.arms import Arm
-    from armcontour.cli.options import CheckOptions
+    from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
     from armcontour.evaluation.tally import Occurrence
     from armcontour.io import TrajectoryFile
@@ -80,18 +80,9 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
 def _arm(x: CheckOptions, job: Job | None) -> Arm:
     """The arm that the options name; by default the arm of the job."""
     from armcontour.errors import InvalidInput
-    from armcontour.io.robots.loading import load_arm
 
     if x.arm is not None:
-        return load_arm(
-            x.arm,
-            tip=x.tip,
-            base=x.base,
-            joint_limits=x.joint_limits,
-            packages=_pairs("--package", x.package),
-            arguments=_pairs("--xacro-arg", x.xacro_arg),
-            trust_xacro=x.trust_xacro,
-        )
+        return named_arm(x.arm, x)
     if job is None:
         raise InvalidInput("Name the arm with --arm, or with --path a job that has one.")
     if any(y is not None for y in (x.tip, x.base, x.joint_limits, x.package, x.xacro_arg)):
@@ -100,6 +91,21 @@ def _arm(x: CheckOptions, job: Job | None) -> Arm:
             "has its own."
         )
     return job.arm
+
+
+def named_arm(name: str, x: ArmOptions) -> Arm:
+    """The arm of a name or file, by the options of robot descriptions."""
+    from armcontour.io.robots.loading import load_arm
+
+    return load_arm(
+        name,
+        tip=x.tip,
+        base=x.base,
+        joint_limits=x.joint_limits,
+        packages=_pairs("--package", x.package),
+        arguments=_pairs("--xacro-arg", x.xacro_arg),
+        trust_xacro=x.trust_xacro,
+    )
 
 
 def _pairs(option: str, given: list[str] | None) -> dict[str, str]:

@@ -182,15 +182,19 @@ def export(
 @app.command()
 @grouped
 def identify(
-    log: Annotated[
-        FilePath, typer.Argument(help="Log of time, command and measured: CSV, or a bag.")
+    logs: Annotated[
+        list[FilePath],
+        typer.Argument(
+            metavar="LOG...",
+            help="Log of time, command and measured: CSV, or a bag; with --arm also several.",
+        ),
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify a servo's gains and dead time from a log; exit code 1 if one is not determined."""
-    from armcontour.cli.identifying import identify_file
+    """Identify a servo, or with --arm a robot, from logs; exit code 1 if not all is determined."""
+    from armcontour.cli.identifying import identify_files
 
-    raise typer.Exit(0 if identify_file(log, options) else 1)
+    raise typer.Exit(0 if identify_files(logs, options) else 1)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""The command `identify`: identify a servo from a log, print and write the result."""
+"""The command `identify`: identify a servo or a robot from logs, print and write the result."""
 
 from __future__ import annotations
 
@@ -10,34 +10,50 @@ from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
-    from armcontour.identification import Estimate, Identification
+    from armcontour.identification import Estimate, Identification, RobotIdentification
+    from armcontour.io import ResultFolder
+    from armcontour.motion import Log
+
+HEADINGS = [
+    *("joint", "parameter", "value", "standard deviation", "95 % interval", "unit"),
+    "determined",
+]
 
 
-def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
-    """Identify a servo from a log and print the result; returns whether the servo is determined.
+def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
+    """Identify a servo or a robot and print the result; returns whether all is determined.
 
     Args:
-        log: CSV file, or bag of ROS.
-        x: Options of the command; the folder gets servo.yaml (if the servo is determined),
-            report.html and summary.json.
+        logs: CSV files, or bags of ROS; without an arm only one.
+        x: Options of the command; the folder gets servo.yaml (if the servo is determined), with an
+            arm robot.yaml, and report.html and summary.json.
 
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
-    from armcontour._quantities import Interval, Moment
-    from armcontour.cli.progress import search_progress
-    from armcontour.cli.quantities import read_option
     from armcontour.errors import InvalidInput
-    from armcontour.identification import identify
-    from armcontour.io.log_file import read_log
-    from armcontour.io.servo_file import identification_json
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
+    if x.arm is not None:
+        return _identify_robot(logs, x, x.arm)
+    of_arm = ("servo", "gravity", "drive_cycle", "tip", "base", "joint_limits", "package")
+    for name in (*of_arm, "xacro_arg"):
+        if getattr(x, name) is not None:
+            raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
+    if len(logs) > 1:
+        raise InvalidInput("Several logs are identified together only with --arm: name the arm.")
+    return _identify_servo(logs[0], x)
+
+
+def _read(log: FilePath, x: IdentifyOptions) -> Log:
+    """Read a log."""
+    from armcontour._quantities import Moment
+    from armcontour.cli.quantities import read_option
+    from armcontour.io.log_file import read_log
+
     start, end = read_option("--from", x.start, Moment), read_option("--to", x.end, Moment)
-    longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
-    assert longest is not None
-    samples = read_log(
+    return read_log(
         log,
         start=-math.inf if start is None else start,
         end=math.inf if end is None else end,
@@ -45,6 +61,19 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
         columns=x.columns,
         topic=x.topic,
     )
+
+
+def _identify_servo(log: FilePath, x: IdentifyOptions) -> bool:
+    """Identify the servo of every joint of a log."""
+    from armcontour._quantities import Interval
+    from armcontour.cli.progress import search_progress
+    from armcontour.cli.quantities import read_option
+    from armcontour.identification import identify
+    from armcontour.io.servo_file import identification_json
+
+    longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
+    assert longest is not None
+    samples = _read(log, x)
     with search_progress("identifying") as progress:
         found = identify(
             samples,
@@ -61,6 +90,133 @@ def identify_file(log: FilePath, x: IdentifyOptions) -> bool:
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
     return found.determined
+
+
+def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool:
+    """Identify a robot with masses from logs."""
+    from armcontour._quantities import Interval
+    from armcontour.cli.checking import named_arm
+    from armcontour.cli.progress import search_progress
+    from armcontour.cli.quantities import read_option
+    from armcontour.errors import InvalidInput
+    from armcontour.identification import identify
+    from armcontour.io.robot_file import read_servo, robot_json
+
+    if x.model != "auto":
+        raise InvalidInput("--model is for joints without an arm: leave it or --arm out.")
+    if x.out is not None and (x.package or x.xacro_arg):
+        raise InvalidInput(
+            "robot.yaml cannot name packages and arguments of a .xacro file: expand it to a .urdf "
+            "file and name that, or leave --out out."
+        )
+    longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
+    cycle = read_option("--drive-cycle", x.drive_cycle, Interval)
+    assert longest is not None
+    arm = named_arm(name, x)
+    servo = None if x.servo is None else read_servo(x.servo, arm.dof)
+    samples = [_read(log, x) for log in logs]
+    with search_progress("identifying") as progress:
+        found = identify(
+            samples,
+            arm=arm,
+            servo=servo,
+            gravity=x.gravity,
+            drive_cycle=cycle,
+            interpolation=x.interpolation,
+            longest_dead_time=longest,
+            progress=progress,
+        )
+    written = _write_robot(found, x, name, x.out) if x.out is not None else []
+    if x.as_json:
+        print(robot_json(found), end="")
+    else:
+        _print_robot(found, written)
+    if x.out is not None and x.open_report:
+        open_page(x.out / "report.html")
+    return found.determined
+
+
+def _write_robot(
+    found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath
+) -> list[str]:
+    """Write the result folder; returns sentences on what was written."""
+    from armcontour.errors import InvalidInput
+    from armcontour.io import ResultFolder
+    from armcontour.io.robot_file import robot_json, robot_servo_yaml, robot_yaml
+    from armcontour.io.robots.loading import arm_names
+    from armcontour.report.identification import render_robot
+
+    base: str | dict[str, str] = name
+    if name not in arm_names():
+        given = {"file": name, "tip": x.tip, "base": x.base, "joint_limits": x.joint_limits}
+        base = {key: str(value) for key, value in given.items() if value is not None}
+    servo, said = "servo.yaml", []
+    with ResultFolder(out, force=x.force) as folder:
+        folder.write("robot.yaml", robot_yaml(found, base, out))
+        try:
+            folder.write("servo.yaml", robot_servo_yaml(found))
+        except InvalidInput as error:
+            # Not an error here: what else is known is of use.
+            servo = f"but no servo.yaml: {error}"
+        if found.open:
+            said.append(_write_excitation(found, folder))
+        folder.write("report.html", render_robot(found))
+        folder.write("summary.json", robot_json(found, [*folder.files, "summary.json"]))
+    return [*said, f"Written to {out}: robot.yaml, report.html, {servo}"]
+
+
+def _write_excitation(found: RobotIdentification, folder: ResultFolder) -> str:
+    """Write set-points of a motion that tells what the logs did not; returns a sentence on it."""
+    from armcontour.errors import InvalidInput
+    from armcontour.identification import propose
+    from armcontour.io.motion_csv import write_taught
+
+    try:
+        excitation = propose(found)
+    except InvalidInput as error:
+        return f"No excitation is proposed: {error}"
+    names = found.nominal.joint_names
+    folder.place("excitation.csv", lambda file: write_taught(file, excitation.taught, names))
+    return (
+        "excitation.csv has set-points of a motion within the arm's limits that would tell "
+        f"{', '.join(excitation.tells) or 'no more'}. Obstacles are not known: look before you run "
+        "it."
+    )
+
+
+def _print_robot(found: RobotIdentification, written: list[str]) -> None:
+    """Print a table of the parameters, and sentences on the fit and on what was written."""
+    console = Console()
+    whole = [[found.nominal.name, x.name.replace("_", " "), *_cells(x)] for x in found.common]
+    console.show_table(
+        HEADINGS,
+        [
+            *whole,
+            *(
+                [joint.name, x.name.replace("_", " "), *_cells(x)]
+                for joint in found.joints
+                for x in joint.estimates
+            ),
+        ],
+        title=f"Robot identified from {found.source}",
+        left=(0, 1, 5, 6),
+    )
+    every = [
+        (found.nominal.name, found.common),
+        *((joint.name, joint.estimates) for joint in found.joints),
+    ]
+    advice: dict[str, list[str]] = {}
+    for place, estimates in every:
+        for x in estimates:
+            if not x.determined:
+                advice.setdefault(x.advice, []).append(f"{x.name.replace('_', ' ')} of {place}")
+    for joint in found.joints:
+        white = "white" if joint.white else "not white"
+        console.say(f"{joint.name}: residuals {joint.rms * 1e3:.3g} mrad rms, {white}.")
+    for why, names in advice.items():
+        console.say(f"{', '.join(names)}: {why}")
+    for sentence in (*found.notes, *written):
+        console.say(sentence)
 
 
 def _write_results(found: Identification, out: FilePath, *, force: bool) -> str:
@@ -86,15 +242,7 @@ def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
     """Print a table of the parameters, and sentences on the fit."""
     console = Console()
     console.show_table(
-        [
-            "joint",
-            "parameter",
-            "value",
-            "standard deviation",
-            "95 % interval",
-            "unit",
-            "determined",
-        ],
+        HEADINGS,
         [
             [joint.name, x.name.replace("_", " "), *_cells(x)]
             for joint in found.joints
@@ -139,6 +287,8 @@ def _cells(x: Estimate) -> list[str]:
     def shown(value: float, digits: int = 5) -> str:
         return "" if math.isnan(value) else f"{value * scale:.{digits}g}"
 
+    if math.isinf(x.low) and math.isinf(x.high):
+        return [shown(x.value), "", "", unit, "yes" if x.determined else "no"]
     return [
         shown(x.value),
         shown(x.sd, 2),

@@ -257,7 +257,34 @@ class StoredExportOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CheckOptions:
+class ArmOptions:
+    """Options of an arm from a robot description."""
+
+    tip: Annotated[
+        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
+    ] = None
+    base: Annotated[
+        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
+    ] = None
+    joint_limits: Annotated[
+        FilePath | None,
+        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
+    ] = None
+    package: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--package", help="Folder of a ROS package of a .xacro: NAME=FOLDER; may be repeated."
+        ),
+    ] = None
+    xacro_arg: Annotated[
+        list[str] | None,
+        typer.Option("--xacro-arg", help="Argument of a .xacro: NAME=VALUE; may be repeated."),
+    ] = None
+    trust_xacro: TrustXacro = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOptions(ArmOptions):
     """Options of the command `check`."""
 
     arm: Annotated[
@@ -279,26 +306,6 @@ class CheckOptions:
     run_name: Annotated[
         str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
     ] = None
-    tip: Annotated[
-        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
-    ] = None
-    base: Annotated[
-        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
-    ] = None
-    joint_limits: Annotated[
-        FilePath | None,
-        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
-    ] = None
-    package: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--package", help="Folder of a ROS package of a .xacro: NAME=FOLDER; may be repeated."
-        ),
-    ] = None
-    xacro_arg: Annotated[
-        list[str] | None,
-        typer.Option("--xacro-arg", help="Argument of a .xacro: NAME=VALUE; may be repeated."),
-    ] = None
     columns: Columns = None
     topic: Topic = None
     noise: Annotated[
@@ -310,16 +317,40 @@ class CheckOptions:
         ),
     ] = None
     as_json: AsJson = False
-    trust_xacro: TrustXacro = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifyOptions:
+class IdentifyOptions(ArmOptions):
     """Options of the command `identify`."""
+
+    arm: Annotated[
+        str | None,
+        typer.Option(
+            "--arm",
+            help="Nominal arm with masses: payload, friction and drive inertias are identified "
+            "too. Built in, or an arm file (.yaml, .urdf; .xacro with --trust-xacro).",
+        ),
+    ] = None
+    servo: Annotated[
+        FilePath | None,
+        typer.Option("--servo", help="Nominal servo of that arm: a job file, or a servo.yaml."),
+    ] = None
+    gravity: Annotated[
+        str | None,
+        typer.Option(
+            "--gravity",
+            help="What the controller of that arm adds against gravity: nominal, loaded or none; "
+            "by default what the logs speak for.",
+        ),
+    ] = None
+    drive_cycle: Annotated[
+        str | None,
+        typer.Option("--drive-cycle", help="Time for which its drives keep their torque: 0.25 ms."),
+    ] = None
 
     out: Annotated[
         FilePath | None,
-        typer.Option("--out", "-o", help="Folder for servo file and report; else none."),
+        typer.Option("--out", "-o", help="Folder for servo file, robot file, report; else none."),
     ] = None
     model: Annotated[
         str, typer.Option("--model", help="Model of the servo: auto, second or first.")

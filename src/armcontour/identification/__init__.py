@@ -1,16 +1,28 @@
-"""Identification of the servo from a log; uses only the servo model of the other packages."""
+"""Identification from logs: of the servo alone, or of a robot with masses (`bodies`)."""
 
+from armcontour.identification.bodies import (
+    GRAVITIES,
+    Excitation,
+    RobotIdentification,
+    RobotJoint,
+    propose,
+)
 from armcontour.identification.identification import MODELS, identify
 from armcontour.identification.results import Estimate, Identification, JointIdentification
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 
 __all__ = [
+    "GRAVITIES",
     "INTERPOLATIONS",
     "MODELS",
     "Estimate",
+    "Excitation",
     "Identification",
     "JointIdentification",
     "Log",
+    "RobotIdentification",
+    "RobotJoint",
     "cut",
     "identify",
+    "propose",
 ]

@@ -1,18 +1,25 @@
-"""Entry point `identify`: gains, dead time and acceleration limit of every joint from a log."""
+"""Entry point `identify`: the servo of every joint, or a robot with masses, from logs."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._progress import Progress, Step, under
+from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
+from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
+from armcontour.identification.bodies.checking import arranged
 from armcontour.identification.choosing import choose
 from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import described, nothing, why_still
 from armcontour.identification.fitting import Data
 from armcontour.identification.results import Identification, JointIdentification
 from armcontour.motion.log import INTERPOLATIONS, Log
+from armcontour.servo import ServoModel
 
 MODELS = ("auto", "second", "first")
 # Range of the search for dead times [s]: up to LONGEST_DELAY, and down to BELOW_ZERO below zero, so
@@ -24,44 +31,136 @@ BELOW_ZERO = 10e-3
 INTERVALS = (1e-6, 0.1)
 
 
+# Cycle time of the drives [s] that is assumed: 4 kHz is usual. The longest one, half of which is
+# small against the time constant of a velocity loop.
+DRIVE_CYCLE, LONGEST_CYCLE = 2.5e-4, 2e-3
+
+
+@overload
 def identify(
     log: Log,
     *,
+    arm: None = None,
     model: str = "auto",
     interpolation: str | None = None,
     longest_dead_time: float = LONGEST_DELAY,
     progress: Progress | None = None,
-) -> Identification:
-    """Identify gains, dead time and acceleration limit of every joint from a log.
+) -> Identification: ...
 
-    The model of a joint is `ddq = sat(K_v (K_p (u(t - dead time) - q) - dq))`, or the lag
+
+@overload
+def identify(
+    log: Log | Sequence[Log],
+    *,
+    arm: Arm,
+    servo: ServoModel | None = None,
+    gravity: str | None = None,
+    drive_cycle: float | None = None,
+    interpolation: str | None = None,
+    longest_dead_time: float = LONGEST_DELAY,
+    progress: Progress | None = None,
+) -> RobotIdentification: ...
+
+
+def identify(
+    log: Log | Sequence[Log],
+    *,
+    arm: Arm | None = None,
+    servo: ServoModel | None = None,
+    gravity: str | None = None,
+    drive_cycle: float | None = None,
+    model: str = "auto",
+    interpolation: str | None = None,
+    longest_dead_time: float = LONGEST_DELAY,
+    progress: Progress | None = None,
+) -> Identification | RobotIdentification:
+    """Identify a servo from a log, or with an arm its payload, friction and drives from logs.
+
+    Without an arm, the model of a joint is
+    `ddq = sat(K_v (K_p (u(t - dead time) - q) - dq))`, or the lag
     `dq = K_p (u(t - dead time) - q)`. The model is simulated exactly from the set-points. The
     estimates minimize the sum of squared residuals.
 
+    With an arm that has masses, the model is its rigid bodies, moved by drives with the torques
+    `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
+    friction and a payload. What the logs do not tell keeps its nominal value.
+
     Args:
-        log: The log, with set-points and measured positions.
-        model: "second", "first", or "auto", which takes the lag unless the log supports the second
-            order.
+        log: The log, with set-points and measured positions; with an arm also several logs.
+        arm: The nominal arm, with masses; it gives what is nominal of payload, friction and drive
+            inertias.
+        servo: With an arm: the nominal servo, of order "second". Its K_v is kept, since a log shows
+            only the sum of J K_v and viscous friction; without it friction is kept, and K_v sought.
+        gravity: With an arm: what the controller adds against gravity, the torque of the "nominal"
+            arm, of the arm with its load as it is ("loaded"), or "none"; by default what the logs
+            speak for.
+        drive_cycle: With an arm: time for which the drives keep their torque [s]; by default
+            0.25 ms.
+        model: Without an arm: "second", "first", or "auto", which takes the lag unless the log
+            supports the second order.
         interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
             that of the log, else linear.
         longest_dead_time: Largest dead time of the search [s].
-        progress: Called with a step, the name of a joint, before each joint.
+        progress: Called with a step, the name of a joint or of a stage, before each.
 
     Raises:
-        InvalidInput: An unknown option, samples too far apart, or a log in which command and
-            measurement cannot belong together.
+        InvalidInput: An unknown option, samples too far apart, a log in which command and
+            measurement cannot belong together, or logs that are not of the arm.
     """
-    _checks.choice("model", model, MODELS)
-    between = _choose_interpolation(log, interpolation)
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
+    _checks.choice("model", model, MODELS)
+    if arm is None:
+        if not isinstance(log, Log):
+            raise InvalidInput("Several logs are identified together only with an arm: give arm=.")
+        for name, value in (("servo", servo), ("gravity", gravity), ("drive_cycle", drive_cycle)):
+            if value is not None:
+                raise InvalidInput(f"{name} goes with an arm with masses: give arm= too.")
+        return _identify_servo(log, model, interpolation, longest, progress)
+    if model != "auto":
+        raise InvalidInput("model is for joints without an arm: leave it out, or leave arm out.")
+    every = [arranged(x, arm) for x in ([log] if isinstance(log, Log) else log)]
+    if not every:
+        raise InvalidInput("There is no log to identify from: give at least one.")
+    if gravity is not None:
+        _checks.choice("gravity", gravity, GRAVITIES)
+    cycle = DRIVE_CYCLE
+    if drive_cycle is not None:
+        cycle = _checks.between("cycle of the drives", drive_cycle, 0.0, LONGEST_CYCLE, "s")
+    between = {_choose_interpolation(x, interpolation) for x in every}
+    if len(between) > 1:
+        raise InvalidInput("The logs are of different interpolation: identify them one by one.")
+    for x in every:
+        _refuse_interval(x)
+    return identify_robot(
+        every,
+        arm,
+        servo,
+        gravity=gravity,
+        interpolation=between.pop(),
+        delays=_delays(min(every, key=lambda x: x.t[-1] - x.t[0]), longest),
+        drive_cycle=cycle,
+        progress=progress,
+    )
+
+
+def _identify_servo(
+    log: Log, model: str, interpolation: str | None, longest: float, progress: Progress | None
+) -> Identification:
+    """Identify the servo of every joint of a log."""
+    between = _choose_interpolation(log, interpolation)
     _refuse_interval(log)
-    duration = float(log.t[-1] - log.t[0])
-    delays = (-min(BELOW_ZERO, duration / 50), min(longest, duration / 4))
+    delays = _delays(log, longest)
     tell, joints = under(progress), []
     for j in range(log.dof):
         tell(Step((log.joint_names[j],)))
         joints.append(_identify_joint(log, j, model, between == "linear", delays))
     return Identification(log=log, interpolation=between, joints=tuple(joints))
+
+
+def _delays(log: Log, longest: float) -> tuple[float, float]:
+    """Smallest and largest dead time of the search [s]."""
+    duration = float(log.t[-1] - log.t[0])
+    return -min(BELOW_ZERO, duration / 50), min(longest, duration / 4)
 
 
 def _choose_interpolation(log: Log, interpolation: str | None) -> str:

@@ -9,7 +9,12 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._version import __version__
-from armcontour.identification import Estimate, Identification, JointIdentification
+from armcontour.identification import (
+    Estimate,
+    Identification,
+    JointIdentification,
+    RobotIdentification,
+)
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -25,6 +30,13 @@ SYMBOLS = {
     "kv": "K_v",
     "dead_time": "dead time",
     "acceleration": "acceleration limit",
+    "viscous": "viscous friction",
+    "coulomb": "Coulomb friction",
+    "payload_mass": "payload, mass",
+    "payload_center_x": "payload, centre along x",
+    "payload_center_y": "payload, centre along y",
+    "payload_center_z": "payload, centre along z",
+    "armature": "inertia of drives",
 }
 # Longest segment for the spectrum [samples]: fine enough to show a resonance.
 SEGMENT = 2048
@@ -32,6 +44,42 @@ SEGMENT = 2048
 
 def render_identification(found: Identification) -> str:
     """Render the report of an identification as one HTML page without other files."""
+    joints = [
+        {
+            "joint": joint,
+            "rows": [_row(x) for x in joint.estimates],
+            "advice": [
+                f"{SYMBOLS[x.name]}: {x.advice}" for x in joint.estimates if not x.determined
+            ],
+            "figures": _figures(found, j),
+        }
+        for j, joint in enumerate(found.joints)
+    ]
+    return _render("identification.html", found=found, joints=joints)
+
+
+def render_robot(found: RobotIdentification) -> str:
+    """Render the report of the identification of a robot as one HTML page."""
+    joints = [
+        {
+            "joint": joint,
+            "rows": [_row(x) for x in joint.estimates],
+            "advice": [f"{SYMBOLS[x.name]}: {x.advice}" for x in joint.estimates if x.advice],
+            "figures": _robot_figures(found, j),
+        }
+        for j, joint in enumerate(found.joints)
+    ]
+    return _render(
+        "robot_identification.html",
+        found=found,
+        rows=[_row(x) for x in found.common],
+        advice=[f"{SYMBOLS[x.name]}: {x.advice}" for x in found.common if x.advice],
+        joints=joints,
+    )
+
+
+def _render(template: str, **values: Any) -> str:
+    """Render a page with figures."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
@@ -50,24 +98,30 @@ def render_identification(found: Identification) -> str:
             )
         )
 
-    joints = [
-        {
-            "joint": joint,
-            "rows": [_row(x) for x in joint.estimates],
-            "advice": [
-                f"{SYMBOLS[x.name]}: {x.advice}" for x in joint.estimates if not x.determined
-            ],
-            "figures": _figures(found, j),
-        }
-        for j, joint in enumerate(found.joints)
-    ]
-    return environment.get_template("identification.html").render(
-        found=found,
-        joints=joints,
-        version=__version__,
-        drawing=drawing,
-        plotly=Markup(get_plotlyjs()),
+    return environment.get_template(template).render(
+        version=__version__, drawing=drawing, plotly=Markup(get_plotlyjs()), **values
     )
+
+
+def _robot_figures(found: RobotIdentification, j: int) -> list[Any]:
+    """The figures of one joint: lag and residuals of every log."""
+    import plotly.graph_objects as go
+
+    figures, name = [], found.joints[j].name
+    for x in found.fitted:
+        figure = go.Figure()
+        command = np.interp(x.t, x.log.t, x.log.command[:, j])
+        for values, what, colour in (
+            (command - x.measured[:, j], "command less measured", EXECUTED_COLOUR),
+            (command - x.simulated[:, j], "command less simulated", PLANNED_COLOUR),
+            (x.residuals[:, j], "measured less simulated", LIMIT_COLOUR),
+        ):
+            t, y = thin(x.t, values * 1e3)
+            figure.add_trace(line(t, y, what, colour, width=1))
+        figure.update_xaxes(title="t [s]")
+        figure.update_yaxes(title="[mrad]")
+        figures.append(finish(figure, title=f"{name}, {x.log.source}: lag", height=320))
+    return figures
 
 
 def _row(x: Estimate) -> dict[str, str]:

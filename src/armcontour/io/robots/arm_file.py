@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from armcontour.arms.serial import SerialArm
 from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy
+from armcontour.io.robots import derived
 from armcontour.io.robots.tree import MOST_CHARACTERS
 
 UNITS = {
@@ -41,6 +42,9 @@ UNITS = {
     "viscous": "N m s/rad",
     "coulomb": "N m",
     "gravity": "m/s^2",
+    "payload_mass": "kg",
+    "payload_center": "m",
+    "payload_inertia": "kg m^2",
 }
 # Arm files write powers as ^2 and ^3.
 LIMITS = {
@@ -54,16 +58,22 @@ PLANAR = COMMON | {"base", "links", "tubes"}
 BODIES = ("masses", "centers", "inertias")
 OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
 SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
-KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
+KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, derived.KIND: derived.KEYS}
 
 
-def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
+def read_arm(
+    file: str,
+    content: bytes,
+    payload: Payload | None = None,
+    load: Callable[..., Arm] | None = None,
+) -> Arm:
     """Read the arm in an arm file.
 
     Args:
         file: Name of the file, for messages.
         content: Content of the file.
         payload: Payload of a planar arm; an arm in space gets its payload by `equip`.
+        load: Loads the arm that a derived one names; None where too many name each other.
 
     Raises:
         InvalidInput: Not YAML, or no description of an arm.
@@ -81,6 +91,12 @@ def read_arm(file: str, content: bytes, payload: Payload | None = None) -> Arm:
             f"{file} does not describe an arm of the kind {kind}: it takes the keys "
             f"{', '.join(sorted(known))}, not {', '.join(str(x) for x in set(data) - known)}."
         )
+    if kind == derived.KIND:
+        if load is None:
+            raise InvalidInput(
+                f"{file} names an arm file that leads back to it: name the arm that differs."
+            )
+        return derived.read_derived(file, data, lambda key, n: _array(file, key, data, n), load)
     return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
 
 

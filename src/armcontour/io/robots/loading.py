@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path as FilePath
+from typing import Any
 
 from armcontour import _files
 from armcontour._xacro.expanding import Value
@@ -16,6 +17,9 @@ from armcontour.frames import Frame
 from armcontour.io.robots.arm_file import read_arm
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
+
+# Arm files that name an arm file that names an arm file: more of them name themselves.
+MOST_DERIVED = 16
 
 
 def arm_names() -> tuple[str, ...]:
@@ -76,7 +80,7 @@ def load_arm(
                 f"The arm {name} has no other tip, base, joints to be locked, packages or "
                 "arguments: these are chosen of a .urdf or .xacro file."
             )
-        arm = _read(str(name), payload)
+        arm = _read(str(name), payload, _derived_from(payload, trust_xacro=trust_xacro))
         if limits_file is not None:
             table = table_of(arm.limits, arm.dof)
             override(table, arm.joint_names, limits_file)
@@ -104,10 +108,43 @@ def _refuse_misuse(name: object, tool: object, work: object, payload: object) ->
             )
 
 
-def _read(name: str, payload: Payload | None) -> Arm:
-    """Read a built-in arm or an arm file."""
+def _derived_from(
+    payload: Payload | None, *, trust_xacro: bool, depth: int = 0
+) -> Callable[..., Arm] | None:
+    """The function that loads the arm from which another one is derived; None if that is too deep.
+
+    Args:
+        payload: As in `read_arm`.
+        trust_xacro: Whether a .xacro file may be expanded.
+        depth: Number of files that were derived from each other before.
+    """
+    if depth == MOST_DERIVED:
+        return None
+
+    def load(name: str | FilePath, **options: Any) -> Arm:
+        if is_description(FilePath(name)):
+            return load_arm(name, trust_xacro=trust_xacro, **options)
+        if options:
+            raise InvalidInput(
+                f"The arm {name} has no other {', '.join(options)}: leave that out, or name a "
+                ".urdf or .xacro file."
+            )
+        further = _derived_from(payload, trust_xacro=trust_xacro, depth=depth + 1)
+        return _read(str(name), payload, further)
+
+    return load
+
+
+def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
+    """Read a built-in arm or an arm file.
+
+    Args:
+        name: Name of the arm or file.
+        payload: As in `read_arm`.
+        load: As in `read_arm`.
+    """
     if name.lower().endswith((".yaml", ".yml")):
-        return read_arm(name, _files.read_bytes(name, "arm file"), payload)
+        return read_arm(name, _files.read_bytes(name, "arm file"), payload, load)
     if name not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "

@@ -1,0 +1,147 @@
+"""A log on a regular grid of times, for the simulation of rigid bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray, IntArray
+from armcontour.drives import regular_times
+from armcontour.motion import Log
+
+# Longest step of the simulation [s]: 0.15 time constants of a velocity loop with K_v = 150 1/s.
+STEP = 1e-3
+# Measured positions are smoothed up to this frequency [Hz] to find where the simulation starts.
+CUT = 15.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """A log, and the grid of times on which it is simulated.
+
+    Args:
+        log: The log.
+        held: Whether each set-point is held until the next; else commands are interpolated.
+        t: The grid [s], (n,).
+        near: Smoothed measured positions on the grid [rad], (n, dof).
+        rows: Samples of the log that are compared.
+        index: Indices of the four grid times around each of them, (samples, 4).
+        weight: Their weights, (samples, 4).
+    """
+
+    log: Log
+    held: bool
+    t: FloatArray
+    near: FloatArray
+    rows: slice
+    index: IntArray
+    weight: FloatArray
+
+    @classmethod
+    def of(cls, log: Log, interpolation: str, settled: float, *, step: float = STEP) -> Recording:
+        """The recording of a log.
+
+        Args:
+            log: The log.
+            interpolation: What the controller does between set-points, "linear" or "step".
+            settled: Time after which nothing is left of where the joints started [s].
+            step: Longest time between two times of the grid [s].
+        """
+        t = regular_times(float(log.t[0]), float(log.t[-1]), step)
+        first = int(np.searchsorted(log.t, log.t[0] + settled))
+        rows = slice(first, None, max(int(step / log.interval + 1e-6), 1))
+        place = (log.t[rows] - t[0]) / (t[-1] - t[0]) * (len(t) - 1)
+        index, weight = _around(place, len(t))
+        return cls(
+            log=log,
+            held=interpolation == "step",
+            t=t,
+            near=_smoothed(log, t),
+            rows=rows,
+            index=index,
+            weight=weight,
+        )
+
+    @property
+    def step(self) -> float:
+        """Time between two times of the grid [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    @property
+    def speed(self) -> FloatArray:
+        """Joint velocities at the start [rad/s], (dof,)."""
+        return np.asarray((self.near[1] - self.near[0]) / self.step)
+
+    def command(self, delay: float) -> FloatArray:
+        """The command on the grid after a dead time [rad], (n, dof)."""
+        log, at = self.log, self.t - delay
+        if self.held:
+            # Times are rounded.
+            k = np.searchsorted(log.t, at + 1e-6 * self.step, side="right") - 1
+            return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
+        return np.stack([np.interp(at, log.t, x) for x in log.command.T], axis=1)
+
+    def smooth_command(self, delay: float) -> FloatArray:
+        """The command on the grid, if it is smooth through the set-points of the log [rad].
+
+        Args:
+            delay: Dead time [s].
+        """
+        from scipy.interpolate import CubicSpline
+
+        at = np.clip(self.t - delay, self.log.t[0], self.log.t[-1])
+        return np.asarray(CubicSpline(self.log.t, self.log.command)(at))
+
+    def sampled(self, values: FloatArray) -> FloatArray:
+        """Values on the grid, at the samples that are compared, (samples, ...)."""
+        extra = (1,) * (values.ndim - 1)
+        found = np.zeros((len(self.index), *values.shape[1:]))
+        for k in range(4):
+            found += self.weight[:, k].reshape(-1, *extra) * values[self.index[:, k]]
+        return found
+
+    @property
+    def measured(self) -> FloatArray:
+        """Measured positions that are compared [rad], (samples, dof)."""
+        return self.log.measured[self.rows]
+
+
+def _around(place: FloatArray, n: int) -> tuple[IntArray, FloatArray]:
+    """Four indices around places between 0 and n - 1, and the weights of cubic interpolation."""
+    near = np.round(place)
+    # Times of a regular log fall on the grid, but for rounding.
+    place = np.where(np.abs(place - near) < 1e-4, near, place)
+    k = np.clip(np.floor(place).astype(np.intp) - 1, 0, n - 4)
+    x = place - k
+    index = k[:, None] + np.arange(4)
+    weight = np.stack(
+        [
+            -(x - 1) * (x - 2) * (x - 3) / 6,
+            x * (x - 2) * (x - 3) / 2,
+            -x * (x - 1) * (x - 3) / 2,
+            x * (x - 1) * (x - 2) / 6,
+        ],
+        axis=1,
+    )
+    return index, weight
+
+
+def smooth(values: FloatArray, interval: float) -> FloatArray:
+    """Values without what is faster than CUT, without delay, (n, ...)."""
+    from scipy.signal import butter, sosfiltfilt
+
+    nyquist = 0.5 / interval
+    if nyquist * 0.9 <= CUT:
+        return values
+    sos = butter(2, CUT / nyquist, output="sos")
+    lead = min(len(values) - 1, int(3 / (CUT * interval)))
+    return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=lead))
+
+
+def _smoothed(log: Log, t: FloatArray) -> FloatArray:
+    """Measured positions without noise on a grid [rad], (n, dof)."""
+    from scipy.interpolate import CubicSpline
+
+    return _checks.lock_floats(CubicSpline(log.t, smooth(log.measured, log.interval))(t))

@@ -1,0 +1,172 @@
+"""Write an identified robot: an arm file, its servo as keys of a job file, and JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import yaml
+
+from armcontour._checks import FloatArray
+from armcontour._files import read_text
+from armcontour._version import __version__
+from armcontour._yaml import load
+from armcontour.errors import InvalidInput
+from armcontour.identification import Estimate, RobotIdentification
+from armcontour.io.keys import Keys, read_keys
+from armcontour.io.servo_file import OF_PARAMETER
+from armcontour.io.summary import plain
+from armcontour.servo import ServoModel
+
+OF_JOINT = "rms explained whiteness".split()
+
+
+def robot_yaml(found: RobotIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
+    """The identified arm as an arm file: another arm, with payload, friction and drive inertias.
+
+    Args:
+        found: The identification.
+        arm: The nominal arm: a built-in name, or `file` with `tip` and the like.
+        folder: Folder of the arm file, to which `file` will be relative.
+    """
+    chain = found.arm.dynamics.chain
+    base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
+    page: dict[str, Any] = {
+        "name": found.arm.name,
+        "kind": "derived",
+        "source": f"identified from {found.source} by armcontour {__version__}",
+        "arm": base,
+    }
+    load_of = chain.payload
+    if load_of is not None:
+        x, y, z = found.payload_center
+        page["payload_mass"] = _quantity(load_of.mass, "kg", [found.payload_mass])
+        page["payload_center"] = _quantity(load_of.center, "m", [x, y, z])
+        if load_of.inertia.any():
+            six = load_of.inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+            page["payload_inertia"] = _quantity(six, "kg m^2", [])
+    inertias = [x.armature for x in found.joints if x.armature is not None]
+    if found.armature is not None:
+        factor = found.armature
+        page["armature"] = _quantity(chain.armature, "kg m^2", [factor])
+        page["armature"]["source"] += " times those of the nominal arm" * factor.determined
+    else:
+        page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
+    page["viscous"] = _quantity(chain.viscous, "N m s/rad", [x.viscous for x in found.joints])
+    page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in found.joints])
+    return yaml.safe_dump(page, sort_keys=False, width=96, allow_unicode=True)
+
+
+def robot_servo_yaml(found: RobotIdentification) -> str:
+    """The key `servo` of a job file, with identified values.
+
+    Raises:
+        InvalidInput: A gain is neither told nor known.
+    """
+    servo = found.servo
+    lines = [
+        f"# Identified from {found.source} by armcontour {__version__}: goes into a job file, with "
+        "robot.yaml as its arm.",
+        "# inertia is J, by which the controller scales its loops: a log shows only its products "
+        "with gains.",
+        *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in found.joints),
+        "servo:",
+        "  order: second",
+        f"  kp: {_list(servo.kp)}    # 1/s",
+        f"  kv: {_list(servo.kv)}    # 1/s",
+        f"  inertia: {_list(servo.inertia)}    # kg m^2",
+        f"  dead_time: {_list(servo.for_joints(len(found.joints)).dead_time)}    # s",
+        f"  interpolation: {servo.interpolation}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def robot_json(found: RobotIdentification, files: Sequence[str] = ()) -> str:
+    """All results of an identification as JSON, without the samples of the logs.
+
+    Args:
+        found: The identification.
+        files: The files of the result, relative to its folder.
+    """
+    page: dict[str, Any] = {
+        "version": __version__,
+        "logs": [x.log.source for x in found.fitted],
+        "samples": sum(len(x.t) for x in found.fitted),
+        "arm": found.nominal.name,
+        "interpolation": found.interpolation,
+        "gravity_feedforward": found.gravity,
+        "determined": found.determined,
+        "not_determined": list(found.open),
+        "robot": [_plain(x) for x in found.common],
+        "joints": [
+            {
+                "name": joint.name,
+                "parameters": [_plain(x) for x in joint.estimates],
+                **{x: getattr(joint, x) for x in OF_JOINT},
+            }
+            for joint in found.joints
+        ],
+        "notes": list(found.notes),
+    }
+    if files:
+        page["files"] = list(files)
+    return json.dumps(plain(page), indent=2, allow_nan=False) + "\n"
+
+
+def read_servo(file: FilePath, dof: int) -> ServoModel:
+    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml.
+
+    Args:
+        file: The file.
+        dof: Number of joints.
+
+    Raises:
+        InvalidInput: Not YAML, no key `servo`, or values that make no servo.
+    """
+    data = load(read_text(file, "servo file"), file.name)
+    if not isinstance(data, dict) or not isinstance(data.get("servo"), dict):
+        raise InvalidInput(
+            f"{file.name} has no key servo with gains: give a job file, or the servo.yaml of an "
+            "identification."
+        )
+    servo: ServoModel = read_keys(Keys(ServoModel), data["servo"], f"{file.name}: servo")
+    return servo.for_joints(dof)
+
+
+def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
+    """Files of an arm relative to a folder."""
+    files = ("file", "joint_limits")
+    return {
+        key: FilePath(os.path.relpath(value, folder)).as_posix() if key in files else value
+        for key, value in arm.items()
+    }
+
+
+def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
+    """A quantity of an arm file, whose source says how well each value is known."""
+    array: FloatArray = values
+    rounded = plain(array)
+    told = _ranges(estimates) if estimates else ""
+    kept = [x for x in estimates if not x.determined]
+    source = f"identified, 95 % intervals: {told}" if len(kept) < len(estimates) else "nominal"
+    if not estimates:
+        source = "nominal"
+    return {"value": rounded, "unit": unit, "source": source}
+
+
+def _plain(x: Estimate) -> dict[str, Any]:
+    return {name: getattr(x, name) for name in OF_PARAMETER}
+
+
+def _list(values: Any) -> str:
+    """Numbers as a list in YAML."""
+    return "[" + ", ".join(f"{float(x):.9g}" for x in values) + "]"
+
+
+def _ranges(estimates: Sequence[Estimate]) -> str:
+    return "; ".join(
+        f"{x.low:.5g} to {x.high:.5g}" if x.determined else "nominal" for x in estimates
+    )

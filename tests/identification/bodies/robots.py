@@ -1,0 +1,58 @@
+"""Robots that are not quite their models, and logs of them, by the plant of MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import armcontour as ac
+from armcontour.motion import Log, TaughtData
+
+PERIOD = 4e-3
+NOISE = 1e-5
+HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
+COULOMB = np.array([6.0, 6.0, 4.0, 1.5, 1.5, 1.5])
+VISCOUS = np.array([8.0, 8.0, 5.0, 2.0, 2.0, 2.0])
+KP = np.array([25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
+
+
+def nominal_arm():
+    return ac.load_arm("ur5e").with_dynamics(armature=0.1)
+
+
+def true_arm(nominal, payload=None):
+    load = payload or ac.Payload(mass=2.0, center=[0.02, 0.0, 0.05])
+    return nominal.with_dynamics(payload=load, coulomb=COULOMB, viscous=VISCOUS)
+
+
+def nominal_servo():
+    return ac.ServoModel(kp=25.0, kv=150.0)
+
+
+def set_points(seed, duration, joints=(0, 1, 2, 3, 4, 5), reach=0.4):
+    """Set-points of joints that wander smoothly, from rest to rest, every 4 ms."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, duration, PERIOD)
+    window = np.clip(np.minimum(t, duration - t) / 0.5, 0, 1)
+    window = (window**3 * (10 - 15 * window + 6 * window**2))[:, None]
+    lines = np.arange(1, int(1.0 * duration) + 1) / duration
+    phase = rng.uniform(0, 2 * np.pi, (len(lines), len(HOME)))
+    size = rng.normal(size=(len(lines), len(HOME))) / np.sqrt(len(lines))
+    waves = np.einsum(
+        "kj,tkj->tj", size, np.sin(2 * np.pi * lines[:, None] * t[:, None, None] + phase)
+    )
+    moves = np.isin(np.arange(len(HOME)), joints)
+    return HOME + reach * window * waves * moves
+
+
+def record(arm, servo, q, *, every=4, noise=NOISE, seed=0, **options):
+    """A log of set-points that a plant executed, a sample every so many milliseconds."""
+    plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), nominal_arm())
+    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    limits = ac.Limits(joint_torque=np.full(len(HOME), 1e4))
+    plant = ac.RigidBodyPlant(arm, servo, limits, noise=noise, seed=seed, **options)
+    done = ac.execute(taught, plant)
+    n = int((len(q) - 1) * PERIOD / 1e-3) + 1
+    t = done.t[:n:every]
+    command = np.stack([np.interp(t, taught.t, x) for x in q.T], axis=1)
+    shaken = np.random.default_rng(seed + 1000).normal(0, noise, (len(t), len(HOME)))
+    return Log(t=t, command=command, measured=done.q[:n:every] + shaken, source="run.csv")
