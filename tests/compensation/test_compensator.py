@@ -145,7 +145,10 @@ def test_input_is_left_alone_and_time_shifts_do_nothing(uneven, method):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"method": "magic"}, ("method", "inverse, pole_placement, none", "'magic'")),
+        (
+            {"method": "magic"},
+            ("method", "inverse, pole_placement, inverse_dynamics, none", "'magic'"),
+        ),
         ({"method": "inverse", "poles": [-1, -1, -1]}, ("inverse takes no options", "not poles")),
         ({"method": "pole_placement", "pole": 1}, ("takes the option poles", "not pole")),
         ({"period": 0.0}, ("command interval", "above zero")),

@@ -61,6 +61,24 @@ def test_a_good_job_is_read_in_si_units() -> None:
     np.testing.assert_array_equal(job.servo.kp, [25, 25])
 
 
+@pytest.mark.parametrize(
+    ("given", "experiment", "expected"),
+    [
+        ({}, None, True),
+        ({}, {}, True),
+        ({}, {"gravity_feedforward": False}, False),
+        ({}, {"gravity_feedforward": False, "runs": []}, True),
+        ({"gravity_feedforward": False}, {}, False),
+    ],
+)
+def test_gravity_is_fed_forward_as_in_the_experiment(given, experiment, expected) -> None:
+    compensation = {"method": "inverse_dynamics", **given}
+    runs = {"one": {"compensation": compensation}}
+    text = yaml.safe_dump({**GOOD, "runs": runs, "experiment": experiment})
+    (run,) = parse_job(text).runs
+    assert run.compensation_options == {"gravity_feedforward": expected}
+
+
 def test_a_run_takes_from_the_job_what_it_does_not_say() -> None:
     run = {
         "timing": {"method": "conventional"},
@@ -143,7 +161,11 @@ def test_lines_and_arcs() -> None:
         ("corners", "round", "corners: must be a mapping of keys or sharp, not 'round'.$"),
         ("runs.one", [], r"runs.one: must be a mapping of keys, not \[\].$"),
         ("runs.one.timing.method", "fast", "runs.one.timing.method: must be optimal, mac or conv"),
-        ("runs.one.compensation", {"method": "full"}, "method: must be inverse, pole_placement or"),
+        (
+            "runs.one.compensation",
+            {"method": "full"},
+            "method: must be inverse, pole_placement, inverse_dynamics or",
+        ),
         (
             "runs.one.compensation",
             {"poles": [-1, -1]},
@@ -158,6 +180,11 @@ def test_lines_and_arcs() -> None:
             "runs.one.compensation",
             {"method": "inverse", "poles": [-1, -1, -1]},
             "runs.one.compensation.poles goes with the method pole_placement, not inverse.$",
+        ),
+        (
+            "runs.one.compensation",
+            {"method": "inverse", "gravity_feedforward": False},
+            "compensation.gravity_feedforward goes with the method inverse_dynamics, not inverse.$",
         ),
         ("runs.one.timing.intervals", 50, "timing.intervals goes with the method optimal, not mac"),
         ("runs.one.timing.knots", 1, "runs.one.timing.knots: must be at least 8, but is 1.$"),

@@ -77,6 +77,7 @@ class Robot:
             self.model,
             method=self.run.compensation,
             period=self.run.period if period is None else period,
+            arm=self.arm,
             memory=self.memory,
             **self.run.compensation_options,
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Limits
+from armcontour.arms import Arm, Limits
 from armcontour.compensation.command_limits import refuse_commands
 from armcontour.compensation.set_points import (
     SETTLING,
@@ -24,8 +24,9 @@ from armcontour.servo import ServoModel
 
 # Memory per set-point and joint during computation [bytes], measured: mostly states of the
 # compensator's filter and the polynomials of its input.
-SET_POINT = {"pole_placement": 230.0, "inverse": 100.0, "none": 60.0}
-METHODS = ("inverse", "pole_placement", "none")
+SET_POINT = {"pole_placement": 230.0, "inverse_dynamics": 200.0, "inverse": 175.0, "none": 145.0}
+METHODS = ("inverse", "pole_placement", "inverse_dynamics", "none")
+OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward",)}
 
 
 def compensate(
@@ -34,6 +35,7 @@ def compensate(
     *,
     method: str = "pole_placement",
     period: float = 4e-3,
+    arm: Arm | None = None,
     limits: Limits | None = None,
     memory: float = _memory.DEFAULT,
     **options: Any,
@@ -49,17 +51,22 @@ def compensate(
         method: "pole_placement" is the paper's compensator (26). "inverse" is the exact inverse of
             the unsaturated servo, from the trajectory's derivatives (right-sided where they jump);
             the servo saturates if accelerations jump at their limits. The first set-point, one
-            interval before time 0, is the start of the plan. "none" is the trajectory
-            itself, without time advance.
+            interval before time 0, is the start of the plan. "inverse_dynamics" is the inverse of
+            drives that move the bodies of `arm`, for plans without jumps of acceleration (`smooth`
+            them); its first and last set-points hold the arm at both ends of the plan. "none" is
+            the trajectory itself, without time advance.
         period: Command interval [s].
+        arm: The nominal arm, for "inverse_dynamics"; other methods do not use it.
         limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
             must not move faster than joint_velocity. By default they are not checked.
         memory: Memory that the computation may use [bytes].
-        options: For "pole_placement": `poles` [1/s].
+        options: For "pole_placement": `poles` [1/s]. For "inverse_dynamics": `gravity_feedforward`,
+            whether the controller adds the gravity torque, True by default.
 
     Raises:
         InvalidInput: A method or option is unknown, gains do not fit the joints or the interval,
-            or the set-points need too much memory.
+            the set-points need too much memory, or "inverse_dynamics" has no arm with masses or
+            a servo of first order.
         CompensationError: Poles are not stable, the servo is of first order for pole placement, or
             set-points exceed the limits.
     """
@@ -70,7 +77,7 @@ def compensate(
     model.refuse_too_fast(interval)
     count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
     _refuse_too_many(count, count * trajectory.dof * SET_POINT[method], interval, memory)
-    start, q = _set_points(trajectory, model, interval, method, options)
+    start, q = _set_points(trajectory, model, interval, method, arm, options)
     taught = TaughtData(
         period=interval, q=q, trajectory=trajectory, method=method, start_time=start
     )
@@ -80,13 +87,11 @@ def compensate(
 
 
 def _refuse_options(method: str, options: dict[str, Any]) -> None:
-    known = ("poles",) if method == "pole_placement" else ()
+    known = OPTIONS.get(method, ())
     unknown = sorted(set(options) - set(known))
     if unknown:
-        raise InvalidInput(
-            f"The method {method} takes {'the option poles' if known else 'no options'}, "
-            f"not {unknown[0]}."
-        )
+        takes = f"the option {known[0]}" if known else "no options"
+        raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
 
 
 def _refuse_too_many(count: float, size: float, period: float, memory: float) -> None:
@@ -100,13 +105,22 @@ def _refuse_too_many(count: float, size: float, period: float, memory: float) ->
 
 
 def _set_points(
-    trajectory: Trajectory, servo: ServoModel, period: float, method: str, options: dict[str, Any]
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    method: str,
+    arm: Arm | None,
+    options: dict[str, Any],
 ) -> tuple[float, FloatArray]:
     """Time of the first set-point [s], and set-points, (n, dof) [rad]."""
     if method == "pole_placement":
         from armcontour.compensation.pole_placement import pole_placement
 
         return pole_placement(trajectory, servo, period, **options)
+    if method == "inverse_dynamics":
+        from armcontour.compensation.inverse_dynamics import inverse_dynamics
+
+        return inverse_dynamics(trajectory, servo, period, arm, **options)
     if method == "inverse":
         return _inverse(trajectory, servo, period)
     return 0.0, _as_planned(trajectory, period)
@@ -159,7 +173,7 @@ def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[
     start = trajectory(np.zeros(1))
     first = inverse_servo(servo, start, trajectory(np.zeros(1), 1), trajectory(np.zeros(1), 2))
     # The arm stands still at the first set-point, so that must be the start of the plan.
-    least = 0 if np.array_equal(first, start) else 1
+    from_rest = not np.array_equal(first, start)
     return advance_set_points(
-        trajectory, time_advances(servo, period), period, command, least=least
+        trajectory, time_advances(servo, period), period, command, from_rest=from_rest
     )

@@ -71,13 +71,14 @@ def advance_set_points(
     period: float,
     command: Callable[[SetPointTimes, IntArray], FloatArray],
     *,
-    least: int = 0,
+    hold: FloatArray | None = None,
+    from_rest: bool = False,
 ) -> tuple[float, FloatArray]:
     """Set-points with a time advance per joint.
 
     The set-point at time t belongs to the plan's time t + lead. The set-points start before time 0
     by as many intervals as the largest time advance needs; a joint with a smaller time advance
-    stays at the start of the plan first.
+    stays where it holds at the start of the plan first.
 
     Args:
         trajectory: Trajectory that the joints should follow.
@@ -85,18 +86,22 @@ def advance_set_points(
         period: Command interval [s].
         command: Function that computes the set-points of the joints with given indices, (k,), at
             given times and after the end [rad], (n, k).
-        least: Smallest number of set-points before time 0.
+        hold: Set-point that holds the arm at the start of the plan [rad], (dof,); by default the
+            start itself.
+        from_rest: Whether every joint has a set-point that holds it before the plan's time 0.
 
     Returns:
         Time of the first set-point, not above 0 [s], and set-points [rad], (n, dof).
     """
-    early = max(least, int(np.ceil(lead.max() / period - SNAP)))
+    whole = lead.max() / period
+    early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
+    start = trajectory(0.0) if hold is None else hold
     columns: dict[int, FloatArray] = {}
     for own in np.unique(lead):
         joints = np.flatnonzero(lead == own)
         times = set_point_times(trajectory, period, min(float(own) - early * period, 0.0))
-        hold = np.tile(trajectory(0.0)[joints], (times.before, 1))
-        found = np.concatenate([hold, command(times, joints)])
+        still = np.tile(start[joints], (times.before, 1))
+        found = np.concatenate([still, command(times, joints)])
         columns |= dict(zip(joints.tolist(), found.T, strict=True))
     length = max(len(x) for x in columns.values())
     # A joint whose command ends earlier keeps its last set-point.

@@ -15,7 +15,13 @@ from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.job_arm import arm_of
-from armcontour.io.job_model import ExperimentModel, JobModel, PublishedModel, RunModel
+from armcontour.io.job_model import (
+    CompensationModel,
+    ExperimentModel,
+    JobModel,
+    PublishedModel,
+    RunModel,
+)
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import path_of
 from armcontour.io.job_process import add_process
@@ -26,7 +32,7 @@ from armcontour.servo import ServoModel
 Model = TypeVar("Model", bound=JobModel)
 # The method of each option.
 TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
-COMPENSATION_OPTIONS = {"poles": "pole_placement"}
+COMPENSATION_OPTIONS = {"poles": "pole_placement", "gravity_feedforward": "inverse_dynamics"}
 
 
 def read_job(
@@ -184,7 +190,8 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     if not isinstance(corners, str) and corners.tolerance is None:
         _refuse_no_speed(f"runs.{name}." if model.corners else "", corners, limits)
     _refuse_options(f"runs.{name}", model)
-    timing, poles = model.timing, model.compensation.poles
+    timing = model.timing
+    experiment = _experiment(name, job.experiment, arm)
     period = job.command_interval if model.command_interval is None else model.command_interval
     options: dict[str, float | None] = {"knots": timing.knots, "intervals": timing.intervals}
     if timing.method == "mac":
@@ -197,13 +204,25 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         rounding=None if isinstance(corners, str) else corners,
         period=period,
         timing_options={key: value for key, value in options.items() if value is not None},
-        compensation_options={} if poles is None else {"poles": poles},
+        compensation_options=_compensation_options(model.compensation, experiment),
         until=model.until,
         duration=model.duration,
         reserve=timing.reserve,
         ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
-        experiment=_experiment(name, job.experiment, arm),
+        experiment=experiment,
     )
+
+
+def _compensation_options(
+    model: CompensationModel, experiment: Experiment | None
+) -> dict[str, Any]:
+    """Options of the compensation; gravity is fed forward as on the simulated rigid bodies."""
+    if model.method == "inverse_dynamics":
+        fed = model.gravity_feedforward
+        if fed is None:
+            fed = experiment is None or experiment.gravity_feedforward
+        return {"gravity_feedforward": fed}
+    return {} if model.poles is None else {"poles": model.poles}
 
 
 def _override_limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:

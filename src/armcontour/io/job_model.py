@@ -314,13 +314,17 @@ class CompensationModel:
     """How the servo's delay is compensated.
 
     Args:
-        method: The servo's exact inverse, or pole placement (servo of order second only).
+        method: The servo's exact inverse, pole placement (servo of order second only), the inverse
+            of drives that move the arm's bodies (arm with masses, servo of order second), or none.
         poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
             joint.
+        gravity_feedforward: For inverse_dynamics, whether the controller adds the gravity torque;
+            by default as in the experiment, or true without an experiment.
     """
 
     method: Annotated[str, Choice(compensator.METHODS)] = "pole_placement"
     poles: Poles | list[Poles] | None = None
+    gravity_feedforward: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

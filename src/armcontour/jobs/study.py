@@ -305,6 +305,7 @@ def _teach(
         job.servo,
         method=this.compensation,
         period=this.period,
+        arm=job.arm,
         memory=job.memory,
         **this.compensation_options,
     )
