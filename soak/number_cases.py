@@ -194,6 +194,21 @@ _CERTIFIED = {
     "seed": 0,
     "slowest": 2.0,
 }
+_ON_BODIES = {
+    "plant": "rigid_body",
+    "servo": 2e-3,
+    "samples": 20,
+    "bodies": 2,
+    "corners": 2,
+    "box": {
+        "payload": [0.0, 0.1],
+        "viscous": 0.1,
+        "coulomb": 0.05,
+        "friction": [0.0, 1.0],
+        "armature": 0.0,
+    },
+}
+_INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
 _FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.0, "settled": 1.5}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
 # The schema allows them, but what they stand in is refused whatever the number is.
@@ -232,6 +247,8 @@ BASES: list[dict[str, Any]] = [
         },
     ),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
+    _with(PLANE, limits={"joint_torque": 50.0}, certificate=_ON_BODIES, runs=_INVERSE),
+    _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
     _with(PLANE, runs={"one": {"timing": {"method": "mac", "knots": 50, "intervals": None}}}),
     _with(PLANE, runs={"one": {"compensation": {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
@@ -390,7 +407,7 @@ FORMS: dict[str, tuple[str, ...]] = {
 TEXTS = {
     "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--out", "--output", "--package", "--path", "--run", "--skip", "--taught",
+    "--model", "--out", "--output", "--package", "--path", "--plant", "--run", "--skip", "--taught",
     "--template", "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 

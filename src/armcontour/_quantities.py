@@ -66,6 +66,11 @@ Memory = Annotated[float, Quantity("byte", "4 GB", "positive")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
+VISCOUS = Quantity("N m s/rad", "8 N m s/rad", "not negative")
+COULOMB = Quantity("N m", "6 N m", "not negative")
+MORE_PAYLOAD = Quantity("kg", "2 kg")
+SHARE = Quantity("1", "50 %")
+LARGEST_SHARE = Quantity("1", "10 %", "not negative")
 # One value for all joints, or one per joint.
 JointAngles = Annotated[FloatArray, Quantity("rad", "90 deg")]
 JointVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "positive")]
@@ -74,8 +79,8 @@ JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive
 JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive")]
 JointInertias = Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", "positive")]
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
-ViscousFrictions = Annotated[FloatArray, Quantity("N m s/rad", "8 N m s/rad", "not negative")]
-CoulombFrictions = Annotated[FloatArray, Quantity("N m", "6 N m", "not negative")]
+ViscousFrictions = Annotated[FloatArray, VISCOUS]
+CoulombFrictions = Annotated[FloatArray, COULOMB]
 JointStiffnesses = Annotated[FloatArray, Quantity("N m/rad", "2e4 N m/rad", "positive")]
 JointDampings = Annotated[FloatArray, Quantity("N m s/rad", "2 N m s/rad", "not negative")]
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive")]

@@ -126,6 +126,10 @@ class Arm(Locked, ABC):
             changes["payload"] = payload
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the dynamics, which are a library's and computed anew."""
+        return {name: x for name, x in vars(self).items() if name != "dynamics"}
+
     def _copy(self, **changes: Any) -> Self:
         other = copy.copy(self)
         if "chain" in changes:

@@ -1,5 +1,6 @@
 """Certificates: the fastest motion that keeps a goal on every robot of a box; sweeps of them."""
 
+from armcontour.certification._bodies import LinearFigures
 from armcontour.certification.certificate import (
     Budget,
     Certificate,
@@ -13,6 +14,7 @@ __all__ = [
     "Budget",
     "Certificate",
     "ContourCertificate",
+    "LinearFigures",
     "Sweep",
     "SweepPoint",
     "Uncertified",

@@ -46,16 +46,14 @@ def refuse(search: Search) -> NoReturn:
             needed=ratio,
             allowed=1.0,
         )
+    if kind == "torque":
+        _refuse_torque(search, ratio, slow)
     if kind == "tool":
         _refuse_tool_speed(search, ratio, slow, f"take {shorter}")
     # Trials with a smaller error exceeded another limit.
     reached = search.reached if search.reached > setting.budget else ratio * setting.budget
     over = " of the worst robot of the box" if kind == "box" else ""
-    mend = (
-        "know the robot more closely (a smaller box), slow down the assigned velocity"
-        if kind == "box"
-        else f"take {shorter}"
-    )
+    mend = _mend_box(search) if kind == "box" else f"take {shorter}"
     raise NotRealizable(
         f"No plan {slow} is certified: the largest contour error{over} comes down to "
         f"{reached * 1e3:.4g} mm, and {setting.budget * 1e3:.4g} mm is allowed: {mend}, "
@@ -63,6 +61,41 @@ def refuse(search: Search) -> NoReturn:
         limit="contour error",
         needed=reached,
         allowed=setting.budget,
+    )
+
+
+def _mend_box(search: Search) -> str:
+    """What helps against errors over a box; on rigid bodies, what each unknown takes first."""
+    closer = "know the robot more closely (a smaller box), slow down the assigned velocity"
+    if search.shares is None:
+        return closer
+    largest = sorted(search.shares.items(), key=lambda x: -x[1])
+    parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > 0)
+    box, first = search.setting.box, largest[0][0]
+    if first == "payload" and box is not None and not box.payload_known:
+        closer = f"let the controller weigh its payload (payload_known: true), or {closer}"
+    return f"of it, in the linear model, {parts}; {closer}"
+
+
+def _refuse_torque(search: Search, ratio: float, slow: str) -> NoReturn:
+    """Refuse a certificate because drives of rigid bodies saturate.
+
+    Raises:
+        NotRealizable: Always.
+    """
+    limits = search.setting.limits
+    mend = (
+        "raise joint_torque"
+        if limits.joint_torque is not None
+        else "give the limits joint_torque (without it drives are as strong as the acceleration "
+        "limits need them, with no friction and no payload)"
+    )
+    raise NotRealizable(
+        f"No plan {slow} is certified: a robot's drive would need {ratio:.4g} times its torque "
+        f"limit: {mend}, lower the acceleration limits, or take a smaller box.",
+        limit="joint_torque",
+        needed=ratio,
+        allowed=1.0,
     )
 
 

@@ -15,6 +15,13 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.certification._approach import Approach
+from armcontour.certification._bodies import (
+    LinearFigures,
+    execute_bodies,
+    figures,
+    torque_ratio,
+    uses_on_bodies,
+)
 from armcontour.certification._derating import Derating, plan_derated
 from armcontour.certification._proving import KEPT, bound_uses
 from armcontour.certification._uses import (
@@ -56,13 +63,21 @@ ERROR_POWER = 1 / 3
 LARGEST_STEP = 0.7
 # A tool that is too fast for its place still has what it had this many time constants before.
 LASTING = 8.0
+# A body that is off has what its plan did this many time constants of its position loops before.
+LAGGING = 2.0
 # Where saturation is allowed an error has its cause anywhere before it, so accelerations are
 # derated everywhere alike, to this share of what was left of them at a time; the share that does is
 # then found to this ratio.
 COARSE_SHARE = 0.85
 SHARE_PRECISION = 1.005
-# A plan that is kept was judged at this resolution [s].
-RESOLUTION = 1e-4
+# On rigid bodies: moving averages in command intervals and in time constants of the velocity loops;
+# longer ones are tried while the nominal robot takes more than NOMINAL of the budget. Of the box,
+# FIRST_CORNERS corners judge each plan that the linear model takes, and all corners the best one.
+BODY_WINDOWS = ((1.0, 0.0), (0.0, 1.5), (0.0, 3.0), (0.0, 6.0))
+NOMINAL = 0.1
+FIRST_CORNERS = 8
+# After a drive saturated, torque limits are lowered by this ratio at least.
+SPARE = 1.01
 # Places per interval at which the plan is checked against its limits between all samples.
 POINTS = 5
 # Limits that a search derates place by place; of others it takes a share everywhere.
@@ -109,6 +124,7 @@ class Kept:
         check: Of the plan against all of its limits.
         spread: Robots drawn from the box, if there is one and the plan is the best.
         corners: The corners of the box, if there is one.
+        linear: Figures of the linear model of rigid bodies, if the plan is the best.
     """
 
     trial: Trial
@@ -117,6 +133,7 @@ class Kept:
     check: Check
     spread: Spread | None
     corners: Spread | None
+    linear: LinearFigures | None = None
 
     @property
     def worst(self) -> float:
@@ -147,6 +164,10 @@ class Search:
         in_time: Whether the last trial was faster than the best so far, and than the slowest.
         best: The fastest plan so far that holds everything.
         box_goal: At which share of the budget trials aim over the box.
+        torque_goal: Which share of torque limits trials use, for what the box adds.
+        shares: Parts of the contour error of the worst robot of the box in the last trial, by kinds
+            of unknowns [m]; None of servos.
+        known_derating: What the box needs derated on rigid bodies, by windows.
         tightness: What trials aim at, as shares of what is allowed.
     """
 
@@ -164,6 +185,9 @@ class Search:
     in_time: bool = True
     best: Kept | None = None
     box_goal: float = ERROR_GOAL
+    torque_goal: float = 1.0
+    shares: dict[str, float] | None = None
+    known_derating: dict[tuple[float, ...], Derating] = field(default_factory=dict)
     tightness: dict[str, float] = field(default_factory=dict)
 
     def fastest(self) -> Kept | None:
@@ -174,22 +198,59 @@ class Search:
         """
         for _ in range(MOST_DRAWS):
             best = self._best_of_windows()
-            if best is None or self.setting.box is None:
+            if best is None or (self.setting.box is None and not self.setting.bodies):
                 return best
-            self.progress(Step((f"{self.goal.samples} robots of the box",)))
-            drawn = self.setting.execute_drawn(best.trial.taught, self.goal.samples, self.goal.seed)
-            worst = float(drawn.max.max())
-            if worst <= self.setting.budget:
-                return replace(best, spread=drawn)
-            self.binds = ("box", worst / self.setting.budget)
-            self.box_goal *= ERROR_GOAL * self.setting.budget / worst
+            best = self._draw_bodies(best) if self.setting.bodies else self._draw(best)
+            saturated = [
+                x for x in (best.corners, best.spread) if x is not None and x.saturated.any()
+            ]
+            if self.setting.bodies and saturated:
+                ratio = max(float(x.demand_ratio.max()) for x in saturated)
+                left = self._spare_torque(best.trial.factors, ratio)
+                if left is None:
+                    return None
+                self.torque_goal, self.best = left["joint_torque"], None
+                continue
+            if self.setting.bodies:
+                # What was derated stays derated.
+                self.known_derating[best.trial.windows] = best.trial.derating
+            if best.worst <= self.setting.budget:
+                return best
+            self.binds = ("box", best.worst / self.setting.budget)
+            self.box_goal = self._closer_box(best.trial, best.worst, self.box_goal)
             self.best = None
         return None
 
+    def _draw(self, best: Kept) -> Kept:
+        """The best plan with robots drawn from the box."""
+        self.progress(Step((f"{self.goal.samples} robots of the box",)))
+        drawn = self.setting.execute_drawn(best.trial.taught, self.goal.samples, self.goal.seed)
+        return replace(best, spread=drawn)
+
+    def _draw_bodies(self, best: Kept) -> Kept:
+        """The best plan with corners of the box and robots drawn from it, as rigid bodies."""
+        goal, linear = self.goal, best.trial.uses.linear
+        assert linear is not None
+        best = replace(best, linear=figures(linear, goal.samples, goal.seed))
+        if self.setting.box is None:
+            return best
+        best = replace(best, corners=self._execute_bodies(best.trial, linear.corners(goal.corners)))
+        if best.worst > self.setting.budget:
+            return best
+        drawn = linear.across.unknowns.draw(goal.bodies, goal.seed)
+        return replace(best, spread=self._execute_bodies(best.trial, drawn, goal.seed))
+
+    def _execute_bodies(self, trial: Trial, errors: FloatArray, seed: int | None = None) -> Spread:
+        """Execute a trial on robots of the box as rigid bodies."""
+        linear = trial.uses.linear
+        assert linear is not None
+        return execute_bodies(
+            self.setting, trial.taught, linear, errors, progress=self.progress, seed=seed
+        )
+
     def _best_of_windows(self) -> Kept | None:
         """The fastest plan that holds the goal on the corners of the box, of all windows."""
-        for multiples in WINDOWS[self.goal.saturation]:
-            windows = tuple(x * self.setting.run.period for x in multiples)
+        for windows in self._windows():
             # The plan with nothing derated is a bound of the time with these windows.
             if self.best is not None and self.optimum + sum(windows) >= self.best_time:
                 continue
@@ -197,7 +258,25 @@ class Search:
             found = settle(windows)
             if found is not None and found.trial.trajectory.duration < self.best_time:
                 self.best = found
+            if self.setting.bodies and self._smooth_enough(found):
+                break
         return self.best
+
+    def _windows(self) -> list[tuple[float, ...]]:
+        """Lengths of moving averages to try [s]."""
+        period, kv = self.setting.run.period, self.setting.servo.kv
+        if self.setting.bodies and kv is not None:
+            slowest = 1 / float(kv.min())
+            found = [(max(a * period + b * slowest, period),) for a, b in BODY_WINDOWS]
+            return sorted(dict.fromkeys(found))
+        multiples = WINDOWS[self.goal.saturation]
+        return [tuple(x * period for x in windows) for windows in multiples]
+
+    def _smooth_enough(self, found: Kept | None) -> bool:
+        """Whether more smoothing of a plan on rigid bodies is of no use: others bind."""
+        if found is None:
+            return self.binds[0] in ("box", "torque")
+        return found.judged.largest <= NOMINAL * self.setting.budget
 
     @property
     def best_time(self) -> float:
@@ -225,9 +304,11 @@ class Search:
             windows: Of the moving averages [s].
             share: What is left of accelerations from the beginning.
         """
-        nothing = Derating.nothing(self.joint_path, self.intervals)
+        nothing = self.known_derating.get(windows) or Derating.nothing(
+            self.joint_path, self.intervals
+        )
         derating = replace(nothing, share=share * nothing.share)
-        factors: Mapping[str, float] = {}
+        factors = {} if self.torque_goal == 1.0 else {"joint_torque": self.torque_goal}
         self.tightness = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL}
         self.tightness |= {"error": ERROR_GOAL, "box": self.box_goal}
         self.tightness = {name: x * self.margin for name, x in self.tightness.items()}
@@ -270,7 +351,9 @@ class Search:
             plan=plan,
             trajectory=trajectory,
             taught=taught,
-            uses=uses_of(setting, taught, run(setting, taught)),
+            uses=uses_on_bodies(setting, taught)
+            if setting.bodies
+            else uses_of(setting, taught, run(setting, taught)),
         )
 
     def _judge(self, trial: Trial) -> Kept | dict[str, float] | None:
@@ -290,8 +373,10 @@ class Search:
         if over:
             return factors
         executed = execute(
-            trial.taught, setting.plant(), resolution=RESOLUTION, memory=setting.memory
+            trial.taught, setting.plant(), resolution=setting.resolution, memory=setting.memory
         )
+        if setting.bodies and executed.saturated_time.any():
+            return self._spare_torque(trial.factors, torque_ratio(setting, executed))
         judged = setting.judge(executed)
         error = max(judged.largest / setting.budget, judged.error.rms / (setting.rms or np.inf))
         if error > 1.0:
@@ -308,12 +393,44 @@ class Search:
         )
         if setting.box is None:
             return kept
-        corners = setting.execute_corners(trial.taught)
+        if trial.uses.linear is None:
+            corners = setting.execute_corners(trial.taught)
+        else:
+            few = min(FIRST_CORNERS, self.goal.corners)
+            corners = self._execute_bodies(trial, trial.uses.linear.corners(few))
+        if setting.bodies and corners.saturated.any():
+            return self._spare_torque(trial.factors, float(corners.demand_ratio.max()))
         worst = float(corners.max.max())
         if worst <= setting.budget:
             return replace(kept, corners=corners)
-        self.tightness["box"] *= ERROR_GOAL * setting.budget / worst
+        self.tightness["box"] = self._closer_box(trial, worst, self.tightness["box"])
         return factors
+
+    def _closer_box(self, trial: Trial, worst: float, goal: float) -> float:
+        """At which share of the budget the next trials aim over the box.
+
+        Args:
+            trial: A trial with a robot that is outside.
+            worst: Largest contour error of that robot [m].
+            goal: At which share that trial aimed.
+        """
+        if self.setting.bodies:
+            # A trial may be nearer to its limits than it aimed at.
+            goal = min(goal, trial.uses.worst()["box"])
+        return goal * ERROR_GOAL * self.setting.budget / worst
+
+    def _spare_torque(self, factors: Mapping[str, float], ratio: float) -> dict[str, float] | None:
+        """What is to be left of torque limits after a drive saturated; None without such limits.
+
+        Args:
+            factors: Shares of limits of the last trial, by the limits' names.
+            ratio: Largest torque over its limit.
+        """
+        self.binds = ("torque", max(ratio, 1.0))
+        if self.setting.limits.joint_torque is None:
+            return None
+        left = factors.get("joint_torque", 1.0) / max(ratio, SPARE)
+        return {**factors, "joint_torque": left}
 
     def _reduce_factors(
         self, factors: Mapping[str, float], over: Mapping[str, float]
@@ -342,6 +459,8 @@ class Search:
         if trial.uses.box is not None:
             error = max(error, float(trial.uses.box.max()) * self.setting.budget)
         self.reached = min(self.reached, error)
+        if trial.uses.linear is not None:
+            self.shares = trial.uses.linear.shares()
 
     def _tighten(self, trial: Trial, *, first: bool, power: int) -> Derating:
         """What to derate next: more, wherever a limit is exceeded or nearly so.
@@ -371,14 +490,18 @@ class Search:
         lags = self.setting.run.compensation == "none" or power > 1
         late = LASTING * self._memory() / 2 if lags else 0.0
         use = moment.largest(uses.tool, before=late) / tight["speed"]
-        cap = np.where(use > 1, np.minimum(cap, speed / use**power), cap)
+        cap = np.where(use > 1, np.minimum(cap, speed / np.maximum(use, 1.0) ** power), cap)
         if not self.setting.saturated:
             errors = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
             slow = np.clip(np.maximum(errors, 1.0) ** -ERROR_POWER, LARGEST_STEP, 1.0)
             share *= slow[:, None]
             cap = np.where(errors > 1, np.minimum(cap, speed * slow**2), cap)
         if uses.box is not None:
-            use = moment.largest(uses.box) / tight["box"]
+            # Bodies are late by the time constant of their position loops.
+            late = LAGGING / float(self.setting.servo.kp.min()) if self.setting.bodies else 0.0
+            use = moment.largest(uses.box, before=late) / tight["box"]
+            if self.setting.bodies:
+                share /= np.maximum(use, 1.0)[:, None]
             cap = np.where(
                 use > 1,
                 np.minimum(cap, speed * np.maximum(1 / np.maximum(use, 1.0), LARGEST_STEP) ** 2),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,13 +14,16 @@ from armcontour.arms import Arm, Limits
 from armcontour.compensation import compensate
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece
-from armcontour.execution import ServoPlant, execute
+from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
 from armcontour.execution.plant import count_intervals, refuse_too_long
+from armcontour.execution.rigid_body_plant import STEP
 from armcontour.geometry import Path
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
 from armcontour.motion.laws import path_states
-from armcontour.robustness.monte_carlo import Box, Spread, spread, worst_corner
+from armcontour.robustness.box import Box
+from armcontour.robustness.deviations import Worst
+from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
 from armcontour.timing.limit_use import States, quantity, ratio
@@ -32,6 +35,10 @@ FINEST = 1.25e-4
 BOX_PER_INTERVAL = 4
 # The tool speed of an execution may exceed the velocity assigned at its place by this share of it.
 SPEED_SLACK = 1e-3
+# A plan that is kept was judged at this resolution [s].
+RESOLUTION = 1e-4
+# Keys of an experiment that say how the robot's drives work.
+DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
 # Directions across the path in which errors over a box are added up, in space.
 DIRECTIONS = 16
 # Half of the ratio that a command outside a joint's range counts as: no speed brings it back
@@ -53,6 +60,7 @@ class Robot:
         saturated: Whether it may saturate.
         box: How far the robot may be from its model.
         run: The run: its method of compensation and command interval.
+        bodies: Whether it is rigid bodies that execute, and not servos of single joints.
         memory: What the program may take [bytes].
     """
 
@@ -63,10 +71,28 @@ class Robot:
     saturated: bool
     box: Box | None
     run: Run
+    bodies: bool = False
     memory: float = _memory.DEFAULT
 
-    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> ServoPlant:
+    @property
+    def drive_options(self) -> dict[str, Any]:
+        """Options of rigid bodies that the run's experiment gives, and a box does not."""
+        experiment = self.run.experiment
+        if experiment is None:
+            return {}
+        return {name: getattr(experiment, name) for name in DRIVE_OPTIONS}
+
+    @property
+    def resolution(self) -> float:
+        """Time between two results of an execution that judges [s]: bodies have none between."""
+        if not self.bodies:
+            return RESOLUTION
+        return max(RESOLUTION, float(self.drive_options.get("step", STEP)))
+
+    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
         """The robot, or one that never saturates."""
+        if self.bodies:
+            return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
         saturation = "none" if ideal or self.servo.order == "first" else None
         return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
 
@@ -121,7 +147,8 @@ class Setting(Robot):
             beyond=n,
             work=work,
         )
-        return judge_piece(piece, self.limits.speed)
+        # Rigid bodies are looked at in every cycle of their drives.
+        return judge_piece(piece, self.limits.speed, between=not self.bodies)
 
     def execute_corners(self, taught: TaughtData) -> Spread:
         """Taught data in the corners of the box."""
@@ -179,14 +206,20 @@ class Judged:
         return max(self.error.max, self.missed.max)
 
 
-def judge_piece(piece: Piece, limit: float | None) -> Judged:
-    """Judge a piece of an execution, with an assigned velocity of the whole path [m/s] or None."""
+def judge_piece(piece: Piece, limit: float | None, *, between: bool = True) -> Judged:
+    """Judge a piece of an execution.
+
+    Args:
+        piece: The piece.
+        limit: The assigned velocity of the whole path [m/s]; None without one.
+        between: Whether the tool speed is bounded between the times of the execution, too.
+    """
     return Judged(
         error=piece.contour_error,
         missed=piece.missed,
         over_time=np.maximum(piece.found.distance, piece.found.missed),
         missed_over_time=piece.found.missed,
-        speed=piece.speed_shares(limit, between=True),
+        speed=piece.speed_shares(limit, between=between),
     )
 
 
@@ -205,6 +238,7 @@ class Uses:
         peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
         rms: RMS contour error over its largest; 0 without one.
         largest: Largest contour error, of both directions [m].
+        linear: What the linear model of rigid bodies says of the box; None of servos.
     """
 
     t: FloatArray
@@ -217,6 +251,7 @@ class Uses:
     peak: FloatArray
     rms: float
     largest: float
+    linear: Worst | None = None
 
     def worst(self) -> dict[str, float]:
         """The largest of each."""
@@ -245,7 +280,7 @@ def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
     plan = taught.trajectory
     t = executed.t
     low, high = setting.limits.acceleration_bounds(setting.arm.dof)
-    s, planned, pace = _planned(setting, plan, t)
+    s, planned, pace = planned_uses(setting, plan, t)
     groups = [] if setting.box is None else execute_over_box(setting, taught)
     joints, peak = planned, np.zeros(setting.arm.dof)
     if not setting.saturated and setting.servo.order == "second":
@@ -256,7 +291,7 @@ def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
             joints = np.maximum(joints, _at(t, x.t, asked))
             least, most = peak_demands(x, servo, since=0.0 if setting.work else None)
             peak = np.maximum(peak, np.maximum(least / low, most / high))
-    pace = np.maximum(pace, _command(setting, taught, t))
+    pace = np.maximum(pace, command_use(setting, taught, t))
     tool, speed = np.zeros(len(t)), setting.limits.speed
     if speed is not None:
         tool = (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2
@@ -328,7 +363,7 @@ def motion(
     return s, states
 
 
-def _planned(
+def planned_uses(
     setting: Setting, plan: Trajectory, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,).
@@ -349,19 +384,27 @@ def _planned(
 def _states(
     setting: Setting, plan: Trajectory, t: FloatArray, side: Literal["left", "right"]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    limits, path = setting.limits, setting.path
+    limits = setting.limits
     s, joints = motion(plan, t, side)
     states = States(setting.arm, *joints)
     # Of ds² a velocity takes the square of its share, an acceleration its share.
     pace = (ratio("joint_velocity", limits, states) ** 2).max(axis=1)
-    own = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    if np.isfinite(own).any():
-        here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
-        speed = quantity("speed", states) / np.where(np.isnan(here), np.inf, here)
-        pace = np.maximum(pace, speed**2)
+    here = assigned_speeds(setting, s, side)
+    if np.isfinite(here).any():
+        pace = np.maximum(pace, (quantity("speed", states) / here) ** 2)
     if limits.centripetal_acceleration is not None:
         pace = np.maximum(pace, ratio("centripetal_acceleration", limits, states))
     return s, ratio("joint_acceleration", limits, states), pace
+
+
+def assigned_speeds(
+    setting: Setting, s: FloatArray, side: Literal["left", "right"] = "right"
+) -> FloatArray:
+    """Velocities that are assigned at places of the path [m/s], infinite where none is, (n,)."""
+    path, most = setting.path, setting.limits.speed
+    own = np.fmin(path.speeds, np.inf if most is None else most)
+    here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
+    return np.where(np.isnan(here), np.inf, here)
 
 
 def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
@@ -374,7 +417,7 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
 
 
-def _command(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArray:
+def command_use(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArray:
     """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
     dof = setting.arm.dof
     rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period

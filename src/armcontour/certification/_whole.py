@@ -20,7 +20,6 @@ from armcontour.certification._rapids import Derated, plan_fastest_rapid
 from armcontour.certification._refusal import refuse
 from armcontour.certification._search import (
     POINTS,
-    RESOLUTION,
     Kept,
     Search,
 )
@@ -220,7 +219,7 @@ class Assembly:
             return taught, replace(kept.execution, taught=taught), (kept.judged,), kept.check
         self.progress(Step(("the whole program",)))
         taught = robot.teach(trajectory)
-        executed = execute(taught, robot.plant(), resolution=RESOLUTION, memory=robot.memory)
+        executed = execute(taught, robot.plant(), resolution=robot.resolution, memory=robot.memory)
         pieces = pieces_of(executed, self.program, None, trajectory.duration)
         judged = tuple(judge_piece(x, robot.limits.speed) for x in pieces)
         return taught, executed, judged, check(trajectory, robot.arm, robot.limits, points=POINTS)
@@ -349,7 +348,7 @@ def _find_first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | No
 def _demands(whole: Whole) -> list[tuple[float, str, float]]:
     """Time, name and use of the acceleration limit at its largest excess; empty if allowed."""
     robot, executed = whole.robot, whole.execution
-    if robot.saturated or robot.servo.order == "first":
+    if robot.saturated or robot.bodies or robot.servo.order == "first":
         return []
     low, high = robot.limits.acceleration_bounds(robot.arm.dof)
     least, most = executed.demand_range

@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.errors import ExecutionError, InvalidInput
@@ -108,6 +109,7 @@ class ContourCertificate:
         optimum: Duration of the uncertified plan of the contour [s].
         corners: Executions in the corners of the box; None without a box.
         spread: Executions on robots drawn from the box; None without a box.
+        linear: Figures of the linear model of rigid bodies; None of servos.
         trials: Number of plans that were made.
     """
 
@@ -128,6 +130,7 @@ class ContourCertificate:
     optimum: float
     corners: Spread | None
     spread: Spread | None
+    linear: LinearFigures | None
     trials: int
 
     @property
@@ -237,6 +240,11 @@ class Certificate:
     def spread(self) -> Spread | None:
         """Robots drawn from the box, on the contour with the least left; None without a box."""
         return self.worst.spread
+
+    @property
+    def linear(self) -> LinearFigures | None:
+        """What the linear model of rigid bodies says; None of a certificate for servos."""
+        return self.worst.linear
 
     @property
     def headroom(self) -> FloatArray:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
+
+import numpy as np
 
 from armcontour._progress import Progress, Step, under
 from armcontour.certification._approach import approaches
-from armcontour.certification._search import RESOLUTION
-from armcontour.certification._uses import Robot
+from armcontour.certification._bodies import look
+from armcontour.certification._uses import Robot, Setting
 from armcontour.certification._uses import run as run_on
 from armcontour.certification._whole import Assembly, PlannedContour, Whole
 from armcontour.certification.certificate import (
@@ -29,7 +31,9 @@ from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
+from armcontour.robustness.box import Box
 from armcontour.robustness.monte_carlo import worst_corner
+from armcontour.robustness.unknowns import Unknowns
 from armcontour.timing import intervals_of, refuse_jerk
 from armcontour.timing.methods import Timing
 from armcontour.timing.program_tracing import Tracing
@@ -57,7 +61,7 @@ def certify(
 
     Whatever timing the run has, the plan is an optimal one, smoothed, and derated where needed.
     Compensation, command interval and limits are those of the run. The certificate is valid for the
-    servo of the job's plant, and for no other model.
+    job's plant: its servos, or its rigid bodies if the goal says so, and for no other model.
 
     Args:
         job: The job; its certificate is the goal.
@@ -188,8 +192,11 @@ class _Certifying:
             saturated=goal.saturation == "report",
             box=goal.box,
             run=this,
+            bodies=goal.plant == "rigid_body",
             memory=job.memory,
         )
+        if robot.bodies:
+            _refuse_other_jobs(program, robot)
         assembly = Assembly(
             job=job,
             robot=robot,
@@ -268,6 +275,7 @@ class _Certifying:
             optimum=optimum,
             corners=kept.corners,
             spread=kept.spread,
+            linear=kept.linear,
             trials=planned.trials,
         )
 
@@ -277,7 +285,12 @@ class _Certifying:
         own = setting.run.period
         period = max(own / CONTINUOUS, min(SHORTEST, own))
         smooth = planned.approach.teach(planned.trajectory, setting, period)
-        executed = run_on(setting, smooth, max(period, RESOLUTION))
+        resolution = max(period, setting.resolution)
+        executed = (
+            execute(smooth, setting.plant(), resolution=resolution, memory=setting.memory)
+            if setting.bodies
+            else run_on(setting, smooth, resolution)
+        )
         servo = setting.judge(executed).largest
         return Budget(
             rounding=rounding_part(setting.path),
@@ -301,7 +314,7 @@ class _Certifying:
         executed = execute(
             taught,
             robot.plant(),
-            resolution=min(1e-3, this.period),
+            resolution=max(min(1e-3, this.period), robot.resolution),
             memory=robot.memory,
         )
         t = executed.t
@@ -352,6 +365,8 @@ def plan_fastest(
 def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
     """Largest contour error of a plan in the corners of the box [m]."""
     assert robot.box is not None
+    if robot.bodies:
+        return _bound_on_bodies(robot, program, plan)
     worst = 0.0
     for contour, (span, approach) in zip(program.contours, approaches(plan, robot), strict=True):
         assert span.trajectory is not None and span.work is not None
@@ -369,6 +384,33 @@ def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
     return worst
 
 
+def _bound_on_bodies(robot: Robot, program: Program, plan: Trajectory) -> float:
+    """Largest contour error of a plan over the box in the linear model of rigid bodies [m]."""
+    (contour,) = program.contours
+    setting = Setting(
+        **{x.name: getattr(robot, x.name) for x in fields(Robot)},
+        path=contour.path,
+        work=None,
+        budget=np.inf,
+        rms=None,
+    )
+    return look(setting, robot.teach(plan)).across().worst().largest
+
+
+def _refuse_other_jobs(program: Program, robot: Robot) -> None:
+    """Refuse a job that certificates on rigid bodies are not made for.
+
+    Raises:
+        InvalidInput: The program has several moves, or the arm or the servo has no rigid bodies.
+    """
+    if len(program.moves) > 1:
+        raise InvalidInput(
+            f"A certificate on rigid bodies is for one contour, but this program has "
+            f"{len(program.moves)} moves: make a job of each contour, or certify with plant: servo."
+        )
+    Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
+
+
 def rounding_part(path: Path) -> float:
     """Largest corner error of a path [m]; 0 if no corner of it is rounded."""
     if not isinstance(path, RoundedPath) or not len(path.corners):
@@ -379,13 +421,13 @@ def rounding_part(path: Path) -> float:
 def model_of(robot: Robot) -> str:
     """The model of the robot for which a certificate is valid, in words."""
     servo = robot.servo
+    held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
+    if robot.bodies:
+        return _model_of_bodies(robot, held[servo.interpolation])
     parts = [
         f"independent joint servos of order {servo.order} with kp {servo.kp.tolist()} 1/s"
         + ("" if servo.kv is None else f" and kv {servo.kv.tolist()} 1/s"),
-        f"set-points every {robot.run.period * 1e3:g} ms, "
-        + {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}[
-            servo.interpolation
-        ],
+        f"set-points every {robot.run.period * 1e3:g} ms, " + held[servo.interpolation],
     ]
     if servo.dead_time.any():
         parts.append(f"dead time {(servo.dead_time * 1e3).tolist()} ms")
@@ -393,6 +435,28 @@ def model_of(robot: Robot) -> str:
         parts.append("accelerations that saturate at the joints' limits")
     if robot.box is not None:
         parts.append("and every such robot of the box that was executed")
+    return "; ".join(parts)
+
+
+def _model_of_bodies(robot: Robot, held: str) -> str:
+    """The model of rigid bodies for which a certificate is valid, in words."""
+    servo, options = robot.servo, robot.drive_options
+    assert servo.kv is not None
+    fed = options.get("gravity_feedforward", True)
+    parts = [
+        f"the rigid bodies of {robot.arm.name} with kp {servo.kp.tolist()} 1/s and kv "
+        f"{servo.kv.tolist()} 1/s, simulated by MuJoCo",
+        f"set-points every {robot.run.period * 1e3:g} ms, {held}",
+    ]
+    if servo.dead_time.any():
+        parts.append(f"dead time {(servo.dead_time * 1e3).tolist()} ms")
+    if robot.box is None:
+        parts.append("gravity fed forward" if fed else "gravity not fed forward")
+        return "; ".join(parts)
+    if fed:
+        weighed = "of the true payload" if robot.box.payload_known else "of the nominal payload"
+        parts.append(f"gravity {weighed} fed forward")
+    parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
 
 

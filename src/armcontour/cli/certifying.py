@@ -51,7 +51,8 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         "tolerance": read_option("--total-tolerance", x.total_tolerance, Length),
         "servo": read_option("--servo", x.servo, Length),
     }
-    overrides = {name: value for name, value in lengths.items() if value is not None}
+    given = {**lengths, "plant": x.plant}
+    overrides = {name: value for name, value in given.items() if value is not None}
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         from armcontour.certification import certify
 
@@ -112,13 +113,14 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     ]
     if found.corners is not None:
         rows.append(("worst robot of the box", f"{budget.box * 1e3:.5f} mm"))
+    rows += _linear_rows(found)
     rows += [
         ("left", f"{budget.left * 1e3:.5f} mm"),
         ("contour error, RMS", f"{e.contour_error.rms * 1e3:.5f} mm"),
         ("path missed, largest", f"{e.missed.max * 1e3:.5f} mm"),
         *_assigned(e),
         ("acceleration derated, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
-        ("demand / limit", f"{e.demand_ratio.max():.6f}"),
+        _demand(found),
         ("saturated", ", ".join(f"{x:.1%}" for x in e.saturated)),
     ]
     if found.pauses > 0:
@@ -126,6 +128,29 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     if found.experiment is not None:
         rows.append(("on rigid bodies, largest", _largest(found.experiment.evaluation)))
     return rows
+
+
+def _linear_rows(found: Certificate) -> list[tuple[str, str]]:
+    """What the linear model of rigid bodies says, and which part of it each unknown takes."""
+    linear, corners, drawn = found.linear, found.corners, found.spread
+    if linear is None or corners is None or drawn is None:
+        return []
+    parts = ", ".join(f"{kind} {x * 1e3:.4f}" for kind, x in linear.shares.items())
+    return [
+        ("executed by MuJoCo", f"{len(corners)} corners, {len(drawn)} drawn robots"),
+        ("linear model, all of the box", f"{linear.bound * 1e3:.5f} mm"),
+        ("of it by", f"{parts} mm"),
+        ("its worst robot", linear.corner),
+    ]
+
+
+def _demand(found: Certificate) -> tuple[str, str]:
+    """What the drives need of their limits: acceleration of servos, torque of rigid bodies."""
+    if found.linear is None:
+        return "demand / limit", f"{found.evaluation.demand_ratio.max():.6f}"
+    spreads = [x for x in (found.corners, found.spread) if x is not None]
+    most = max([float(x.demand_ratio.max()) for x in spreads], default=None)
+    return "torque / limit, of the box", "-" if most is None else f"{most:.6f}"
 
 
 def _assigned(e: Evaluation) -> list[tuple[str, str]]:

@@ -388,6 +388,10 @@ class CertifyOptions:
         ),
     ] = None
     servo: ServoBudget = None
+    plant: Annotated[
+        str | None,
+        typer.Option("--plant", help="Robots to certify for: servo, rigid_body; else the job's."),
+    ] = None
     out: Annotated[
         FilePath | None, typer.Option("--out", "-o", help="Folder for the certificate; else none.")
     ] = None

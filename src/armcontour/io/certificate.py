@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.certification import Budget, Certificate, ContourCertificate, Sweep
+from armcontour.certification import (
+    Budget,
+    Certificate,
+    ContourCertificate,
+    LinearFigures,
+    Sweep,
+)
 from armcontour.io.summary import UNITS, plain, run_summary
 from armcontour.jobs import Goal
 from armcontour.robustness.monte_carlo import Spread
@@ -32,6 +38,11 @@ CERTIFICATE_UNITS = {
     "dead_time": "s",
     "jitter": "s",
     "payload": "kg",
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
+    "friction": "share",
+    "armature": "share",
+    "linear": "m",
 }
 
 
@@ -156,6 +167,7 @@ def _contour(x: ContourCertificate) -> dict[str, Any]:
         "headroom": {"mean": x.headroom, "largest": x.largest_headroom, "others": x.factors},
         "corners": None if x.corners is None else _spread(x.corners),
         "spread": None if x.spread is None else _spread(x.spread),
+        "linear": None if x.linear is None else _linear(x.linear, x.budget.servo_allowed),
         "trials": x.trials,
     }
 
@@ -187,6 +199,22 @@ def _spread(x: Spread) -> dict[str, Any]:
         "saturated": float(x.saturated.max()),
         "worst": x.worst_deviations,
         "nominal": {"max": x.nominal_max, "rms": x.nominal_rms},
+    }
+
+
+def _linear(x: LinearFigures, budget: float) -> dict[str, Any]:
+    """Data of the linear model of rigid bodies for JSON; `budget` is the largest allowed error."""
+    return {
+        "nominal": x.nominal,
+        "bound": x.bound,
+        "corner": x.corner,
+        "shares": dict(x.shares),
+        "drawn": {
+            "robots": len(x.drawn),
+            "seed": x.seed,
+            "max": float(x.drawn.max()),
+            "within": x.within(budget),
+        },
     }
 
 

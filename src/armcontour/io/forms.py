@@ -13,7 +13,7 @@ from armcontour._quantities import Distance, Inertia, Length, Ratio
 from armcontour.arms.chain import Payload
 from armcontour.geometry import Demand
 from armcontour.program import Event, Lead, Process
-from armcontour.robustness.monte_carlo import Box
+from armcontour.robustness.box import Box
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Place = Annotated[list[Length], Field(min_length=3, max_length=3)]

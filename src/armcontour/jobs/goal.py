@@ -8,9 +8,10 @@ from typing import Annotated
 from armcontour import _checks
 from armcontour._quantities import Choice, Length
 from armcontour.errors import InvalidInput
-from armcontour.robustness.monte_carlo import Box
+from armcontour.robustness.box import Box
 
 SATURATION = ("refuse", "report")
+PLANTS = ("servo", "rigid_body")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,24 +24,34 @@ class Goal:
         servo: Largest contour error from servo and command interval [m], over the whole box if
             there is one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
+        plant: Robots that must keep the goal: "servo" is an independent servo on each joint, and
+            "rigid_body" is the arm's rigid bodies, for jobs of one contour.
         saturation: "refuse" certifies only plans that saturate no joint; "report" allows
             saturation, simulates it and reports how long it lasts.
         box: Uncertainty of the robot's parameters; None takes the model as exact.
-        samples: Number of robots drawn from the box, in addition to the corners of the box.
+        samples: Number of robots drawn from the box, in addition to the corners of the box; with
+            rigid bodies, of their linear model.
+        bodies: Number of robots drawn from the box that are executed as rigid bodies.
+        corners: Largest number of corners of the box that are executed as rigid bodies. Of more
+            corners, those are taken that are the worst in the linear model.
         seed: Seed of these robots.
         run: Name of the run to certify; None is the only run with the method "optimal".
         slowest: Largest duration of a certified plan, as a multiple of the uncertified optimum.
 
     Raises:
-        InvalidInput: Neither tolerance nor servo, or a number that is not above zero.
+        InvalidInput: Neither tolerance nor servo, a number that is not above zero, or a box or a
+            saturation that is not for this plant.
     """
 
     tolerance: Length | None = None
     servo: Length | None = None
     rms: Length | None = None
+    plant: Annotated[str, Choice(PLANTS)] = "servo"
     saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Box | None = None
     samples: int = 10_000
+    bodies: int = 200
+    corners: int = 256
     seed: int = 0
     run: str | None = None
     slowest: float = 2.0
@@ -63,7 +74,20 @@ class Goal:
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
         _checks.choice("saturation", self.saturation, SATURATION)
+        _checks.choice("plant", self.plant, PLANTS)
+        if self.plant == "rigid_body" and self.saturation == "report":
+            raise InvalidInput(
+                "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
+                "out, or certify with plant: servo."
+            )
+        if self.plant == "servo" and self.box is not None and self.box.of_bodies:
+            raise InvalidInput(
+                f"The box has {', '.join(self.box.of_bodies)}, which only rigid bodies have: leave "
+                "them out, or certify with plant: rigid_body."
+            )
         _checks.whole("samples", self.samples, 1, 10**7)
+        _checks.whole("bodies", self.bodies, 1, 10**6)
+        _checks.whole("corners", self.corners, 1, 10**6)
         _checks.whole("seed", self.seed, 0, 2**63 - 1)
         if _checks.positive("slowest", self.slowest) <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")

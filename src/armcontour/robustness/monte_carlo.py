@@ -6,13 +6,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks, _memory
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._quantities import DEAD_TIME, Duration, Mass
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.arms._tool_point import Robot
 from armcontour.errors import ExecutionError, InvalidInput
@@ -31,6 +29,7 @@ from armcontour.robustness._monte_carlo import (
     Samples,
     run,
 )
+from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
 
@@ -59,54 +58,6 @@ BATCH = 32
 SAME = 1e-4
 # Number of equal parts of the samples by which the variance of a parameter is estimated.
 PARTS = 10
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Box:
-    """The uncertainty set: largest errors of a robot's parameters.
-
-    Each error is distributed uniformly between minus and plus the given value.
-
-    Args:
-        gains: Relative error of the servo gains, 0.1 for 10 %: one number; one per joint, for kp
-            and kv; or two rows for kp and for kv, (2, dof) or (2, 1). The errors of all joints and
-            loops are independent.
-        dead_time: Error of the dead time [s], one number or one per joint.
-        dead_time_shared: Whether the dead times of all joints have the same error, in proportion to
-            `dead_time`; otherwise their errors are independent.
-        payload: Error of the payload's mass [kg], as a point mass at the tool; at most the mass of
-            the arm's payload.
-        jitter: Error of the arrival time of a set-point [s], less than half a command interval. It
-            is independent for each set-point but the first one, and the same for all joints.
-
-    Raises:
-        InvalidInput: An error is negative, or the relative error of a gain is not below 1.
-    """
-
-    gains: FloatArray | float = 0.0
-    dead_time: Annotated[FloatArray | float, DEAD_TIME] = 0.0
-    dead_time_shared: bool = True
-    payload: Mass = 0.0
-    jitter: Duration = 0.0
-
-    def __post_init__(self) -> None:
-        gains = _checks.lock_floats(_checks.numbers("gains of a box", self.gains))
-        if gains.ndim > 2 or gains.size == 0 or (gains < 0).any() or (gains >= 1).any():
-            raise InvalidInput(
-                "gains of a box must be relative errors from 0 to below 1, as 0.1 for 10 %, but "
-                f"are {gains.tolist()}."
-            )
-        late = _checks.lock_floats(_checks.numbers("dead_time of a box", self.dead_time, "s"))
-        if late.ndim > 1 or late.size == 0 or (late < 0).any():
-            raise InvalidInput(
-                "dead_time of a box must not be negative, one for all joints or one per joint, but "
-                f"is {late.tolist()} s."
-            )
-        object.__setattr__(self, "gains", gains)
-        object.__setattr__(self, "dead_time", late)
-        for name, unit in (("payload", "kg"), ("jitter", "s")):
-            value = _checks.not_negative(f"{name} of a box", getattr(self, name), unit)
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -330,6 +281,8 @@ class _Model:
         self.taught, self.box, self.dof, self.second = taught, box, dof, servo.order == "second"
         self.servo = servo.for_joints(dof)
         self.spans = _spans(box, self.servo, arm, taught)
+        # In the middle of its range the payload may be another one than the arm's.
+        self.middle = np.append(np.zeros(3 * dof), np.mean(box.payload))
         self.varies: BoolArray = self.spans > 0.0
         if box.dead_time_shared:
             self.varies[2 * dof + 1 : 3 * dof] = False
@@ -383,7 +336,8 @@ class _Model:
         rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
         if self.box.dead_time_shared:
             rows[:, 2 * self.dof : 3 * self.dof] = rows[:, 2 * self.dof, None]
-        errors = rows * self.spans
+        errors = rows * self.spans + self.middle
+        errors[-1] = 0.0
         dof, servo = self.dof, self.servo
         kp = servo.kp * (1 + errors[:, :dof])
         kv = np.zeros_like(kp) if servo.kv is None else servo.kv * (1 + errors[:, dof : 2 * dof])
@@ -568,6 +522,11 @@ def _spans(box: Box, servo: ServoModel, arm: Arm, taught: TaughtData) -> FloatAr
         InvalidInput: The box does not fit the robot.
     """
     dof = arm.dof
+    if box.of_bodies:
+        raise InvalidInput(
+            f"The box has {', '.join(box.of_bodies)}, which only rigid bodies have: leave them "
+            "out, or certify with plant: rigid_body."
+        )
     try:
         gains = np.broadcast_to(np.asarray(box.gains), (2, dof))
     except ValueError:
@@ -590,7 +549,7 @@ def _spans(box: Box, servo: ServoModel, arm: Arm, taught: TaughtData) -> FloatAr
             f"{taught.period:g} s, so that set-points could come in another order."
         )
     _check_payload(box, servo, arm)
-    return np.concatenate([gains[0], gains[1], late, [box.payload]])
+    return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
 
 
 def _check_payload(box: Box, servo: ServoModel, arm: Arm) -> None:
@@ -599,22 +558,14 @@ def _check_payload(box: Box, servo: ServoModel, arm: Arm) -> None:
     Raises:
         InvalidInput: The servo is of first order, or the error exceeds the arm's payload.
     """
-    if box.payload == 0.0:
+    if not np.any(box.payload):
         return
     if servo.order == "first":
         raise InvalidInput(
             "A servo of order first has no velocity loop whose gain a payload could change: leave "
             "payload out of the box, or take a servo of order second."
         )
-    chain = arm.chain
-    carried = 0.0 if chain is None or chain.payload is None else chain.payload.mass
-    if box.payload > carried:
-        raise InvalidInput(
-            f"The payload of the box may differ by {box.payload:g} kg, but the arm {arm.name} "
-            f"carries only {carried:g} kg: give it the payload in the middle of the range.",
-            needed=box.payload,
-            allowed=carried,
-        )
+    box.refuse_payload_below_zero(arm)
 
 
 def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:
@@ -690,7 +641,7 @@ def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
         InvalidInput: The masses of the arm are not known.
     """
     q = np.asarray(taught.q)
-    if box.payload == 0.0:
+    if not np.any(box.payload):
         return np.zeros((arm.dof, 1))
     own = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)
     added = (arm.jacobian(q) ** 2).sum(axis=-2)

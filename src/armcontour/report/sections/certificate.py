@@ -34,6 +34,7 @@ def certificate(found: Certificate) -> Section:
         tiles=((found.run.name, _tiles(found)),),
         tables=(
             _budget(found),
+            *_unknowns(found),
             _comparison(found),
             *([_contours(found)] if _several(found) else []),
         ),
@@ -62,7 +63,7 @@ def _several(found: Certificate) -> bool:
 
 def _tiles(found: Certificate) -> tuple[Tile, ...]:
     """Important figures of a certificate."""
-    budget, e = found.budget, found.evaluation
+    budget = found.budget
     optimum = found.uncertified.duration
     return (
         Tile(
@@ -81,17 +82,28 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
             value=f"{budget.left * 1e3:.5f} mm",
             note=f"of {_mm(budget.servo_allowed if budget.allowed is None else budget.allowed)}",
         ),
-        Tile(
-            label="joint demand / limit",
-            value=f"{e.demand_ratio.max():.6f}",
-            note="saturated " + ", ".join(f"{x:.1%}" for x in e.saturated) + " of the time",
-        ),
+        _demand(found),
         Tile(
             label="acceleration derated",
             value=", ".join(f"{x:.2%}" for x in found.headroom),
             note="mean; at most " + ", ".join(f"{x:.2%}" for x in found.largest_headroom),
         ),
         _certified_contours(found) if _several(found) else _smoothing(found),
+    )
+
+
+def _demand(found: Certificate) -> Tile:
+    """Tile with what drives need of their limits: acceleration, or torque of rigid bodies."""
+    e = found.evaluation
+    note = "saturated " + ", ".join(f"{x:.1%}" for x in e.saturated) + " of the time"
+    spreads = [x for x in (found.corners, found.spread) if x is not None]
+    if found.linear is None:
+        return Tile(label="joint demand / limit", value=f"{e.demand_ratio.max():.6f}", note=note)
+    most = max([float(x.demand_ratio.max()) for x in spreads], default=None)
+    return Tile(
+        label="torque / limit, of the box",
+        value="-" if most is None else f"{most:.4f}",
+        note="nominal robot " + note,
     )
 
 
@@ -129,6 +141,44 @@ def _budget(found: Certificate) -> Table:
     caption = f"On {found.worst.name}, which has the least left" if _several(found) else ""
     header = ("part of the contour error", "largest")
     return Table(header=header, rows=tuple(rows), caption=caption)
+
+
+KINDS = {
+    "payload": "payload",
+    "friction": "friction",
+    "kp": "gains of position loops",
+    "kv": "gains of velocity loops",
+    "armature": "inertias of drives",
+    "dead time": "dead time",
+    "sampling": "command interval, of the nominal robot",
+}
+
+
+def _unknowns(found: Certificate) -> list[Table]:
+    """Table of what each unknown of rigid bodies takes; both figures of the worst robot."""
+    linear = found.linear
+    if linear is None or found.corners is None or found.spread is None:
+        return []
+    allowed = found.budget.servo_allowed
+    rows = [
+        (KINDS[kind], _mm(part), f"{part / allowed:.1%}") for kind, part in linear.shares.items()
+    ]
+    rows += [
+        ("linear model, bound of all robots of the box", _mm(linear.bound), ""),
+        (
+            f"linear model, worst of {len(linear.drawn)} drawn robots",
+            _mm(float(linear.drawn.max())),
+            "",
+        ),
+        (f"MuJoCo, worst of {len(found.corners)} corners", _mm(found.corners.max.max()), ""),
+        (f"MuJoCo, worst of {len(found.spread)} drawn robots", _mm(found.spread.max.max()), ""),
+    ]
+    caption = (
+        f"What each unknown takes of the contour error of the worst robot ({linear.corner}), in "
+        "the linear model, and the figures of both models"
+    )
+    header = ("unknown", "largest", "of the budget")
+    return [Table(header=header, rows=tuple((a, b, c) for a, b, c in rows), caption=caption)]
 
 
 def _contours(found: Certificate) -> Table:

@@ -1,0 +1,157 @@
+"""`Box`: how far a robot may be from its model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour._quantities import (
+    COULOMB,
+    DEAD_TIME,
+    LARGEST_SHARE,
+    MORE_PAYLOAD,
+    SHARE,
+    VISCOUS,
+    Duration,
+)
+from armcontour.arms import Arm
+from armcontour.errors import InvalidInput
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Box:
+    """The uncertainty set: ranges of the errors of a robot's parameters.
+
+    Errors are distributed uniformly over their ranges. Friction and armature are those of rigid
+    bodies: a servo of one joint has none.
+
+    Args:
+        gains: Relative error of the servo gains, plus and minus, 0.1 for 10 %: one number; one per
+            joint, for kp and kv; or two rows for kp and for kv, (2, dof) or (2, 1). The errors of
+            all joints and loops are independent.
+        dead_time: Error of the dead time, plus and minus [s], one number or one per joint.
+        dead_time_shared: Whether the dead times of all joints have the same error, in proportion to
+            `dead_time`; otherwise their errors are independent.
+        payload: Error of the payload's mass [kg]: one number for plus and minus, or the least and
+            the largest error, such as 0 and 2 for up to 2 kg that nobody told the robot of. It is a
+            point mass at the tool; of rigid bodies that carry a payload, at the centre of that.
+        payload_known: Whether the controller weighs the payload: its gravity torque is then that of
+            the true one. Only rigid bodies sag.
+        jitter: Error of the arrival time of a set-point, plus and minus [s], less than half a
+            command interval. It is independent for each set-point but the first one, and the same
+            for all joints.
+        viscous: Viscous friction of the joints that is not known [N m s/rad], one number or one per
+            joint.
+        coulomb: Coulomb friction of the joints that is not known [N m], one number or one per
+            joint.
+        friction: Least and largest share of `viscous` and `coulomb` that a joint has in addition to
+            the friction that the arm knows.
+        friction_shared: Whether all joints have the same share; otherwise those of all joints are
+            independent.
+        armature: Relative error of the drives' inertias, plus and minus, one number or one per
+            joint; those of all joints are independent.
+
+    Raises:
+        InvalidInput: A largest error is negative, the relative error of a gain or an armature is
+            not below 1, or a range is not in order.
+    """
+
+    gains: FloatArray | float = 0.0
+    dead_time: Annotated[FloatArray | float, DEAD_TIME] = 0.0
+    dead_time_shared: bool = True
+    payload: Annotated[FloatArray | float, MORE_PAYLOAD] = 0.0
+    payload_known: bool = False
+    jitter: Duration = 0.0
+    viscous: Annotated[FloatArray | float, VISCOUS] = 0.0
+    coulomb: Annotated[FloatArray | float, COULOMB] = 0.0
+    friction: Annotated[FloatArray | float, SHARE] = (0.0, 1.0)  # type: ignore[assignment]
+    friction_shared: bool = False
+    armature: Annotated[FloatArray | float, LARGEST_SHARE] = 0.0
+
+    def __post_init__(self) -> None:
+        gains = _checks.lock_floats(_checks.numbers("gains of a box", self.gains))
+        if gains.ndim > 2 or gains.size == 0 or (gains < 0).any() or (gains >= 1).any():
+            raise InvalidInput(
+                "gains of a box must be relative errors from 0 to below 1, as 0.1 for 10 %, but "
+                f"are {gains.tolist()}."
+            )
+        object.__setattr__(self, "gains", gains)
+        for name, unit in (("dead_time", "s"), ("viscous", "N m s/rad"), ("coulomb", "N m")):
+            object.__setattr__(self, name, _per_joint(name, getattr(self, name), unit))
+        armature = _per_joint("armature", self.armature, "")
+        if (armature >= 1).any():
+            raise InvalidInput(
+                "armature of a box must be a relative error below 1, as 0.1 for 10 %, but is "
+                f"{armature.tolist()}."
+            )
+        object.__setattr__(self, "armature", armature)
+        object.__setattr__(self, "payload", _range("payload", self.payload, "kg"))
+        object.__setattr__(self, "friction", _range("friction", self.friction, ""))
+        jitter = _checks.not_negative("jitter of a box", self.jitter, "s")
+        object.__setattr__(self, "jitter", jitter)
+
+    def refuse_payload_below_zero(self, arm: Arm) -> None:
+        """Refuse an arm that carries less than the box takes from its payload.
+
+        Args:
+            arm: The nominal arm.
+
+        Raises:
+            InvalidInput: The least payload is negative.
+        """
+        load = None if arm.chain is None else arm.chain.payload
+        least, most = np.asarray(self.payload).tolist()
+        carried, less = 0.0 if load is None else load.mass, -least
+        if less > carried:
+            raise InvalidInput(
+                f"The payload of the box may be {less:g} kg less than the arm's, but the arm "
+                f"{arm.name} carries only {carried:g} kg: give it the payload in the middle of the "
+                f"range, or the box a range, such as 0 kg to {most:g} kg more.",
+                needed=less,
+                allowed=carried,
+            )
+
+    @property
+    def of_bodies(self) -> tuple[str, ...]:
+        """Names of the given errors that only rigid bodies have."""
+        given = {"viscous": self.viscous, "coulomb": self.coulomb, "armature": self.armature}
+        found = [name for name, values in given.items() if np.any(values)]
+        return (*found, "payload_known") if self.payload_known else tuple(found)
+
+
+def _per_joint(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
+    """Largest errors, one for all joints or one per joint.
+
+    Raises:
+        InvalidInput: A value is negative.
+    """
+    found = _checks.lock_floats(_checks.numbers(f"{name} of a box", values, unit))
+    if found.ndim > 1 or found.size == 0 or (found < 0).any():
+        raise InvalidInput(
+            f"{name} of a box must not be negative, one for all joints or one per joint, but "
+            f"is {found.tolist()}{' ' * bool(unit)}{unit}."
+        )
+    return found
+
+
+def _range(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
+    """The least and the largest error, (2,), from both or from one number for plus and minus.
+
+    Raises:
+        InvalidInput: There are other numbers of values, or the least is above the largest.
+    """
+    found = _checks.numbers(f"{name} of a box", values, unit)
+    if found.ndim == 0:
+        most = _checks.not_negative(f"{name} of a box", float(found), unit)
+        found = np.array([-most, most])
+    if found.shape != (2,) or found[0] > found[1]:
+        raise InvalidInput(
+            f"{name} of a box must be one number for plus and minus, or the least and the largest "
+            f"error, but is {found.tolist()}{' ' * bool(unit)}{unit}."
+        )
+    return _checks.lock_floats(found)

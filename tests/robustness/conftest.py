@@ -1,0 +1,23 @@
+"""A short motion of an arm in the plane with masses, friction and drives."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion.smoothing import smooth
+
+LIMITS = ac.Limits(joint_acceleration=[2.0, 2.0], joint_torque=[40.0, 40.0], speed=0.15)
+
+
+@pytest.fixture(scope="package")
+def planar():
+    """Arm, servo, path, taught data."""
+    arm = ac.load_arm("pmk3s").with_dynamics(
+        armature=0.05, payload=ac.Payload(mass=0.5, center=np.array([0.215, 0.0, 0.0]))
+    )
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=2e-3)
+    path = ac.Path.polyline([(0.30, 0.20), (0.34, 0.20), (0.34, 0.23)])
+    rounded = ac.round_corners(path, tolerance=1e-3)
+    plan = smooth(ac.plan(rounded, arm, LIMITS, intervals=400), 0.02)
+    taught = ac.compensate(plan, servo, method="inverse_dynamics", arm=arm)
+    return arm, servo, rounded, taught
