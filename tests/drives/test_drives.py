@@ -152,3 +152,16 @@ def test_drives_need_a_velocity_loop_and_masses(arm):
             arm=rods(),
             servo=ac.ServoModel(kp=25.0, kv=150.0),
         )
+
+
+def test_rounding_errors_of_a_resting_joint_are_no_friction(arm, servo):
+    """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
+    rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
+    speed = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]])
+    still = np.zeros((1, 6))
+    found, plain = (
+        Drives(arm=x, servo=servo).moving_torque(swing(np.zeros(1), 0), speed, still)
+        for x in (rubbing, arm)
+    )
+    expected = [[6.0, -6.0, 0.0, 0.0, 0.0, 2.5 + 1e-3]]
+    np.testing.assert_allclose(found - plain, expected, atol=1e-12)

@@ -22,10 +22,6 @@ from armcontour.errors import InvalidInput
 from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
 
-# Below this speed the term of Coulomb friction shrinks to 0 in proportion [rad/s]: a joint that the
-# plan leaves at rest has rounding errors of either sign. A joint reverses through this range in
-# less than a command interval.
-CREEP = 1e-3
 # Weights of a set-point and of its neighbours in the mean about it: the middle of a line is the
 # mean of its ends, that of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
 MEANS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
@@ -74,7 +70,8 @@ def inverse_dynamics(
         """The command that the drives should get, also before and after the motion."""
         moving = (t >= 0) & (t < trajectory.duration)
         found = np.where((t < 0)[:, None], hold, final)
-        found[moving] = _command(drives, trajectory, t[moving])
+        now = t[moving]
+        found[moving] = drives.command(trajectory(now), trajectory(now, 1), trajectory(now, 2))
         return found
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
@@ -88,16 +85,6 @@ def inverse_dynamics(
     return advance_set_points(
         trajectory, time_advances(servo, period), period, command, hold=hold[0], from_rest=True
     )
-
-
-def _command(drives: Drives, trajectory: Trajectory, t: FloatArray) -> FloatArray:
-    """The command of the drives at times during the motion [rad], (n, dof)."""
-    dq = trajectory(t, 1)
-    found = drives.command(trajectory(t), dq, trajectory(t, 2))
-    coulomb = np.asarray(drives.arm.dynamics.chain.coulomb)
-    if coulomb.any():
-        found += coulomb / drives.stiffness * (np.clip(dq / CREEP, -1, 1) - np.sign(dq))
-    return found
 
 
 def _nearest(

@@ -12,6 +12,11 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.servo import ServoModel
 
+# Below this speed the torque of Coulomb friction shrinks to 0 in proportion [rad/s]: a joint that a
+# plan leaves at rest has rounding errors of either sign. A joint reverses through this range in
+# less than a command interval.
+CREEP = 1e-3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drives:
@@ -85,14 +90,17 @@ class Drives:
         """The torque of the loops for a motion, beside the gravity that is fed forward [N m].
 
         It covers inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
-        gravity that the controller does not feed forward.
+        gravity that the controller does not feed forward. Coulomb friction is `coulomb sign(dq)`
+        but for joints slower than `CREEP`.
 
         Args:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
-        found = self.arm.torque(q, dq, ddq)
+        dynamics, chain = self.arm.dynamics, self.arm.dynamics.chain
+        found = dynamics.torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
+        found += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
         return found - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else found
 
 

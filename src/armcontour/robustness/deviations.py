@@ -21,6 +21,9 @@ LONGEST_STEP = 5e-4
 TAIL = 10.0
 # A joint that is slower than this share of its largest velocity stands still: rounding.
 STILL = 1e-9
+# A joint at this speed rests [rad/s], a micron a second at 1 m: a plan leaves it at rest up to
+# rounding errors of either sign.
+RESTS = 1e-6
 # Times whose bounds are computed at once, and products of times and robots, so that arrays fit in
 # a cache.
 BLOCK = 1024
@@ -284,7 +287,7 @@ def _directions(motion: _Motion, command: FloatArray, slope: FloatArray) -> Floa
             friction, (dof,).
     """
     found = np.zeros_like(command)
-    fast = np.abs(motion.dq) > STILL * np.abs(motion.dq).max(axis=0)
+    fast = np.abs(motion.dq) > np.maximum(STILL * np.abs(motion.dq).max(axis=0), RESTS)
     for j in range(command.shape[1]):
         moves = np.flatnonzero(fast[:, j])
         if not len(moves) or np.isinf(slope[j]):
