@@ -14,10 +14,10 @@ from armcontour.identification.bodies.recording import Recording
 
 # The iteration ends when a step moves no unknown by more than this share of a standard deviation.
 NEAR = 0.02
-MOST_ITERATIONS = 15
+MOST_ITERATIONS = 50
 # Damping by Levenberg and Marquardt: of the first step, next to none, so that steps are those of
 # Gauss and Newton; its factors after a step that helps and after one that does not; the largest.
-FIRST_DAMPING, LOWER, RAISE, MOST_DAMPING = 1e-8, 10.0, 30.0, 1e4
+FIRST_DAMPING, LOWER, RAISE, MOST_DAMPING = 1e-8, 100.0, 10.0, 1e4
 # A gain changes by no more than this factor in one step, and a payload by no more than this [kg].
 LARGEST_FACTOR, LARGEST_MASS = 2.0, 5.0
 # Residuals below this [rad] are rounding.
