@@ -236,6 +236,8 @@ BASES: list[dict[str, Any]] = [
             "armature": 0.1,
             "viscous": 1.0,
             "coulomb": 0.1,
+            "joint_stiffness": 2e4,
+            "joint_damping": 2.0,
         },
         published={
             "source": "a paper",

@@ -81,5 +81,7 @@ JointInertias = Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", "positive
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
 ViscousFrictions = Annotated[FloatArray, VISCOUS]
 CoulombFrictions = Annotated[FloatArray, COULOMB]
+JointStiffnesses = Annotated[FloatArray, Quantity("N m/rad", "2e4 N m/rad", "positive")]
+JointDampings = Annotated[FloatArray, Quantity("N m s/rad", "2 N m s/rad", "not negative")]
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive")]
 DeadTimes = Annotated[FloatArray, DEAD_TIME]

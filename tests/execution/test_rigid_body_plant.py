@@ -10,7 +10,7 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.execution import rigid_body_plant
+from armcontour.execution import _mujoco, stability
 from armcontour.motion import LapLaw
 
 pytest.importorskip("mujoco")
@@ -380,7 +380,7 @@ def test_a_step_too_long_for_the_gains_is_an_error(refuses):
 
 def test_a_joint_that_runs_away_is_an_error(refuses, monkeypatch):
     # The plant looks at no pose before it runs.
-    monkeypatch.setattr(rigid_body_plant, "LOOKS", 0)
+    monkeypatch.setattr(stability, "LOOKS", 0)
     refuses(
         lambda: run(pendulum(), swing(), kv=1000.0, step=4e-3),
         ac.ExecutionError,
@@ -525,4 +525,130 @@ def test_drives_have_a_velocity_loop(refuses):
         ac.InvalidInput,
         "velocity loop",
         "order second",
+    )
+
+
+SPRING = 2e4
+
+
+def test_a_spring_bends_by_torque_over_stiffness_and_the_start_is_at_rest():
+    held = run(pendulum(), [[0.3]], joint_stiffness=SPRING)
+    motor, link = held.motor_q[0, 0], held.q[0, 0]
+    weight = WEIGHT * np.cos(link)
+    assert link - motor == pytest.approx(-weight / SPRING, rel=1e-12)
+    # What is fed forward is the weight at the motor's position.
+    assert motor - 0.3 == pytest.approx((WEIGHT * np.cos(motor) - weight) / STIFFNESS, abs=1e-12)
+    np.testing.assert_allclose(held.q, link, atol=1e-9)
+    np.testing.assert_allclose(held.motor_q, motor, atol=1e-9)
+    np.testing.assert_allclose(held.torque, weight, rtol=1e-6)
+    assert run(pendulum(), [[0.3]]).motor_q is None
+    # The loops hold what is not fed forward, and the spring holds all.
+    sagged = run(pendulum(), swing(0.8), joint_stiffness=SPRING, gravity_feedforward=False)
+    motor, link = sagged.motor_q[-1, 0], sagged.q[-1, 0]
+    assert link - motor == pytest.approx(-WEIGHT * np.cos(link) / SPRING, rel=1e-5)
+    assert motor - 0.8 == pytest.approx(-WEIGHT * np.cos(link) / STIFFNESS, rel=1e-5)
+
+
+def test_stiff_springs_are_rigid_joints():
+    q = swing(0.3, 0.4)
+    rigid, errors = run(pendulum(), q), []
+    for stiffness in (2e4, 2e5):
+        done = run(pendulum(), q, joint_stiffness=stiffness)
+        errors.append(np.abs(done.q[: len(q)] - rigid.q[: len(q)]).max())
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+    assert errors[1] < 1e-4
+
+
+def test_springs_keep_energy_and_dampers_take_it():
+    arm = two_link()
+    chain, stiffness = arm.chain, np.array([2e3, 3e3])
+
+    def energy(data):
+        link, motor, turning, spinning = np.concatenate([data.qpos, data.qvel]).reshape(4, 2)
+        moving = turning @ arm.dynamics.mass_matrix(link) @ turning
+        moving -= turning @ (chain.armature * turning)  # drives turn with their motors
+        spinning = spinning @ (chain.armature * spinning)
+        return (moving + spinning + stiffness @ (motor - link) ** 2) / 2
+
+    def share_left(damping):
+        springs = _mujoco.Springs(stiffness, damping)
+        model = _mujoco.build(chain, 5e-5, friction=False, springs=springs)
+        data = _mujoco.load().MjData(model)
+        data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
+        before = energy(data)
+        _mujoco.load().mj_step(model, data, 4000)
+        assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
+        return energy(data) / before
+
+    assert share_left(np.zeros(2)) == pytest.approx(1, abs=2e-8)
+    assert share_left(stiffness * 1e-4) < 0.95
+
+
+def test_friction_acts_at_the_motor():
+    coulomb = 4.0
+    arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
+    done = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
+    assert done.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
+    # The torque that holds the motor does not go through the spring.
+    assert done.q[-1, 0] == pytest.approx(done.motor_q[-1, 0], abs=1e-7)
+
+
+def test_steps_too_long_for_springs_are_errors(refuses):
+    arm = pendulum(gravity=WEIGHTLESS)
+    with pytest.raises(ac.ExecutionError) as caught:
+        run(arm, swing(), joint_stiffness=SPRING, step=4e-3)
+    words = str(caught.value)
+    assert "Joint 1 is unstable at t = 0 s" in words
+    assert (
+        "scaled for 0.6 kg m² makes its motor of 0.1 kg m² swing up on a spring of 2e+04" in words
+    )
+    assert caught.value.joint == 1 and caught.value.needed == 4e-3
+    # Rigid, the same step is stable; and the step that is said is.
+    assert run(arm, swing(), step=4e-3).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    allowed = caught.value.allowed
+    done = run(arm, swing(), joint_stiffness=SPRING, step=allowed)
+    assert done.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
+    refuses(
+        lambda: run(arm, swing(), joint_stiffness=1e10),
+        ac.ExecutionError,
+        "integration steps in a step of 0.00025 s, but at most 50 are made: lower joint_stiffness",
+    )
+    for extreme in ({"joint_stiffness": 1e12}, {"joint_stiffness": 1.0, "joint_damping": 1e12}):
+        refuses(
+            lambda extreme=extreme: run(arm, swing(), **extreme), ac.ExecutionError, "at most 50"
+        )
+    # Friction that brakes a link within a step is integrated as finely as a spring.
+    slow = {"kp": 10.0, "kv": 40.0, "period": 0.02, "step": 0.02, "resolution": 0.02}
+    rubbed = run(pendulum(gravity=WEIGHTLESS, viscous=[200.0]), swing(0.1, period=0.02), **slow)
+    assert np.diff(rubbed.q[:, 0]).min() > -1e-9
+    assert rubbed.q[-1, 0] == pytest.approx(0.1, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"joint_stiffness": 0.0}, "joint_stiffness must be above zero, but is 0 N m/rad"),
+        ({"joint_stiffness": [1e4, 1e4]}, "joint_stiffness has 2 values, but the arm has 1 joints"),
+        ({"joint_stiffness": 1e4, "joint_damping": -1.0}, "joint_damping must not be negative"),
+        ({"joint_damping": 1.0}, "give their joint_stiffness too"),
+    ],
+)
+def test_refused_springs(options, words, refuses):
+    refuses(lambda: plant(pendulum(), **options), ac.InvalidInput, words)
+
+
+def test_a_drive_with_a_spring_needs_an_inertia_and_so_does_its_link(refuses):
+    refuses(
+        lambda: plant(two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING),
+        ac.InvalidInput,
+        "Joint 2 (elbow) has a spring between its drive and its link, but its drive has no inertia",
+        "(armature)",
+    )
+    empty = pendulum(masses=[0.0])
+    assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    refuses(
+        lambda: run(empty, swing(), joint_stiffness=SPRING),
+        ac.InvalidInput,
+        "Joint 1 (hinge) turns no inertia",
+        "give the link after it a mass and an inertia and its drive an armature.",
     )

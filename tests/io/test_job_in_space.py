@@ -422,12 +422,16 @@ def test_experiments() -> None:
         "armature": "0.1 kg m^2",
         "viscous": "8 Nm*s/rad",
         "coulomb": [6, 6, 4, "1.5 N m", 1.5, 1500e-3],
+        "joint_stiffness": "20 kN*m/rad",
+        "joint_damping": "2 N m s/rad",
     }
     robot = job(experiment=unknown).runs[0].experiment
     assert robot is not None and robot.payload is not None
     assert robot.payload.mass == 2 and robot.payload.center.tolist() == [0, 0, 0.05]
     assert robot.armature is not None and robot.armature.tolist() == [0.1] * 6
     assert robot.viscous is not None and robot.viscous.tolist() == [8.0] * 6
+    assert robot.joint_stiffness is not None and robot.joint_stiffness.tolist() == [2e4] * 6
+    assert robot.joint_damping is not None and robot.joint_damping.tolist() == [2.0] * 6
     assert robot.coulomb is not None and robot.coulomb.tolist() == [6, 6, 4, 1.5, 1.5, 1.5]
 
 
@@ -448,6 +452,7 @@ def test_experiments() -> None:
         ({"experiment": {"payload": 2}}, "experiment.payload"),
         ({"experiment": {"coulomb": "6 N"}}, "experiment.coulomb: must be a quantity in N m"),
         ({"experiment": {"viscous": -1}}, "experiment.viscous: must not be negative"),
+        ({"experiment": {"joint_stiffness": 0}}, "experiment.joint_stiffness: must be above zero"),
         ({"experiment": {"armature": [1, 2]}}, "experiment: armature has 2 values, but the arm"),
         ({"experiment": {"friction": False, "coulomb": 1}}, "experiment: The experiment has fric"),
         ({"corners": {"angular_tolerance": "1 mm"}}, "corners.angular_tolerance: must be"),

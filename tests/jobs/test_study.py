@@ -209,6 +209,21 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     assert UNKNOWN.unknown == words == UNKNOWN.for_joints(6).unknown
 
 
+def test_the_joints_of_an_experiment_can_be_springs():
+    arm, servo = ac.load_arm("ur5e"), ac.ServoModel(kp=25.0, kv=150.0)
+    springs = Experiment(armature=0.1, joint_stiffness=[2e4] * 3 + [1e4] * 3)
+    plant = build_plant(springs, arm, servo)
+    np.testing.assert_array_equal(plant.joint_stiffness, springs.joint_stiffness)
+    np.testing.assert_allclose(plant.joint_damping, 1e-4 * plant.joint_stiffness)
+    damped = build_plant(dataclasses.replace(springs, joint_damping=3.0), arm, servo)
+    assert (damped.joint_damping == 3.0).all()
+    assert springs.for_joints(6).unknown.endswith(
+        "a stiffness of joints of 20000, 20000, 20000, 10000, 10000, 10000 N m/rad"
+    )
+    rigid = build_plant(Experiment(), arm, servo)
+    assert rigid.joint_stiffness is None and rigid.joint_damping is None
+
+
 def test_experiments_that_cannot_be_are_refused(refuses):
     def is_refused(words, dof=None, **options):
         make = lambda: Experiment(**options)  # noqa: E731
@@ -218,6 +233,9 @@ def test_experiments_that_cannot_be_are_refused(refuses):
     is_refused("armature must be numbers in kg m²", armature="heavy")
     is_refused("viscous must be finite", viscous=np.nan)
     is_refused("viscous has 2 values, but the arm has 6 joints", dof=6, viscous=[1.0, 2.0])
+    is_refused("joint_stiffness must be above zero", joint_stiffness=[1e4, 0.0])
+    is_refused("give their joint_stiffness too", joint_damping=1.0)
+    is_refused("joint_damping must not be negative", joint_stiffness=1e4, joint_damping=-1.0)
     is_refused("friction (viscous or coulomb) and leaves it out", friction=False, coulomb=1.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,18 @@ SINGULAR = 1e-12
 NOTHING = 1e-13
 
 
+class Springs(NamedTuple):
+    """The springs between drives and links.
+
+    Attributes:
+        stiffness: Torque per angle between motor and link [N m/rad], (dof,).
+        damping: Torque per velocity between motor and link [N m s/rad], (dof,).
+    """
+
+    stiffness: FloatArray
+    damping: FloatArray
+
+
 def load() -> Any:
     """The module mujoco, imported at first use.
 
@@ -38,13 +50,18 @@ def load() -> Any:
         ) from None
 
 
-def build(chain: Chain, step: float, *, friction: bool) -> Any:
+def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None = None) -> Any:
     """Build the MuJoCo model of a chain.
+
+    The degrees of freedom are those of the links. With springs those of the motors follow: rotors
+    with the armature and the friction of the drives, each tied to its link by a fixed tendon, whose
+    length is the angle between both.
 
     Args:
         chain: A chain with masses; its payload becomes part of the last link.
         step: Integration step [s].
         friction: Whether the model has the chain's viscous and Coulomb friction.
+        springs: Springs between drives and links; None for rigid joints.
 
     Raises:
         InvalidInput: A joint moves no inertia, or mujoco is not installed.
@@ -63,27 +80,49 @@ def build(chain: Chain, step: float, *, friction: bool) -> Any:
     spec.option.disableflags = (
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     )
-    masses, moments = _add_links(mujoco, spec, chain, friction)
+    masses, moments = _add_links(mujoco, spec, chain)
+    if springs is not None:
+        _add_motors(mujoco, spec, len(chain))
+        masses, moments = masses + [0.0] * len(chain), moments + [np.zeros(3)] * len(chain)
     model = spec.compile()
+    if springs is not None:
+        model.tendon_stiffness[:], model.tendon_damping[:] = springs
     # MuJoCo's compiler refuses rods, laminas with rounding errors, and links without mass; its
     # dynamics accept them, so masses and moments are set after compilation.
     model.body_mass[1:], model.body_inertia[1:] = masses, moments
+    # Drives are the last degrees of freedom, and without springs the only ones.
+    drives = slice(-len(chain), None)
+    if friction:
+        model.dof_damping[drives] = np.asarray(chain.viscous)
+        model.dof_frictionloss[drives] = np.asarray(chain.coulomb)
+    model.dof_solimp[:] = [STIFFEST, STIFFEST, 1e-3, 0.5, 2.0]
+    set_step(model, step)
     # Joints that move no inertia are searched with additional inertia at every joint: without it
     # MuJoCo would write a warning to a file.
     for more in (1.0, 0.0):
-        model.dof_armature[:] = np.asarray(chain.armature) + more
+        model.dof_armature[:] = more
+        model.dof_armature[drives] += np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         if more:
             still = np.zeros(len(chain))
-            _refuse_singular(chain, mass_matrix(model, still) - more * np.eye(len(chain)))
+            _refuse_singular(chain, mass_matrix(model, still) - more * np.eye(model.nv), springs)
     return model
 
 
+def set_step(model: Any, step: float) -> None:
+    """Set the integration step of a model [s]."""
+    model.opt.timestep = step
+    model.dof_solref[:] = [SHORTEST_STEPS * step, 1.0]
+
+
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrix at joint positions, including the armature, (dof, dof) [kg m²]."""
+    """Mass matrix at positions of the links, including the armature [kg m²].
+
+    Its rows are the model's degrees of freedom, (dof, dof), or (2 dof, 2 dof) with springs.
+    """
     mujoco = load()
     data = mujoco.MjData(model)
-    data.qpos[:] = q
+    data.qpos[: len(q)] = q
     for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
         compute(model, data)
     found = np.empty((model.nv, model.nv))
@@ -92,7 +131,7 @@ def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
     return found
 
 
-def _refuse_singular(chain: Chain, matrix: FloatArray) -> None:
+def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
     """Refuse a chain with a singular mass matrix.
 
     Raises:
@@ -100,18 +139,16 @@ def _refuse_singular(chain: Chain, matrix: FloatArray) -> None:
     """
     values, vectors = np.linalg.eigh(matrix)
     if values[0] <= max(SINGULAR * values[-1], NOTHING):
-        j = int(np.argmax(np.abs(vectors[:, 0])))
+        j = int(np.argmax(np.abs(vectors[:, 0]))) % len(chain)
+        drive = f"{', or' if springs is None else ' and'} its drive an armature"
         raise InvalidInput(
             f"Joint {j + 1} ({chain.joints[j]}) turns no inertia, so its torque moves nothing: "
-            "give the link after it a mass and an inertia, or its drive an armature."
+            f"give the link after it a mass and an inertia{drive}."
         )
 
 
-def _add_links(
-    mujoco: Any, spec: Any, chain: Chain, friction: bool
-) -> tuple[list[float], list[FloatArray]]:
+def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
     """Add the links of a chain to a specification; returns masses and principal moments."""
-    viscous, coulomb = np.asarray(chain.viscous), np.asarray(chain.coulomb)
     body, masses, moments = spec.worldbody, [], []
     for k in range(len(chain)):
         mass, center, inertia = _link(chain, k)
@@ -126,18 +163,20 @@ def _add_links(
             inertia=np.ones(3),
             explicitinertial=True,
         )
-        body.add_joint(
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=chain.axes[k],
-            armature=np.asarray(chain.armature)[k],
-            damping=viscous[k] if friction else 0.0,
-            frictionloss=coulomb[k] if friction else 0.0,
-            solref_friction=[SHORTEST_STEPS * spec.option.timestep, 1.0],
-            solimp_friction=[STIFFEST, STIFFEST, 1e-3, 0.5, 2.0],
-        )
+        body.add_joint(name=f"link {k}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=chain.axes[k])
         masses.append(mass)
         moments.append(np.maximum(principal, 0.0))
     return masses, moments
+
+
+def _add_motors(mujoco: Any, spec: Any, count: int) -> None:
+    """Add a rotor per drive to a specification, and a tendon between rotor and link."""
+    for k in range(count):
+        rotor = spec.worldbody.add_body(mass=1.0, inertia=np.ones(3), explicitinertial=True)
+        rotor.add_joint(name=f"motor {k}", type=mujoco.mjtJoint.mjJNT_HINGE)
+        spring = spec.add_tendon(springlength=[0.0, 0.0])
+        spring.wrap_joint(f"motor {k}", 1.0)
+        spring.wrap_joint(f"link {k}", -1.0)
 
 
 def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:

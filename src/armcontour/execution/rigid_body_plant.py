@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Locked
@@ -13,6 +14,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco
+from armcontour.execution._mujoco import Springs
 from armcontour.execution.plant import (
     PATIENCE,
     RESULT,
@@ -24,6 +26,7 @@ from armcontour.execution.plant import (
     refuse_too_heavy,
     results,
 )
+from armcontour.execution.stability import SampledLoops
 from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials, sample_command
@@ -50,8 +53,10 @@ REST_NOISE = 4.0
 # Tolerance of the equilibrium under the arm's weight [rad], and largest number of iterations.
 EQUILIBRIUM = 1e-13
 ITERATIONS = 200
-# Number of set-points at which the stability of the drives is checked before the simulation.
-LOOKS = 50
+# Default damping of a joint over its stiffness [s]: 0.3 % of critical at 10 Hz, less than gears
+# have. Without any, modes above the drives' cycle take minutes to rest: held torques hardly damp
+# them.
+DAMPING_TIME = 1e-4
 # Number of random poses in which a drive must be able to give the acceleration limits.
 RATED_POSES = 200
 # Duration of the command intervals that are simulated at a time [s].
@@ -67,6 +72,15 @@ class RigidBodyPlant(Locked, Plant):
     default J is the nominal inertia of the joint with its drive, without payload, with all joints
     in the middle of the arm's joint ranges (at 0 for a joint without a range). This J is known when
     the arm is built and does not depend on the job.
+
+    With `joint_stiffness`, drives move the links through springs and dampers (Spong's model):
+
+        M(q) q'' + c(q, q') + g(q) = K (theta - q) + D (theta' - q')
+        B theta'' + friction(theta') = tau - K (theta - q) - D (theta' - q')
+
+    theta are the motors' positions, seen from the links, and B the inertias of the drives
+    (armature). Encoders sit at the motors: the loops and gravity feed-forward see theta. That
+    rotors turn with the links that carry them is left out, as in Spong (1987).
 
     Args:
         arm: The arm; its chain must have masses.
@@ -84,6 +98,10 @@ class RigidBodyPlant(Locked, Plant):
         known: The arm as its controller knows it, for J, for the gravity torque and for torque
             limits that follow from acceleration limits: for example without a payload that nobody
             told it of. By default the arm itself.
+        joint_stiffness: K, stiffness between each drive and its link [N m/rad], one for all joints
+            or one per joint; None for rigid joints.
+        joint_damping: D, damping between each drive and its link [N m s/rad], one for all joints or
+            one per joint; by default DAMPING_TIME times the stiffness, less than gears have.
 
     Once made, a plant does not change.
 
@@ -94,8 +112,8 @@ class RigidBodyPlant(Locked, Plant):
 
     Raises:
         InvalidInput: The arm or `known` has no masses, gains or limits do not fit the arm, the
-            servo is of first order, the step is outside STEPS, the noise is too large, or mujoco is
-            not installed.
+            servo is of first order, the step is outside STEPS, the noise is too large, a drive with
+            a spring has no inertia, or mujoco is not installed.
     """
 
     def __init__(
@@ -110,6 +128,8 @@ class RigidBodyPlant(Locked, Plant):
         noise: float = 0.0,
         seed: int = 0,
         known: Arm | None = None,
+        joint_stiffness: npt.ArrayLike | None = None,
+        joint_damping: npt.ArrayLike | None = None,
     ) -> None:
         self.arm = arm
         self.chain = _bodies(arm)
@@ -141,6 +161,17 @@ class RigidBodyPlant(Locked, Plant):
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
         self._on_top = own.joint_torque is None
+        self._springs = _springs(self.chain, joint_stiffness, joint_damping)
+
+    @property
+    def joint_stiffness(self) -> FloatArray | None:
+        """Stiffness between each drive and its link [N m/rad], (dof,); None for rigid joints."""
+        return None if self._springs is None else self._springs.stiffness
+
+    @property
+    def joint_damping(self) -> FloatArray | None:
+        """Damping between each drive and its link [N m s/rad], (dof,); None for rigid joints."""
+        return None if self._springs is None else self._springs.damping
 
     def memory(self, span: float, period: float, resolution: float) -> float:
         """Estimated memory of an execution [bytes]: its results, and one block of steps."""
@@ -149,8 +180,9 @@ class RigidBodyPlant(Locked, Plant):
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data from the equilibrium at the first set-point.
 
-        With gravity feed-forward, or without gravity, the equilibrium is the set-point itself;
-        otherwise it is the position to which the arm sags without friction.
+        With rigid joints and gravity feed-forward of all weight, or without gravity, the
+        equilibrium is the set-point itself; otherwise it is the position to which the arm sags
+        without friction.
 
         Raises:
             InvalidInput: The taught data is for another number of joints, or the resolution is
@@ -162,7 +194,15 @@ class RigidBodyPlant(Locked, Plant):
         span = taught.period / steps
         every = _every(steps, span, resolution)
         robot = _Robot(self, span, taught)
-        self._refuse_unstable(robot, taught)
+        loops = SampledLoops(
+            inertia=self.nominal_inertia,
+            kv=self.kv,
+            kp=self.servo.kp,
+            armature=np.asarray(self.chain.armature),
+            viscous=np.asarray(self.chain.viscous) * self.friction,
+            springs=self._springs,
+        )
+        robot.refine(loops.count_parts(robot.model, span, taught))
         rows = max(1, round(BLOCK / taught.period))
         logs = []
         command = self._command(taught, steps)
@@ -208,12 +248,13 @@ class RigidBodyPlant(Locked, Plant):
         while robot.now - begin <= longest:
             log = robot.advance(commands)
             logs.append(log.thinned(every))
-            moved = np.ptp(log.q, axis=0) + np.abs(log.dq).max(axis=0) * robot.step
+            moved = log.moved(robot.step)
             if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
                 self._refuse_weak(log, taught.q[-1], robot.now)
                 return logs
-        j = int(np.argmax(moved))
-        off = abs(float(log.q[-1, j] - taught.q[-1, j]))
+        worst = int(np.argmax(moved))
+        j = worst % self.arm.dof
+        off = abs(float(log.q[-1, worst] - taught.q[-1, j]))
         missing = (
             "; the inertia of its drive, armature, is missing"
             if np.asarray(self.chain.armature)[j] == 0
@@ -221,42 +262,11 @@ class RigidBodyPlant(Locked, Plant):
         )
         raise ExecutionError(
             f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: "
-            f"{off:.3g} rad from it, it still moves by {moved[j]:.3g} rad in {window:.3g} s, so "
-            f"its servo gains, torque limit and friction do not let it settle{missing}.",
+            f"{off:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} s, "
+            f"so its servo gains, torque limit and friction do not let it settle{missing}.",
             t=robot.now,
             joint=j + 1,
         )
-
-    def _refuse_unstable(self, robot: _Robot, taught: TaughtData) -> None:
-        """Refuse a step that is too long for the drives to be stable.
-
-        With a torque that is constant over a step h, a mode of the joints is stable if K_v J / M
-        times h is below 2, and K_p times h too. This is exact for equal K_p of all joints, small
-        motions and no viscous friction. Drives that are not sampled are stable in every pose.
-
-        Raises:
-            ExecutionError: A joint is unstable at one of the set-points that are checked.
-        """
-        rate = np.sqrt(self.nominal_inertia * self.kv)
-        for k in np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int)):
-            mass = _mujoco.mass_matrix(robot.model, taught.q[k])
-            values, vectors = np.linalg.eigh(rate[:, None] * np.linalg.inv(mass) * rate)
-            fastest = max(float(values[-1]), float(self.servo.kp.max()))
-            if fastest * robot.step < 2:
-                continue
-            j = int(np.argmax(np.abs(vectors[:, -1])))
-            t = float(taught.start_time + k * taught.period)
-            raise ExecutionError(
-                f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
-                f"of {robot.step:.3g} s, where it corrects the joint's velocity at a rate of "
-                f"{fastest:.4g} 1/s; shorten the step to {1 / fastest:.2g} s, lower the servo's "
-                "gains, or give the arm the inertias of its drives if they are missing.",
-                t=t,
-                joint=j + 1,
-                limit="step",
-                needed=robot.step,
-                allowed=2 / fastest,
-            )
 
     def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
         """Refuse a rest at which a drive is always at its torque limit.
@@ -274,8 +284,9 @@ class RigidBodyPlant(Locked, Plant):
             return
         j = int(np.argmax(weak))
         needed, allowed = (float(abs(x[-1, j])) for x in (log.wanted, log.torque))
+        off = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
-            f"Joint {j + 1} rests {abs(log.q[-1, j] - last[j]):.3g} rad from its last set-point, "
+            f"Joint {j + 1} rests {abs(off[j]):.3g} rad from its last set-point, "
             f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
             "raise its torque limit or lighten its load.",
             t=now,
@@ -291,13 +302,15 @@ class RigidBodyPlant(Locked, Plant):
             np.concatenate([getattr(x, name) for x in logs])
             for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
         )
+        dof = self.arm.dof
         return Execution(
             arm=self.arm,
             taught=taught,
             t=taught.times(len(q), span),
-            q=q,
-            dq=dq,
-            ddq=ddq,
+            q=q[:, :dof],
+            dq=dq[:, :dof],
+            ddq=ddq[:, :dof],
+            motor_q=None if self._springs is None else q[:, dof:],
             demand=demand,
             torque=torque,
             torque_demand=wanted,
@@ -316,8 +329,9 @@ class _Log:
     """The results of some steps.
 
     Args:
-        q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps, (n, dof).
-        ddq: Mean accelerations over the steps [rad/s²], (n, dof).
+        q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
+            with springs of the motors too, (n, dof) or (n, 2 dof).
+        ddq: Mean accelerations over the steps [rad/s²], of the same shape.
         demand: Demanded accelerations [rad/s²], (n, dof).
         wanted: Demanded torques [N m], (n, dof).
         torque: Torques after saturation [N m], (n, dof).
@@ -344,7 +358,7 @@ class _Log:
         torque: FloatArray,
         step: float,
     ) -> _Log:
-        """From states at the beginnings of steps and at the end, (n + 1, dof), and what held."""
+        """From states at the beginnings of steps and at the end, (n + 1, ...), and what held."""
         return cls(
             q=q[:-1],
             dq=dq[:-1],
@@ -355,6 +369,10 @@ class _Log:
             demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
             saturated=(wanted != torque).sum(axis=0) * step,
         )
+
+    def moved(self, step: float) -> FloatArray:
+        """How far links and motors moved, also within the steps [rad], (dof,) or (2 dof,)."""
+        return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _Log:
         """The log with every n-th step only, as copies, so that the other steps use no memory."""
@@ -377,22 +395,32 @@ class _Robot:
         self.start = taught.start_time
         self.steps = 0
         self.mujoco = _mujoco.load()
-        self.model = _mujoco.build(plant.chain, step, friction=plant.friction)
+        springs = plant._springs
+        self.model = _mujoco.build(plant.chain, step, friction=plant.friction, springs=springs)
         self.data = self.mujoco.MjData(self.model)
+        self.parts = 1
         # The controller's model with a state at rest, for computing the torques of gravity.
         self.known = (
             self.model
-            if plant.known_chain is plant.chain
+            if plant.known_chain is plant.chain and springs is None
             else _mujoco.build(plant.known_chain, step, friction=False)
         )
         self.still = self.mujoco.MjData(self.known)
         self.rng = np.random.default_rng(plant.seed)
-        self.data.qpos[:] = self._equilibrium(np.array(taught.q[0]))
+        motors, links = self._equilibrium(np.array(taught.q[0]))
+        # Without springs both are the same.
+        self.data.qpos[-len(motors) :] = motors
+        self.data.qpos[: len(links)] = links
 
     @property
     def now(self) -> float:
         """Time since the start of the plan [s]."""
         return self.start + self.steps * self.step
+
+    def refine(self, parts: int) -> None:
+        """Integrate every step in so many parts."""
+        self.parts = parts
+        _mujoco.set_step(self.model, self.step / parts)
 
     def advance(self, commands: FloatArray) -> _Log:
         """Simulate one step per row of the commands, (n, dof) [rad].
@@ -401,7 +429,9 @@ class _Robot:
             ExecutionError: A joint runs away.
         """
         plant, n, dof = self.plant, *commands.shape
-        q, dq = np.empty((n + 1, dof)), np.empty((n + 1, dof))
+        # Links, and with springs motors: encoders and torques are those of the last dof.
+        places, rates = self.data.qpos, self.data.qvel
+        q, dq = np.empty((n + 1, len(places))), np.empty((n + 1, len(places)))
         demand, wanted, torque = (np.empty((n, dof)) for _ in range(3))
         noise = self.rng.normal(0.0, plant.noise, (n, dof)) if plant.noise else None
         kp, kv, inertia = plant.servo.kp, plant.kv, plant.nominal_inertia
@@ -410,11 +440,12 @@ class _Robot:
         gravity, holds, on_top = np.zeros(dof), plant.gravity_feedforward, plant._on_top
         # This loop takes most of the time of a run: all names are local, and only views are made.
         model, data, move = self.model, self.data, self.mujoco.mj_step
-        position, velocity, applied = data.qpos, data.qvel, data.qfrc_applied
+        parts, position, velocity = self.parts, places[-dof:], rates[-dof:]
+        applied = data.qfrc_applied[-dof:]
         subtract, multiply, add, measured = np.subtract, np.multiply, np.add, position
         minimum, maximum, wildest = np.minimum, np.maximum, RUNAWAY**2
         for k in range(n):
-            q[k], dq[k] = position, velocity
+            q[k], dq[k] = places, rates
             ask, want, get = demand[k], wanted[k], torque[k]
             if noise is not None:
                 measured = position + noise[k]
@@ -435,10 +466,10 @@ class _Robot:
                 add(want, gravity, want)
                 add(get, gravity, get)
             applied[:] = get
-            move(model, data)
-            if not velocity.dot(velocity) < wildest:
+            move(model, data, parts)
+            if not rates.dot(rates) < wildest:
                 self._refuse_runaway(k)
-        q[n], dq[n] = position, velocity
+        q[n], dq[n] = places, rates
         self.steps += n
         return _Log.of(q, dq, demand, wanted, torque, self.step)
 
@@ -450,25 +481,35 @@ class _Robot:
         mujoco.mj_comPos(model, still)
         mujoco.mj_rne(model, still, 0, out)
 
-    def _equilibrium(self, first: FloatArray) -> FloatArray:
-        """Joint positions at which the arm is at rest with the first set-point as command [rad].
+    def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions at which the arm is at rest with the first set-point as command [rad].
+
+        The position loop holds the weight that is not fed forward, and a spring all of the weight.
+
+        Returns:
+            Positions of the motors and of the links, (dof,) each; without springs the same.
 
         Raises:
             ExecutionError: There is no equilibrium, or the drives are too weak.
         """
-        plant, q = self.plant, first
-        stiffness = plant.nominal_inertia * plant.kv * plant.servo.kp
-        weight, fed = self._weight(q), self._fed_forward(q)
+        plant, springs = self.plant, self.plant._springs
+        gain = plant.nominal_inertia * plant.kv * plant.servo.kp
+        motors = links = first
+        weight, fed = self._weight(links), self._fed_forward(motors)
         for _ in range(ITERATIONS):
-            before, q = q, first - (weight - fed) / stiffness
-            if np.abs(q - before).max() <= EQUILIBRIUM:
+            before = motors, links
+            motors = first - (weight - fed) / gain
+            links = motors if springs is None else motors - weight / springs.stiffness
+            moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
+            if moved.max() <= EQUILIBRIUM:
                 break
-            weight, fed = self._weight(q), self._fed_forward(q)
+            weight, fed = self._weight(links), self._fed_forward(motors)
         else:
-            j = int(np.argmax(np.abs(q - before)))
+            j = int(np.argmax(moved))
+            loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
             raise ExecutionError(
-                f"Joint {j + 1} has no equilibrium near its first set-point: its servo gains "
-                "are too low for the weight that gravity feed-forward does not hold.",
+                f"Joint {j + 1} has no equilibrium near its first set-point: its {loops} too low "
+                "for the weight that gravity feed-forward does not hold.",
                 t=self.start,
                 joint=j + 1,
             )
@@ -476,16 +517,16 @@ class _Robot:
         if plant._on_top and plant.gravity_feedforward:
             weight, where = weight - fed, f"{where}, beside gravity feed-forward"
         refuse_too_heavy(np.abs(weight), plant.torque_limit, where, self.start)
-        return q
+        return motors, links
 
     def _weight(self, q: FloatArray) -> FloatArray:
         """Torques that hold the arm against gravity at q [N m], (dof,)."""
-        data, found = self.mujoco.MjData(self.model), np.zeros(len(q))
-        data.qpos[:] = q
+        data, found = self.mujoco.MjData(self.model), np.zeros(self.model.nv)
+        data.qpos[: len(q)] = q
         self.mujoco.mj_kinematics(self.model, data)
         self.mujoco.mj_comPos(self.model, data)
         self.mujoco.mj_rne(self.model, data, 0, found)
-        return found
+        return found[: len(q)]
 
     def _fed_forward(self, q: FloatArray) -> FloatArray:
         """Torques that the controller adds against gravity at q [N m], (dof,)."""
@@ -502,9 +543,10 @@ class _Robot:
         """
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
+        speed, j = velocity[j], j % self.plant.arm.dof
         t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(
-            f"Joint {j + 1} runs away at t = {t:.4g} s, at {velocity[j]:.3g} rad/s: its servo is "
+            f"Joint {j + 1} runs away at t = {t:.4g} s, at {speed:.3g} rad/s: its servo is "
             f"unstable with a step of {self.step:.3g} s; lower its gains or shorten the step.",
             t=t,
             joint=j + 1,
@@ -553,6 +595,32 @@ def check_noise(noise: float) -> float:
     return _checks.between("noise of measured positions", noise, 0.0, LARGEST_NOISE, "rad")
 
 
+def check_springs(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
+    """Check the stiffness [N m/rad] and damping [N m s/rad] of joints, one or one per joint.
+
+    Raises:
+        InvalidInput: A stiffness is not above zero, a damping is negative, or there is damping
+            without stiffness.
+    """
+    if stiffness is None:
+        if damping is not None:
+            raise InvalidInput(
+                "joint_damping is that of springs between drives and links: give their "
+                "joint_stiffness too."
+            )
+        return
+    least = _checks.numbers("joint_stiffness", stiffness, "N m/rad").min(initial=np.inf)
+    if least <= 0:
+        raise InvalidInput(
+            f"joint_stiffness must be above zero, but is {least:g} N m/rad: leave it out for rigid "
+            "joints."
+        )
+    if damping is not None:
+        least = _checks.numbers("joint_damping", damping, "N m s/rad").min(initial=np.inf)
+        if least < 0:
+            raise InvalidInput(f"joint_damping must not be negative, but is {least:g} N m s/rad.")
+
+
 def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
     if interpolation == "step":
@@ -579,6 +647,34 @@ def _bodies(arm: Arm) -> Chain:
             f"The arm {arm.name} has {arm.dof} joints, but its chain has {len(chain)}."
         )
     return chain
+
+
+def _springs(
+    chain: Chain, stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
+) -> Springs | None:
+    """The springs between drives and links; None for rigid joints.
+
+    Raises:
+        InvalidInput: Damping without stiffness, values out of range or for another number of
+            joints, or a drive without inertia.
+    """
+    check_springs(stiffness, damping)
+    if stiffness is None:
+        return None
+    dof = len(chain)
+    k = _checks.per_joint("joint_stiffness", stiffness, dof, "N m/rad")
+    d = DAMPING_TIME * k
+    if damping is not None:
+        d = _checks.per_joint("joint_damping", damping, dof, "N m s/rad")
+    light = np.asarray(chain.armature) == 0
+    if light.any():
+        j = int(np.argmax(light))
+        raise InvalidInput(
+            f"Joint {j + 1} ({chain.joints[j]}) has a spring between its drive and its link, but "
+            "its drive has no inertia: give the arm the inertias of its drives (armature), or "
+            "leave joint_stiffness out."
+        )
+    return Springs(_checks.lock_floats(k), _checks.lock_floats(d))
 
 
 def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:

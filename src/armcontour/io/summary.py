@@ -66,6 +66,8 @@ UNITS = {
     "armature": "kg m^2",
     "viscous": "N m s/rad",
     "coulomb": "N m",
+    "joint_stiffness": "N m/rad",
+    "joint_damping": "N m s/rad",
 }
 
 
@@ -344,7 +346,11 @@ def _experiment(result: RunResult, experiment: ExperimentResult) -> dict[str, An
         "noise": plant.noise,
         "seed": plant.seed,
         "nominal_inertia": plant.nominal_inertia,
-        "robot": _robot(plant.chain),
+        "robot": {
+            **_robot(plant.chain),
+            "joint_stiffness": plant.joint_stiffness,
+            "joint_damping": plant.joint_damping,
+        },
         "controller": _robot(plant.known_chain),
         **_errors(experiment.evaluation),
         **_angular_motion(executed, experiment.evaluation),

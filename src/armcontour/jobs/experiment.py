@@ -17,13 +17,15 @@ from armcontour._quantities import (
     CoulombFrictions,
     Interval,
     JointArmatures,
+    JointDampings,
+    JointStiffnesses,
     ViscousFrictions,
 )
 from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Payload
 from armcontour.errors import InvalidInput
 from armcontour.execution import RigidBodyPlant
-from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise
+from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise, check_springs
 from armcontour.servo import ServoModel
 
 # What a robot can have per joint, with its unit and its name in sentences.
@@ -31,6 +33,8 @@ PER_JOINT = {
     "armature": ("kg m²", "drive inertias of"),
     "viscous": ("N m s/rad", "viscous friction of"),
     "coulomb": ("N m", "Coulomb friction of"),
+    "joint_stiffness": ("N m/rad", "a stiffness of joints of"),
+    "joint_damping": ("N m s/rad", "a damping of joints of"),
 }
 
 
@@ -38,9 +42,10 @@ PER_JOINT = {
 class Experiment:
     """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
 
-    The simulated robot can have another payload, friction or drive inertia than the arm. What is
-    given here takes the place of the arm's own value. Plans, compensation and the controller of the
-    robot know only the arm: its gravity feed-forward does not carry this payload.
+    The simulated robot can have another payload, friction or drive inertia than the arm, and joints
+    that are not rigid. What is given here takes the place of the arm's own value. Plans,
+    compensation and the controller of the robot know only the arm: its gravity feed-forward does
+    not carry this payload.
 
     Args:
         step: Cycle time of the drives [s].
@@ -56,10 +61,15 @@ class Experiment:
             joint; by default the arm's.
         coulomb: Real Coulomb friction of the joints [N m], one for all joints or one per joint; by
             default the arm's.
+        joint_stiffness: Stiffness between each drive and its link [N m/rad], one for all joints or
+            one per joint; rigid by default. The drives must have inertias (armature), and encoders
+            see the motors, not the links.
+        joint_damping: Damping between each drive and its link [N m s/rad], one for all joints or
+            one per joint; by default 0.1 ms times the stiffness.
 
     Raises:
-        InvalidInput: A step or a noise out of range, a negative friction or inertia, or friction
-            that is given and left out.
+        InvalidInput: A step or a noise out of range, a negative friction, inertia or damping, a
+            stiffness that is not above zero, or friction that is given and left out.
     """
 
     step: Interval = 2.5e-4
@@ -71,6 +81,8 @@ class Experiment:
     armature: JointArmatures | None = None
     viscous: ViscousFrictions | None = None
     coulomb: CoulombFrictions | None = None
+    joint_stiffness: JointStiffnesses | None = None
+    joint_damping: JointDampings | None = None
 
     def __post_init__(self) -> None:
         check_drive_cycle(self.step)
@@ -80,6 +92,7 @@ class Experiment:
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, _not_negative(name, values, unit))
+        check_springs(self.joint_stiffness, self.joint_damping)
         if not self.friction and (self.viscous is not None or self.coulomb is not None):
             raise InvalidInput(
                 "The experiment has friction (viscous or coulomb) and leaves it out (friction: "
@@ -121,8 +134,9 @@ def build_plant(
     """Build the simulated robot of an experiment.
 
     The plant has the payload, friction and drive inertias of the experiment where they are given,
-    else those of the arm. Its controller knows only the arm: J of its loops (unless the servo gives
-    one), gravity feed-forward, and torque limits that follow from acceleration limits.
+    else those of the arm, and the joint stiffness of the experiment. Its controller knows only the
+    arm: J of its loops (unless the servo gives one), gravity feed-forward, and torque limits that
+    follow from acceleration limits.
 
     Args:
         experiment: Options of the plant, and what the robot has that its controller does not know.
@@ -134,7 +148,10 @@ def build_plant(
         InvalidInput: The arm has no masses, or values do not fit the arm.
     """
     true_arm = arm.with_dynamics(
-        payload=experiment.payload, **{name: getattr(experiment, name) for name in PER_JOINT}
+        payload=experiment.payload,
+        armature=experiment.armature,
+        viscous=experiment.viscous,
+        coulomb=experiment.coulomb,
     )
     return RigidBodyPlant(
         true_arm,
@@ -146,6 +163,8 @@ def build_plant(
         noise=experiment.noise,
         seed=experiment.seed,
         known=arm,
+        joint_stiffness=experiment.joint_stiffness,
+        joint_damping=experiment.joint_damping,
     )
 
 

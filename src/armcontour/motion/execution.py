@@ -27,6 +27,8 @@ class Execution:
         saturated_time: Time in saturation of each joint [s], (dof,).
         torque: Torques of the drives [N m], (n, dof); None from a plant without torques.
         torque_demand: Torques before saturation [N m], (n, dof); None without `torque`.
+        motor_q: Positions of the motors, which is what encoders tell [rad], (n, dof), where springs
+            are between motors and links; None where they are those of the links, q.
 
     Raises:
         InvalidInput: Only one of `torque` and `torque_demand` is given.
@@ -43,13 +45,14 @@ class Execution:
     saturated_time: FloatArray
     torque: FloatArray | None = None
     torque_demand: FloatArray | None = None
+    motor_q: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
         for name in ("t", "q", "dq", "ddq", "demand", "demand_range", "saturated_time"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        for name in ("torque", "torque_demand"):
+        for name in ("torque", "torque_demand", "motor_q"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
