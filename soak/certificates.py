@@ -1,17 +1,55 @@
-"""`python -m soak.certificates`: sample drawings certified on both cells, judged independently."""
+"""`python -m soak.certificates`: sample drawings certified on both cells, judged independently.
+
+With `--bodies 1000`: a square on the rigid bodies of the UR5e, judged by MuJoCo on so many newly
+drawn robots of the box, and on as many of its worst corners.
+"""
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
 
 import armcontour as ac
 from armcontour._checks import FloatArray
+from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
+from armcontour.robustness.bodies import BodyRuns, spread_on_bodies
+from armcontour.robustness.deviations import deviations_of
+from armcontour.robustness.unknowns import Unknowns
 
+SQUARE = """
+name: square
+arm: ur5e
+path:
+  points:
+    - [0.45, 0.08, 0.2]
+    - [0.55, 0.08, 0.2]
+    - [0.55, 0.18, 0.2]
+    - [0.45, 0.18, 0.2]
+    - [0.45, 0.08, 0.2]
+  orientation: {rpy: [180 deg, 0 deg, 0 deg]}
+limits: {speed: 0.25 m/s, joint_velocity: 3.14, joint_acceleration: 6.4}
+corners: {tolerance: 0.25 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+command_interval: 4 ms
+certificate:
+  plant: rigid_body
+  servo: 1 mm
+  box:
+    payload: [0 kg, 2 kg]
+    payload_known: true
+    viscous: [8, 8, 5, 2, 2, 2]
+    coulomb: [6, 6, 4, 1.5, 1.5, 1.5]
+    friction_shared: true
+    gains: 5 %
+runs:
+  only: {compensation: {method: inverse_dynamics}}
+"""
 DRAWINGS = FilePath(__file__).parents[1] / "examples" / "drawings"
 CASES = (("gasket.dxf", "pmk3s"), ("gasket.dxf", "ur5e"))
 SERVO = 1e-4
@@ -73,9 +111,48 @@ def largest_acceleration(
     return float(found.max()), float(t[np.argmax(found)])
 
 
+def on_bodies(count: int) -> list[str]:
+    """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds.
+
+    Args:
+        count: Number of robots that are drawn, and of corners.
+    """
+    job = parse_job(SQUARE)
+    found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
+    box, budget = found.goal.box, found.goal.servo
+    assert box is not None and budget is not None and found.linear is not None
+    unknowns = Unknowns.of(box, found.job.arm, found.job.plant_servo)
+    runs = BodyRuns(
+        taught=found.taught,
+        path=found.path.contours[0].path,
+        unknowns=unknowns,
+        limits=found.run.limits.for_joints(found.job.arm.dof),
+        options={},
+    )
+    deviations = deviations_of(found.taught, runs.path, unknowns)
+    said = []
+    for name, errors in (
+        ("drawn robots", unknowns.draw(count, 4711)),
+        ("corners", deviations.across().worst().corners(count)),
+    ):
+        executed = spread_on_bodies(runs, errors)
+        largest = f"{executed.max.max() * 1e3:.4f} mm"
+        print(f"  {found.duration:.4f} s, {len(executed)} {name}: at most {largest}")
+        if executed.within(budget) < 1.0 or executed.saturated.any():
+            said.append(f"{1 - executed.within(budget):.2%} of {name} are outside, {largest}")
+    return said
+
+
 def main() -> int:
     """Run it; returns the exit code."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--bodies", type=int, default=0, help="robots as rigid bodies")
+    bodies = arguments.parse_args().bodies
     bad = 0
+    if bodies:
+        said = on_bodies(bodies)
+        print("\n".join(said) or "none outside")
+        return int(bool(said))
     for drawing, cell in CASES:
         begun = time.perf_counter()
         said = outside(drawing, cell)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 import armcontour as ac
+from armcontour.cli.certifying import certified_rows
 from armcontour.io import certificate_json, parse_job
 from armcontour.program import Contour, Rapid
 from armcontour.report import render_report
@@ -26,8 +27,10 @@ certificate:
   bodies: 3
   corners: 4
   box: {gains: 5 %, payload: [0 kg, 0.5 kg], viscous: 0.05 N m s/rad, coulomb: 0.01 N m}
+# Drives with a long cycle, of which a run takes a moment.
+experiment: {step: 1 ms}
 runs:
-  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 400}}
+  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 200}}
 """
 
 
@@ -44,7 +47,7 @@ def test_robots_that_the_search_has_not_seen_keep_the_budget(certified):
         path=certified.path.path,
         unknowns=u,
         limits=certified.run.limits.for_joints(2),
-        options={},
+        options={"step": 1e-3},
     )
     found = spread_on_bodies(runs, u.draw(4, 99))
     assert found.within(budget) == 1.0 and not found.saturated.any()
@@ -72,6 +75,9 @@ def test_both_figures_and_the_part_of_each_unknown_are_stated(certified):
     assert data["linear"]["bound"] == linear.bound
     assert data["linear"]["shares"] == linear.shares
     assert data["linear"]["drawn"]["within"] == 1.0
+    rows = dict(certified_rows(certified))
+    assert rows["executed by MuJoCo"] == "4 corners, 3 drawn robots"
+    assert "friction" in rows["of it by"] and "torque / limit, of the box" in rows
     page = render_report(certified.study, certificate=certified)
     assert "MuJoCo, worst of 4 corners" in page and "gains of position loops" in page
 
@@ -93,7 +99,7 @@ def refusal(**goal):
 def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
     error = refusal(servo=0.02e-3, slowest=1.2)
     assert isinstance(error, ac.NotRealizable)
-    assert "in the linear model, " in str(error) and "friction" in str(error)
+    assert "the linear model of the last plan has kp " in str(error) and "friction" in str(error)
     assert error.needed > error.allowed == 0.02e-3
 
 

@@ -36,6 +36,10 @@ def test_options_take_the_place_of_the_jobs_keys(command, job):
     assert json.loads(shown)["certificate"]["goal"]["servo"] == 5e-5
     code, _, errors = command("certify", job, "--servo", "5 kg")
     assert code == 2 and "--servo" in errors
+    code, _, errors = command("certify", job, "--plant", "robot")
+    assert code == 2 and "plant must be one of" in errors and "rigid_body" in errors
+    code, _, errors = command("certify", job, "--plant", "rigid_body")
+    assert code == 2 and "saturation" in errors
 
 
 def test_a_refusal_has_its_exit_code_and_writes_nothing(command, job, tmp_path):

@@ -8,6 +8,9 @@ from armcontour.certification._search import Search
 from armcontour.certification._uses import SPEED_SLACK
 from armcontour.errors import NotRealizable
 
+# Smaller shares of an error are not said.
+SAID = 0.01
+
 
 def refuse(search: Search) -> NoReturn:
     """Refuse a certificate after a search, with the limit that binds and what would help.
@@ -50,8 +53,10 @@ def refuse(search: Search) -> NoReturn:
         _refuse_torque(search, ratio, slow)
     if kind == "tool":
         _refuse_tool_speed(search, ratio, slow, f"take {shorter}")
-    # Trials with a smaller error exceeded another limit.
+    # Trials with a smaller error exceeded another limit, or only an estimate of them was inside.
     reached = search.reached if search.reached > setting.budget else ratio * setting.budget
+    if kind == "box" and reached <= setting.budget:
+        reached = search.outside
     over = " of the worst robot of the box" if kind == "box" else ""
     mend = _mend_box(search) if kind == "box" else f"take {shorter}"
     raise NotRealizable(
@@ -70,11 +75,12 @@ def _mend_box(search: Search) -> str:
     if search.shares is None:
         return closer
     largest = sorted(search.shares.items(), key=lambda x: -x[1])
-    parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > 0)
+    least = SAID * sum(search.shares.values())
+    parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > least)
     box, first = search.setting.box, largest[0][0]
     if first == "payload" and box is not None and not box.payload_known:
         closer = f"let the controller weigh its payload (payload_known: true), or {closer}"
-    return f"of it, in the linear model, {parts}; {closer}"
+    return f"the linear model of the last plan has {parts}; {closer}"
 
 
 def _refuse_torque(search: Search, ratio: float, slow: str) -> NoReturn:

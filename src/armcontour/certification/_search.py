@@ -160,6 +160,7 @@ class Search:
         trials: How many were made.
         reached: Smallest contour error of any trial that was fast enough, over the box if there is
             one [m].
+        outside: Smallest contour error of a robot of the box that was executed, and outside [m].
         binds: What the last trial used most, and how much of it.
         in_time: Whether the last trial was faster than the best so far, and than the slowest.
         best: The fastest plan so far that holds everything.
@@ -181,6 +182,7 @@ class Search:
     optimum: float = np.nan
     trials: int = 0
     reached: float = np.inf
+    outside: float = np.inf
     binds: tuple[str, float] = ("", 0.0)
     in_time: bool = True
     best: Kept | None = None
@@ -414,6 +416,7 @@ class Search:
             worst: Largest contour error of that robot [m].
             goal: At which share that trial aimed.
         """
+        self.outside = min(self.outside, worst)
         if self.setting.bodies:
             # A trial may be nearer to its limits than it aimed at.
             goal = min(goal, trial.uses.worst()["box"])

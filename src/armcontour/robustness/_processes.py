@@ -65,8 +65,9 @@ def map_in_processes(
         for k, item in _each(left, lock):
             _send(child.stdin, item)
             found[k] = _receive(child.stdout)
-            finished.append(k)
-            tell(len(finished))
+            with lock:
+                finished.append(k)
+                tell(len(finished))
 
     try:
         with ThreadPoolExecutor(count) as pool:

@@ -177,9 +177,12 @@ class Worst:
         bound = np.zeros(len(own))
         np.maximum.at(bound, where.ravel(), self.bound)
         own = own[np.argsort(-bound, kind="stable")][:most]
-        others = unknowns.corners() if len(unknowns) <= ALL_CORNERS else self._neighbours(own)
+        few = len(unknowns) <= ALL_CORNERS
+        if len(own) == most and not (few and 2 ** len(unknowns) <= most):
+            return np.asarray(own)
+        others = unknowns.corners() if few else self._neighbours(own)
         others = others[np.argsort(-self.across.largest(others), kind="stable")]
-        if len(others) <= most and len(unknowns) <= ALL_CORNERS:
+        if few and len(others) <= most:
             return others
         both = np.concatenate([own, others])
         _, first = np.unique(both, axis=0, return_index=True)
