@@ -148,7 +148,7 @@ def coarse_offset(
 def fit_delay(
     lifted: Lifted, moved: FloatArray, expected: Callable[[float], FloatArray], penalty: float
 ) -> float:
-    """The dead time that the servo model does not know [s].
+    """The dead time that the servo model does not know [s]; 0 if it cannot be told.
 
     Friction, load and gains that differ from the model's make joints late, too. So every joint may
     also be off by parts that go with its direction, velocity and acceleration, before the rest is
@@ -175,6 +175,9 @@ def fit_delay(
     least = -float(lifted.nominal.servo.dead_time.min())
     looked = np.arange(least, LONGEST_DELAY, LOOKED)
     k = int(np.argmin([unlikely(x) for x in looked.tolist()]))
+    if k == len(looked) - 1:
+        # Noise drowns what dead time does, or something else is much later: nothing is known.
+        return 0.0
     found = minimize_scalar(
         unlikely,
         bounds=(max(least, looked[k] - LOOKED), looked[k] + LOOKED),

@@ -34,7 +34,7 @@ from armcontour.servo import ServoModel
 # times as slow.
 MOST_SETBACKS = 3
 HALF, SLOWER = 0.5, 100.0
-# Where the motion changes fast enough to tell dead time, errors are far above any noise.
+# With less noise than the model is off, dead time is looked for with this penalty.
 TO_FIND_DELAY = 1e-2
 # A run is worse than another one, not noisy, by this many standard deviations.
 SURE = 3.0
@@ -103,7 +103,11 @@ def _align(
     if isinstance(taught, Lesson) or not knows_time:
         return lifted, clock, taught
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
-    delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), TO_FIND_DELAY)
+    noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
+    variance, penalty = _variance(noise, measured - lifted.planned), TO_FIND_DELAY
+    if np.mean(noise**2) > variance / 2:
+        penalty = max(penalty, choose_penalty(lifted, measured - expected, variance))
+    delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), penalty)
     early = max(int(delay / taught.period), 0) * taught.period
     if early == 0:
         return lifted.with_delay(delay), clock, taught
@@ -170,7 +174,8 @@ def _next_lesson(
     best = runs[known.best]
     setbacks = taught.setbacks if isinstance(taught, Lesson) else 0
     before = min((x.rms for x in runs[:-1]), default=np.inf)
-    if runs[-1].rms > before + SURE * known.resolution:
+    repeated = isinstance(taught, Lesson) and taught.finished
+    if runs[-1].rms > before + SURE * known.resolution and not repeated:
         setbacks += 1
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
     change = HALF**setbacks * (known.q - best.q + change)
