@@ -31,6 +31,7 @@ def made(plan, runs=2):
             q=q + k * np.pi,
             error=random.standard_normal((40, 2)),
             noise=np.array([1e-5, 2e-5]) / 3,
+            loop_noise=np.array([3e-5, 4e-5]) / 7,
             joint_rms=random.random(2),
             joint_max=random.random(2),
             tool_rms=0.1 / 3,

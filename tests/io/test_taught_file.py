@@ -32,8 +32,8 @@ def learned(plan, step=1e-3):
     """A lesson whose set-points are those of the plan and a little more."""
     taught, zeros = plan.taught, np.zeros(2)
     run = LearnedRun(
-        q=taught.q, error=np.zeros((5, 2)), noise=zeros, joint_rms=zeros, joint_max=zeros,
-        tool_rms=0.0, tool_max=0.0,
+        q=taught.q, error=np.zeros((5, 2)), noise=zeros, loop_noise=zeros, joint_rms=zeros,
+        joint_max=zeros, tool_rms=0.0, tool_max=0.0,
     )  # fmt: skip
     return Lesson(
         period=taught.period,

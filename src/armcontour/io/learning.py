@@ -18,6 +18,7 @@ LEARNING_UNITS = {
     "contour_max": "m",
     "joint_rms": "rad",
     "joint_max": "rad",
+    "loop_noise": "rad",
     "predicted": "m",
     "bound": "m",
     "offset": "s",

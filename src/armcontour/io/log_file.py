@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from armcontour._checks import FloatArray
 from armcontour._files import LARGE, read_text
@@ -14,8 +15,10 @@ from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import CsvTable, read_columns, split_csv
 from armcontour.io.ros_files import is_ros_file, read_ros_log
-from armcontour.learning import Recording
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
+
+if TYPE_CHECKING:
+    from armcontour.learning import Recording
 
 COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
 MEASURED = ("measured", "meas", "actual", "feedback", "encoder")
@@ -193,6 +196,8 @@ def _read_positions(
     unwrap: bool,
 ) -> Recording:
     """Measured positions of a log without commands."""
+    from armcontour.learning import Recording
+
     joints = _sorted([joint for role, joint in known if role == "measured"])
     values = _read_values(table, known, [TIMES_OF, *(("measured", x) for x in joints)])
     q = values[:, 1:]
