@@ -81,6 +81,11 @@ def certify(
             f"Run {this.name} has a duration of {this.duration:g} s, which a certified plan does "
             "not take: leave duration out."
         )
+    if this.smoothing:
+        raise InvalidInput(
+            f"Run {this.name} has smoothing, but a certified plan has windows of its own: leave "
+            "smoothing out."
+        )
     refuse_jerk(this.limits, this.ignore_jerk)
     search = _Certifying(job, this, goal, under(progress))
     return search.certificate()

@@ -58,9 +58,7 @@ class Nominal:
                 arm=self.arm, servo=self.servo, gravity_feedforward=self.gravity_feedforward
             )
             return drives.command(q, dq, ddq)
-        servo = self.servo
-        ahead = q + dq / servo.kp
-        return ahead if servo.kv is None else ahead + ddq / (servo.kp * servo.kv)
+        return self.servo.command(q, dq, ddq)
 
 
 class Lifted:
