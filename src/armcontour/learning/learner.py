@@ -48,6 +48,7 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
+    known: Arm | None = None,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
@@ -64,6 +65,7 @@ def learn(
         servo: The nominal servo.
         limits: Limits of the controller, as in `compensate`; by default they are not checked.
         gravity_feedforward: Whether the controller adds the torque against gravity.
+        known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
             otherwise the tracker has a clock of its own, and a tool that is late on its whole way
@@ -74,8 +76,9 @@ def learn(
         CompensationError: The set-points of the last run exceed the limits.
     """
     nominal = Nominal(
-        arm=arm, servo=servo.for_joints(arm.dof), gravity_feedforward=gravity_feedforward
-    )
+        arm=arm, servo=servo.for_joints(arm.dof),
+        gravity_feedforward=gravity_feedforward, known=known,
+    )  # fmt: skip
     recording = record(executed, taught)
     lifted, clock, taught = _align(taught, recording, nominal)
     judge = Judge(arm, taught.trajectory, lifted.t, lifted.planned)
