@@ -172,6 +172,14 @@ class Lifted:
         weights = self._weights if delay is None else self._set_point_weights(delay)
         return self._solved(self._by_command @ (weights @ change.ravel()))
 
+    def reaching(self, change: FloatArray) -> FloatArray:
+        """The change of the command that reaches the drives at the times [rad], (n, dof).
+
+        Args:
+            change: Change of the set-points [rad], (count, dof).
+        """
+        return np.asarray((self._weights @ change.ravel()).reshape(len(self.t), self.dof))
+
     def respond_to(self, command: FloatArray) -> FloatArray:
         """Change of the joints by a change of the command that reaches the drives [rad].
 
