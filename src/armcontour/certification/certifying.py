@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour.certification._approach import approaches
 from armcontour.certification._bodies import look
@@ -80,6 +81,11 @@ def certify(
         raise InvalidInput(
             f"Run {this.name} has a duration of {this.duration:g} s, which a certified plan does "
             "not take: leave duration out."
+        )
+    if this.smoothing:
+        raise InvalidInput(
+            f"Run {this.name} has smoothing, but a certified plan has windows of its own: leave "
+            "smoothing out."
         )
     refuse_jerk(this.limits, this.ignore_jerk)
     search = _Certifying(job, this, goal, under(progress))
@@ -425,12 +431,12 @@ def model_of(robot: Robot) -> str:
     if robot.bodies:
         return _model_of_bodies(robot, held[servo.interpolation])
     parts = [
-        f"independent joint servos of order {servo.order} with kp {servo.kp.tolist()} 1/s"
-        + ("" if servo.kv is None else f" and kv {servo.kv.tolist()} 1/s"),
+        f"independent joint servos of order {servo.order} with kp {_per_joint(servo.kp)} 1/s"
+        + ("" if servo.kv is None else f" and kv {_per_joint(servo.kv)} 1/s"),
         f"set-points every {robot.run.period * 1e3:g} ms, " + held[servo.interpolation],
     ]
     if servo.dead_time.any():
-        parts.append(f"dead time {(servo.dead_time * 1e3).tolist()} ms")
+        parts.append(f"dead time {_per_joint(servo.dead_time * 1e3)} ms")
     if servo.order == "second":
         parts.append("accelerations that saturate at the joints' limits")
     if robot.box is not None:
@@ -444,12 +450,12 @@ def _model_of_bodies(robot: Robot, held: str) -> str:
     assert servo.kv is not None
     fed = options.get("gravity_feedforward", True)
     parts = [
-        f"the rigid bodies of {robot.arm.name} with kp {servo.kp.tolist()} 1/s and kv "
-        f"{servo.kv.tolist()} 1/s, simulated by MuJoCo",
+        f"the rigid bodies of {robot.arm.name} with kp {_per_joint(servo.kp)} 1/s and kv "
+        f"{_per_joint(servo.kv)} 1/s, simulated by MuJoCo",
         f"set-points every {robot.run.period * 1e3:g} ms, {held}",
     ]
     if servo.dead_time.any():
-        parts.append(f"dead time {(servo.dead_time * 1e3).tolist()} ms")
+        parts.append(f"dead time {_per_joint(servo.dead_time * 1e3)} ms")
     if robot.box is None:
         parts.append("gravity fed forward" if fed else "gravity not fed forward")
         return "; ".join(parts)
@@ -466,3 +472,9 @@ def _with_tolerance(this: Run, tolerance: float | None) -> Run:
         return this
     rounding: Rounding = replace(this.rounding, tolerance=tolerance)
     return replace(this, rounding=rounding)
+
+
+def _per_joint(values: FloatArray) -> str:
+    """Values of all joints in words: one number where they are equal."""
+    shown = [f"{x:g}" for x in values]
+    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)

@@ -126,7 +126,7 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     if found.pauses > 0:
         rows.append(("pauses after rapids", f"{found.pauses:.4f} s"))
     if found.experiment is not None:
-        rows.append(("on rigid bodies, largest", _largest(found.experiment.evaluation)))
+        rows.append(("experiment, largest", _largest(found.experiment.evaluation)))
     return rows
 
 

@@ -13,7 +13,6 @@ from armcontour.compensation.set_points import (
     SETTLING,
     SetPointTimes,
     advance_set_points,
-    inverse_servo,
     set_point_times,
     time_advances,
 )
@@ -168,11 +167,11 @@ def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = times.inside
-        found = inverse_servo(servo, trajectory(t), trajectory(t, 1), trajectory(t, 2))
+        found = servo.command(trajectory(t), trajectory(t, 1), trajectory(t, 2))
         return np.concatenate([found, final])[:, joints]
 
     start = trajectory(np.zeros(1))
-    first = inverse_servo(servo, start, trajectory(np.zeros(1), 1), trajectory(np.zeros(1), 2))
+    first = servo.command(start, trajectory(np.zeros(1), 1), trajectory(np.zeros(1), 2))
     # The arm stands still at the first set-point, so that must be the start of the plan.
     from_rest = not np.array_equal(first, start)
     return advance_set_points(

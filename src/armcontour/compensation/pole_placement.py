@@ -19,7 +19,6 @@ from armcontour.compensation.set_points import (
     SETTLING,
     SetPointTimes,
     advance_set_points,
-    inverse_servo,
     time_advances,
 )
 from armcontour.errors import CompensationError, InvalidInput
@@ -122,7 +121,7 @@ def _set_points(
     y = x1 + lead * x2
     dy = rate * (x2 + lead * x3)
     ddy = rate**2 * (x3 + lead * x4)
-    set_points = inverse_servo(servo, y, dy, ddy)
+    set_points = servo.command(y, dy, ddy)
     set_points[-1] = final
     return set_points
 

@@ -1,4 +1,4 @@
-"""Times of set-points, their time advance, and the inverse of the servo."""
+"""Times of set-points, and their time advance."""
 
 from __future__ import annotations
 
@@ -109,22 +109,3 @@ def advance_set_points(
         np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
     ]
     return -early * period + 0.0, np.stack(padded, axis=1)
-
-
-def inverse_servo(
-    servo: ServoModel, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None
-) -> FloatArray:
-    """The command that makes an unsaturated servo without dead time follow q [rad], (n, dof).
-
-    Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`.
-
-    Args:
-        servo: Servo model with values per joint.
-        q: Joint positions [rad], (n, dof).
-        dq: Joint velocities [rad/s], (n, dof).
-        ddq: Joint accelerations [rad/s²], (n, dof); not needed for first order.
-    """
-    if servo.kv is None:
-        return np.asarray(q + dq / servo.kp)
-    assert ddq is not None
-    return np.asarray(q + dq / servo.kp + ddq / (servo.kp * servo.kv))

@@ -1,18 +1,16 @@
-"""Compiled steps of a closed loop with dry friction, by the method of `_response.respond`."""
+"""Compiled steps of a closed loop with dry friction, by the method of `_response.spread`."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
 # Friction torques of coupled joints are found one joint after the other until none changes by more
 # than this part of the largest one; a few rounds do, since the drives dominate the coupling.
 EXACT = 1e-10
 ROUNDS = 60
-# How much stiffer than inertia and drive a joint that sticks is held.
-HELD = 1e6
 
 
 @compiled()
@@ -78,47 +76,3 @@ def slide(
                 found[k + 1, i] -= inverse[i, j] * brake[j]
     friction[n - 1] = friction[max(n - 2, 0)]
     return found, friction
-
-
-@compiled()
-def spread(
-    mass: FloatArray,
-    damping: FloatArray,
-    stiffness: FloatArray,
-    step: float,
-    torque: FloatArray,
-    held: BoolArray,
-) -> FloatArray:
-    """Deviations under small torques, from rest, while some joints stick.
-
-    Args:
-        mass: M at the times, (n, dof, dof).
-        damping: D at the times, (n, dof, dof).
-        stiffness: K at the times, (n, dof, dof).
-        step: Time between two times [s].
-        torque: Torques at the times for several cases [N m], (n, dof, cases).
-        held: Whether a joint sticks from each time to the next, (n, dof).
-
-    Returns:
-        Deviations [rad], (n, dof, cases).
-    """
-    n, dof, cases = torque.shape
-    found = np.zeros((n, dof, cases))
-    right = np.zeros((dof, cases))
-    for k in range(n - 1):
-        m, d, s = mass[k] / step**2, damping[k] / (2 * step), stiffness[k] / 4
-        ahead, here, before = m + d + s, 2 * m - 2 * s, m - d + s
-        earlier = k - 1 if k > 0 else 0
-        for i in range(dof):
-            for c in range(cases):
-                value = torque[k, i, c]
-                for j in range(dof):
-                    value += here[i, j] * found[k, j, c] - before[i, j] * found[earlier, j, c]
-                right[i, c] = value
-            if held[k, i]:
-                hold = HELD * ahead[i, i]
-                ahead[i, i] += hold
-                for c in range(cases):
-                    right[i, c] += hold * found[k, i, c]
-        found[k + 1] = np.linalg.solve(ahead, right)
-    return found

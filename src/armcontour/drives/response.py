@@ -11,7 +11,7 @@ from scipy.sparse import csc_array
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
-from armcontour.drives._response import respond
+from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
 from armcontour.servo import ServoModel
 
@@ -24,7 +24,8 @@ class Response:
     """The closed loop, linear around a motion: `M x'' + D x' + K x = G u + f`.
 
     x is the deviation of the joints, u that of the command that reaches the drives, f additional
-    torque. The joints are at rest at the first time. Times are discrete, as in `_response.respond`.
+    torque. The joints are at rest at the first time. Times are discrete, as in `_response.spread`,
+    and torques are means over neighbouring times, with the weights 1/4, 1/2 and 1/4.
 
     Args:
         t: Regular times [s], (n,).
@@ -55,11 +56,13 @@ class Response:
         Args:
             torque: Torque at the times [N m], (n, dof), or (n, dof, cases) for several cases.
         """
-        cases = np.array(torque if torque.ndim == 3 else torque[:, :, None])
+        cases = torque if torque.ndim == 3 else torque[:, :, None]
+        padded = np.concatenate([cases[:1], cases, cases[-1:]])
+        means = (padded[:-2] + 2 * cases + padded[2:]) / 4
+        free = np.zeros(self.mass.shape[:2], dtype=np.bool_)
         # Copies that can be written to: for locked ones the kernel would be compiled once more.
-        found = respond(
-            np.array(self.mass), np.array(self.damping), np.array(self.stiffness), self.step, cases
-        )
+        mass, damping, stiffness = (np.array(x) for x in (self.mass, self.damping, self.stiffness))
+        found = spread(mass, damping, stiffness, self.step, means, free)
         return np.asarray(found.reshape(torque.shape))
 
     def to_command(self, command: FloatArray) -> FloatArray:

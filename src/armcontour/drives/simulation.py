@@ -8,7 +8,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
-from armcontour.drives._friction import slide, spread
+from armcontour.drives._friction import slide
+from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
 from armcontour.errors import ExecutionError
 

@@ -19,6 +19,8 @@ from armcontour.jobs.study import RunPlan
 # Mass that the arm carries and nobody knows of, as a share of the mass that its joints move. On a
 # UR5e it is 2 kg of the 5 kg that it may carry.
 HEAVIER = 0.1
+# Its weight takes no more than this share of a drive's torque.
+LOAD = 0.05
 # Dry friction as a share of the torque limit, and viscous friction at the velocity limit as a share
 # of it. On a UR5e they are 6 N m and 5 N m s/rad at its large joints.
 COULOMB, VISCOUS = 0.04, 0.1
@@ -35,9 +37,10 @@ def unknown_robot(job: Job, plan: RunPlan, seed: int | None = None) -> tuple[Rob
     """The robot of a simulation of learning, and what nobody knows of it.
 
     It is that of the run's experiment, if this or the job's plant differs from the nominal robot.
-    Else the robot carries a tenth of its own mass more, has dry friction of 4 % of the torque
-    limits, viscous friction of 10 % of them at the velocity limits, position loop gains that are
-    off by up to 5 %, and encoders with a noise of 10 µrad.
+    Else the robot carries a tenth of its own mass more (less, if its weight took more than 5 % of a
+    torque limit), has dry friction of 4 % of the torque limits, viscous friction of 10 % of them at
+    the velocity limits, position loop gains that are off by up to 5 %, and encoders with a noise of
+    10 µrad.
 
     Args:
         job: The job.
@@ -92,12 +95,24 @@ def _assumed(job: Job, plan: RunPlan, experiment: Experiment) -> Experiment:
     own = chain.payload or Payload(mass=0.0)
     return replace(
         experiment,
-        payload=replace(own, mass=float(_short(own.mass + HEAVIER * chain.masses.sum()))),
+        payload=replace(own, mass=float(_short(own.mass + _load(job, plan, torque)))),
         coulomb=_short(chain.coulomb + COULOMB * torque),
         viscous=_short(chain.viscous + VISCOUS * torque / fastest),
         noise=max(experiment.noise, NOISE),
         friction=True,
     )
+
+
+def _load(job: Job, plan: RunPlan, torque: FloatArray) -> float:
+    """Mass that the robot carries beside its payload [kg]."""
+    arm, chain = job.arm, job.arm.chain
+    assert chain is not None and chain.masses is not None
+    own = chain.payload or Payload(mass=0.0)
+    heavier = arm.with_dynamics(payload=replace(own, mass=own.mass + 1.0))
+    q = plan.taught.q
+    weight = np.abs(heavier.dynamics.gravity(q) - arm.dynamics.gravity(q)).max(axis=0)
+    most = float((LOAD * torque / np.maximum(weight, 1e-9)).min())
+    return min(HEAVIER * float(chain.masses.sum()), most)
 
 
 def _short(values: npt.ArrayLike) -> FloatArray:

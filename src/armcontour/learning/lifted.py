@@ -61,9 +61,7 @@ class Nominal:
                 gravity_feedforward=self.gravity_feedforward, known=self.known,
             )  # fmt: skip
             return drives.command(q, dq, ddq)
-        servo = self.servo
-        ahead = q + dq / servo.kp
-        return ahead if servo.kv is None else ahead + ddq / (servo.kp * servo.kv)
+        return self.servo.command(q, dq, ddq)
 
 
 class Lifted:

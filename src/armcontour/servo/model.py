@@ -173,6 +173,21 @@ class ServoModel:
                     allowed=MOST_TIME_CONSTANTS / period,
                 )
 
+    def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
+        """The command that makes the unsaturated servo without dead time follow q [rad], (n, dof).
+
+        Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof); not needed for first order.
+        """
+        if self.kv is None:
+            return np.asarray(q + dq / self.kp)
+        assert ddq is not None
+        return np.asarray(q + dq / self.kp + ddq / (self.kp * self.kv))
+
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).
 

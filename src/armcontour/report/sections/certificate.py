@@ -281,7 +281,7 @@ def _comparison(found: Certificate) -> Table:
     if found.experiment is not None:
         e = found.experiment.evaluation
         row = (
-            "certified, on rigid bodies",
+            "certified, in the experiment on rigid bodies",
             f"{found.duration:.4f} s",
             _mm(e.contour_error.max),
             _mm(e.contour_error.rms),
