@@ -192,10 +192,11 @@ def _next_lesson(
     if runs[-1].rms > before + SURE * known.resolution and not repeated:
         setbacks += 1
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
-    change = HALF**setbacks * (known.q - best.q + change)
+    step = HALF**setbacks * (known.step if len(runs) > 1 else 1.0)
+    change = step * (known.q - best.q + change)
     share, reason = keep_limits(taught, best.q, change, limits)
     left = judge.judge(max(known.off, UNTESTED) * response).rms
-    rest = 1 - share * HALF**setbacks
+    rest = 1 - share * step
     predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
     bound = best.rms + SURE * known.resolution
     finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
