@@ -51,7 +51,14 @@ if TYPE_CHECKING:
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
     from armcontour.jobs import Goal, Job, Study, run
-    from armcontour.learning import LearnedRun, Lesson, Recording, learn
+    from armcontour.learning import (
+        LearnedRun,
+        Lesson,
+        Recording,
+        TransferredData,
+        learn,
+        transfer,
+    )
     from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
     from armcontour.program import (
         Analog,
@@ -110,7 +117,14 @@ _HOME = {
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
     "jobs": ("Goal", "Job", "Study", "run"),
-    "learning": ("LearnedRun", "Lesson", "Recording", "learn"),
+    "learning": (
+        "LearnedRun",
+        "Lesson",
+        "Recording",
+        "TransferredData",
+        "learn",
+        "transfer",
+    ),
     "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
     "program": (
         "Analog",
@@ -185,6 +199,7 @@ __all__ = [
     "Tabs",
     "TaughtData",
     "Trajectory",
+    "TransferredData",
     "Unreachable",
     "Weave",
     "__version__",
@@ -209,6 +224,7 @@ __all__ = [
     "run",
     "sweep",
     "trace",
+    "transfer",
     "write_report",
 ]
 

@@ -168,3 +168,21 @@ def test_the_first_order_servo_learns_without_masses(path):
     assert off[1] < 0.1 * off[0]
     assert lesson.runs[0].contour_rms is None
     assert lesson.runs[0].rms == lesson.runs[0].tool_rms
+
+
+def test_the_controller_may_know_another_arm(arm, taught):
+    """A load that the model has and the controller does not: nothing is left to learn."""
+    loaded = arm._copy(
+        chain=arm.chain.replace(payload=ac.Payload(mass=0.3), gravity=(0.0, -9.81, 0.0))
+    )
+    bare = loaded._copy(chain=loaded.chain.replace(payload=None))
+    plan = taught.trajectory
+    right = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=loaded, known=bare)
+    robot = ac.RigidBodyPlant(loaded, SERVO, ac.Limits(joint_torque=1e3).for_joints(2), known=bare)
+    done = ac.execute(right, robot)
+    found = {}
+    for known in (bare, None):
+        lesson = ac.learn(right, done, arm=loaded, servo=SERVO, known=known)
+        off = lesson.lifted.expected(right.q) - lesson.lifted.planned - lesson.runs[0].error
+        found[known] = np.abs(off).max()
+    assert found[bare] < 0.02 * found[None]

@@ -117,15 +117,29 @@ class Dynamics:
         position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
         return position, velocity, acceleration
 
-    def pinocchio_model(self, *, weightless: bool = False) -> tuple[Any, Any]:
-        """The model of pinocchio, without the armature, and its data.
+    def load_torques(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, *, weightless: bool = False
+    ) -> FloatArray:
+        """Joint torques per parameter of a load on the last link, (n, dof, 10).
+
+        The parameters are in the frame of the last link: mass [kg], first moments [kg m], and
+        moments of inertia xx, xy, yy, xz, yz, zz about its origin [kg m²].
 
         Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
             weightless: Whether gravity is left out.
         """
+        model, data = self._model, self._data
         if weightless:
-            return self._weightless, self._weightless_data
-        return self._model, self._data
+            model, data = self._weightless, self._weightless_data
+        dof = len(self.chain)
+        found, last = np.empty((len(q), dof, 10)), slice(10 * (dof - 1), None)
+        compute = self._pin.computeJointTorqueRegressor
+        for out, x, v, a in zip(found, q, dq, ddq, strict=True):
+            out[:] = compute(model, data, x, v, a)[:, last]
+        return found
 
     def _gravity(self, q: FloatArray) -> FloatArray:
         """Joint torques [N m] of gravity, (n, dof)."""

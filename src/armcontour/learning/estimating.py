@@ -201,6 +201,11 @@ class Estimate:
         return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise))
 
     @property
+    def step(self) -> float:
+        """The share of a change that leaves least error if its response is off by `off`."""
+        return 1 / (1 + self.off**2)
+
+    @property
     def resolution(self) -> float:
         """Standard deviation of a run's RMS error by noise [m]."""
         return float(self.noise / np.sqrt(self.independent))

@@ -22,7 +22,7 @@ from armcontour.learning.estimating import (
     white_noise,
 )
 from armcontour.learning.judging import Judge
-from armcontour.learning.lesson import LearnedRun, Lesson
+from armcontour.learning.lesson import LearnedRun, Lesson, TransferredData
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
 from armcontour.learning.tracking import add_tool
@@ -48,6 +48,7 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
+    known: Arm | None = None,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
@@ -64,6 +65,7 @@ def learn(
         servo: The nominal servo.
         limits: Limits of the controller, as in `compensate`; by default they are not checked.
         gravity_feedforward: Whether the controller adds the torque against gravity.
+        known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
             otherwise the tracker has a clock of its own, and a tool that is late on its whole way
@@ -74,8 +76,9 @@ def learn(
         CompensationError: The set-points of the last run exceed the limits.
     """
     nominal = Nominal(
-        arm=arm, servo=servo.for_joints(arm.dof), gravity_feedforward=gravity_feedforward
-    )
+        arm=arm, servo=servo.for_joints(arm.dof),
+        gravity_feedforward=gravity_feedforward, known=known,
+    )  # fmt: skip
     recording = record(executed, taught)
     lifted, clock, taught = _align(taught, recording, nominal)
     judge = Judge(arm, taught.trajectory, lifted.t, lifted.planned)
@@ -93,14 +96,15 @@ def _align(
     these: only their times in the plan change.
     """
     known = taught.lifted if isinstance(taught, Lesson) else None
-    delay = taught.delay if isinstance(taught, Lesson) else 0.0
+    told = isinstance(taught, Lesson | TransferredData)
+    delay = taught.delay if isinstance(taught, Lesson | TransferredData) else 0.0
     lifted = Lifted(taught, nominal, delay) if known is None else known
     refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
     expected = lifted.expected(taught.q)
     refuse_unlike(recording, clock, lifted, expected)
     knows_time = recording.in_plan_time or recording.command is not None
-    if isinstance(taught, Lesson) or not knows_time:
+    if told or not knows_time:
         return lifted, clock, taught
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
     noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
@@ -108,12 +112,22 @@ def _align(
     if np.mean(noise**2) > variance / 2:
         penalty = max(penalty, choose_penalty(lifted, measured - expected, variance))
     delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), penalty)
-    early = max(int(delay / taught.period), 0) * taught.period
-    if early == 0:
+    earlier = start_early(taught, delay)
+    if earlier is taught:
         return lifted.with_delay(delay), clock, taught
-    taught = replace(taught, start_time=taught.start_time - early)
-    clock = Clock(clock.offset - early, clock.rate)
-    return Lifted(taught, nominal, delay), clock, taught
+    clock = Clock(clock.offset + earlier.start_time - taught.start_time, clock.rate)
+    return Lifted(earlier, nominal, delay), clock, earlier
+
+
+def start_early(taught: TaughtData, delay: float) -> TaughtData:
+    """Taught data that starts earlier by the whole command intervals in a dead time.
+
+    Args:
+        taught: Taught data.
+        delay: Dead time that its model lacks [s].
+    """
+    early = max(int(delay / taught.period), 0) * taught.period
+    return replace(taught, start_time=taught.start_time - early) if early else taught
 
 
 def _judge_run(
@@ -178,10 +192,11 @@ def _next_lesson(
     if runs[-1].rms > before + SURE * known.resolution and not repeated:
         setbacks += 1
     change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
-    change = HALF**setbacks * (known.q - best.q + change)
-    share, reason = _keep_limits(taught, best.q, change, limits)
+    step = HALF**setbacks * (known.step if len(runs) > 1 else 1.0)
+    change = step * (known.q - best.q + change)
+    share, reason = keep_limits(taught, best.q, change, limits)
     left = judge.judge(max(known.off, UNTESTED) * response).rms
-    rest = 1 - share * HALF**setbacks
+    rest = 1 - share * step
     predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
     bound = best.rms + SURE * known.resolution
     finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
@@ -210,7 +225,7 @@ def _next_lesson(
     )
 
 
-def _keep_limits(
+def keep_limits(
     taught: TaughtData, q: FloatArray, change: FloatArray, limits: Limits | None
 ) -> tuple[float, str]:
     """The share of a change of set-points that keeps the limits, and why it is not all of it.

@@ -39,11 +39,13 @@ class Nominal:
         arm: The arm; with masses, its bodies respond, else its servos alone.
         servo: The servo, with its nominal dead time.
         gravity_feedforward: Whether the controller adds the gravity torque.
+        known: The arm as its controller knows it, as in `Drives`.
     """
 
     arm: Arm
     servo: ServoModel
     gravity_feedforward: bool = True
+    known: Arm | None = None
 
     @property
     def has_bodies(self) -> bool:
@@ -55,8 +57,9 @@ class Nominal:
         q, dq, ddq = (along(plan, t, order) for order in range(3))
         if self.has_bodies:
             drives = Drives(
-                arm=self.arm, servo=self.servo, gravity_feedforward=self.gravity_feedforward
-            )
+                arm=self.arm, servo=self.servo,
+                gravity_feedforward=self.gravity_feedforward, known=self.known,
+            )  # fmt: skip
             return drives.command(q, dq, ddq)
         return self.servo.command(q, dq, ddq)
 
@@ -126,7 +129,7 @@ class Lifted:
         nominal = self.nominal
         response = respond_along(
             lambda t, order: along(self.plan, t, order), self.t, nominal.arm, nominal.servo,
-            gravity_feedforward=nominal.gravity_feedforward,
+            gravity_feedforward=nominal.gravity_feedforward, known=nominal.known,
         )  # fmt: skip
         left, right = response.equations()
         # The first rows of `equations` let the joints start where the plan does; here they start
@@ -166,6 +169,14 @@ class Lifted:
         """
         weights = self._weights if delay is None else self._set_point_weights(delay)
         return self._solved(self._by_command @ (weights @ change.ravel()))
+
+    def reaching(self, change: FloatArray) -> FloatArray:
+        """The change of the command that reaches the drives at the times [rad], (n, dof).
+
+        Args:
+            change: Change of the set-points [rad], (count, dof).
+        """
+        return np.asarray((self._weights @ change.ravel()).reshape(len(self.t), self.dof))
 
     def respond_to(self, command: FloatArray) -> FloatArray:
         """Change of the joints by a change of the command that reaches the drives [rad].
