@@ -46,13 +46,13 @@ def set_points(seed, duration, joints=(0, 1, 2, 3, 4, 5), reach=0.4):
 
 def record(arm, servo, q, *, every=4, noise=NOISE, seed=0, **options):
     """A log of set-points that a plant executed, a sample every so many milliseconds."""
-    plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), nominal_arm())
+    plan = ac.plan(ac.JointPath.spline(np.stack([q[0], q[0] + 0.1])), arm)
     taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
-    limits = ac.Limits(joint_torque=np.full(len(HOME), 1e4))
+    limits = ac.Limits(joint_torque=np.full(arm.dof, 1e4))
     plant = ac.RigidBodyPlant(arm, servo, limits, noise=noise, seed=seed, **options)
     done = ac.execute(taught, plant)
     n = int((len(q) - 1) * PERIOD / 1e-3) + 1
     t = done.t[:n:every]
     command = np.stack([np.interp(t, taught.t, x) for x in q.T], axis=1)
-    shaken = np.random.default_rng(seed + 1000).normal(0, noise, (len(t), len(HOME)))
+    shaken = np.random.default_rng(seed + 1000).normal(0, noise, (len(t), arm.dof))
     return Log(t=t, command=command, measured=done.q[:n:every] + shaken, source="run.csv")

@@ -134,7 +134,7 @@ def test_without_a_nominal_servo_friction_is_kept_and_gains_are_found(log, nomin
 
 def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
     servo = nominal_servo().replace(kp=KP)
-    log = record(arm, servo, set_points(1, 3.0, joints=(0, 1)), every=8)
+    log = record(arm, servo, set_points(1, 3.0, joints=(0, 1, 2, 3, 4)), every=8)
     found = identify(log, arm=nominal, servo=nominal_servo(), gravity="loaded")
     assert not found.determined
     wrist = found.joints[5]
@@ -145,7 +145,7 @@ def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
     assert found.servo.kp[5] == pytest.approx(25.0, rel=1e-12)
     # The other joints shake it less than its friction: how strong that is, nobody knows.
     assert found.arm.chain.coulomb[5] == 0.0
-    excitation = propose(found)
+    excitation = propose(found, duration=10.0)
     assert "coulomb of wrist_3_joint" in excitation.tells
     q, rates = excitation.taught.q, np.diff(excitation.taught.q, axis=0) / 4e-3
     assert np.abs(q[[0, -1]] - HOME).max() < 1e-9 and np.abs(rates[[0, -1]]).max() < 1e-3
@@ -251,4 +251,41 @@ def test_at_rest_nothing_is_told(nominal):
     log = Log(t=t, command=still, measured=still + noise)
     found = identify(log, arm=nominal, servo=nominal_servo())
     assert not any(x.determined for joint in found.joints for x in joint.estimates)
+    np.testing.assert_allclose(found.servo.kp, 25.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("armature", [0.05, 0.0])
+def test_a_planar_arm_without_gravity_tells_no_more_than_the_scale_allows(armature):
+    """Without gravity and drive inertias, only ratios of torques are told: a gain stays nominal."""
+    nominal = ac.load_arm("pmk3s").with_dynamics(armature=armature)
+    home, kp = np.array([0.4, 1.2]), np.array([26.0, 24.0])
+    coulomb = np.array([0.8, 0.4])
+    true = nominal.with_dynamics(
+        payload=ac.Payload(mass=1.0, center=[0.02, 0.01, 0.03]),
+        coulomb=coulomb,
+        viscous=[0.9, 0.5],
+        armature=1.15 * armature if armature else [0.05, 0.03],
+    )
+    q = home + (set_points(3, 4.0) - HOME)[:, :2]
+    log = record(true, nominal_servo().replace(kp=kp, dead_time=5e-3), q, known=nominal)
+    found = identify(log, arm=nominal, servo=nominal_servo(), gravity="nominal")
+    scale = 1.0 if armature else 25.0 / 26.0
+    first = found.joints[0].kp
+    assert first.determined == bool(armature)
+    assert "payload_center_z" in found.open and found.payload_center[2].value == 0.0
+    if not armature:
+        assert first.value == pytest.approx(25.0, rel=1e-12)
+        assert any("count what keeps its nominal value as true" in x for x in found.notes)
+    ratios = np.array([x.coulomb.value for x in found.joints]) / (scale * coulomb)
+    np.testing.assert_allclose(ratios, 1.0, rtol=0.15 if armature else 0.005)
+    np.testing.assert_allclose(found.joints[1].kp.value / found.servo.kp[0], 24 / 26, rtol=5e-3)
+
+
+def test_a_search_that_does_not_come_to_rest_determines_nothing(log, nominal, monkeypatch):
+    monkeypatch.setattr("armcontour.identification.bodies.precision.REST", 1e-12)
+    monkeypatch.setattr("armcontour.identification.bodies.identifying.FEW_LEFT_OUT", 0)
+    monkeypatch.setattr("armcontour.identification.bodies.describing.EXPLAINS", -np.inf)
+    found = identify(log.between(0, 2.1), arm=nominal, servo=nominal_servo(), gravity="nominal")
+    assert not any(x.determined for joint in found.joints for x in joint.estimates)
+    assert "did not come to rest" in found.joints[0].kp.advice
     np.testing.assert_allclose(found.servo.kp, 25.0, rtol=1e-12)

@@ -69,6 +69,7 @@ class _Known:
         model: The robot.
         values: Values of the unknowns.
         free: Which were sought.
+        unsettled: Which were left out since the search did not come to rest in them.
         precision: Standard deviations.
         doubt: What the command between samples and the drives' cycle may do to them.
         limit: Standard deviations that count as told.
@@ -79,6 +80,7 @@ class _Known:
     model: Model
     values: FloatArray
     free: BoolArray
+    unsettled: BoolArray
     precision: Precision
     doubt: FloatArray
     limit: FloatArray
@@ -90,6 +92,7 @@ def describe(
     model: Model,
     recordings: list[Recording],
     found: BodyFit,
+    unsettled: BoolArray,
     delays: tuple[float, float],
     *,
     gains_known: bool,
@@ -100,6 +103,7 @@ def describe(
         model: The robot.
         recordings: The logs.
         found: The fit.
+        unsettled: Unknowns that were left out since the search did not come to rest in them.
         delays: Smallest and largest dead time of the search [s].
         gains_known: Whether a nominal servo was given.
 
@@ -113,6 +117,7 @@ def describe(
         model=model,
         values=values,
         free=found.free,
+        unsettled=unsettled,
         precision=precision(found, found.free),
         doubt=doubts(model, recordings, found, found.free),
         limit=allowed(model, values),
@@ -298,6 +303,11 @@ def _not_told(known: _Known, k: int) -> Estimate:
     share = logarithmic or _is_factor(x)
     if not known.moved[k]:
         why = f"The joint is not told to move, so the log does not show {symbol}"
+    elif known.unsettled[k]:
+        why = (
+            f"The search did not come to rest in {symbol}, as if the robot did something that the "
+            "model does not"
+        )
     elif not math.isfinite(sd) or (share and sd > 1):
         why = f"The log does not show {symbol} at all"
     else:
@@ -333,6 +343,8 @@ def _center(known: _Known, of: dict[tuple[str, int], int], i: int) -> Estimate:
         why = (
             "There is no payload whose centre the log could show"
             if mass <= LEAST_MASS
+            else "The search did not come to rest in it"
+            if known.unsettled[k]
             else f"The log tells it to {sd / mass * 1e3:.2g} mm only, and "
             f"{known.limit[k] / mass * 1e3:.2g} mm are needed"
             if math.isfinite(sd)
@@ -362,8 +374,11 @@ def _notes(
             "The residuals are not white: the encoder is coarse, or the robot does something that "
             "the model does not. Intervals allow for their correlation, not for what is missing."
         )
-    if not found.converged:
-        notes.append("The search was ended before it came to rest.")
+    if (known.moved & ~known.free & np.isfinite(known.sought)).any():
+        notes.append(
+            "Intervals count what keeps its nominal value as true: with a gain that is off by 1 %, "
+            "friction and loads may be off by as much."
+        )
     delay = float(known.values[-1])
     if delay <= delays[0] or delay >= delays[1]:
         notes.append(f"The dead time is outside of those looked for, up to {delays[1] * 1e3:g} ms.")

@@ -10,7 +10,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.identification.bodies.fitting import BodyFit, attempt, derivatives
+from armcontour.identification.bodies.fitting import expected_fit
 from armcontour.identification.bodies.model import Unknown
 from armcontour.identification.bodies.precision import reachable, told
 from armcontour.identification.bodies.recording import Recording
@@ -213,16 +213,11 @@ def _tells(found: RobotIdentification, law: WaveLaw) -> tuple[tuple[str, ...], f
     q = law.on_interval(np.zeros(1, dtype=np.intp), t, 0)
     log = Log(t=t, command=q, measured=q)
     recordings = [Recording.of(log, model.servo.interpolation, SETTLED, step=STEP)]
-    trial = attempt(model, recordings, values)
-    jacobian = derivatives(model, recordings, trial) / found.fit.scatter[:, None]
-    ideal = BodyFit(
-        trial=trial, free=np.ones(len(values), dtype=bool), jacobian=jacobian,
-        residuals=np.zeros(jacobian.shape[:2]), scatter=found.fit.scatter, converged=False,
-    )  # fmt: skip
+    ideal = expected_fit(model, recordings, values, found.fit.scatter)
     limit = reachable(model, values)
-    known = told(ideal, ideal.free, limit, noise_only=True)
+    known = told(model, ideal, ideal.free, limit, noise_only=True)
     names = {_name(found, x): bool(y) for x, y in zip(model.unknowns, known, strict=True)}
-    sd = np.sqrt(1 / np.maximum(np.sum(jacobian**2, axis=(0, 1)), 1e-300))
+    sd = np.sqrt(1 / np.maximum(np.sum(ideal.jacobian**2, axis=(0, 1)), 1e-300))
     sharpness = float(np.max(np.minimum(sd / limit, 1.0)))
     return tuple(x for x in found.open if names.get(x, False)), sharpness
 

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.drives.simulation import Simulation, simulate
-from armcontour.errors import ExecutionError
+from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.model import LOGARITHMIC, SHIFT, Model
 from armcontour.identification.bodies.recording import Recording
 
 # The iteration ends when a step moves no unknown by more than this share of a standard deviation.
 NEAR = 0.02
 MOST_ITERATIONS = 50
+# It gives up after this many steps in a row that gain less than this share of what they should: the
+# response to small torques does not hold where a joint that rests would slip.
+FUTILE_STEPS, FUTILE = 4, 0.05
 # Damping by Levenberg and Marquardt: of the first step, next to none, so that steps are those of
-# Gauss and Newton; its factors after a step that helps and after one that does not; the largest.
-FIRST_DAMPING, LOWER, RAISE, MOST_DAMPING = 1e-8, 100.0, 10.0, 1e4
+# Gauss and Newton; its factors after a step that helps and after one that does not; its range.
+FIRST_DAMPING, LOWER, RAISE = 1e-8, 100.0, 10.0
+LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e4
 # A gain changes by no more than this factor in one step, and a payload by no more than this [kg].
 LARGEST_FACTOR, LARGEST_MASS = 2.0, 5.0
 # Residuals below this [rad] are rounding.
@@ -61,7 +65,7 @@ class BodyFit:
             (samples, dof, unknowns).
         residuals: Residuals in multiples of `scatter`, (samples, dof).
         scatter: Root mean square of the residuals of each joint [rad], (dof,).
-        converged: Whether the iteration came to an end.
+        left: What a next step would add to the unknowns, if responses were linear, (unknowns,).
     """
 
     trial: Trial
@@ -69,7 +73,7 @@ class BodyFit:
     jacobian: FloatArray
     residuals: FloatArray
     scatter: FloatArray
-    converged: bool
+    left: FloatArray
 
 
 def attempt(
@@ -115,6 +119,28 @@ def derivatives(model: Model, recordings: list[Recording], trial: Trial) -> Floa
     return np.concatenate(found)
 
 
+def expected_fit(
+    model: Model, recordings: list[Recording], values: FloatArray, noise: FloatArray
+) -> BodyFit:
+    """The fit of all unknowns if they had some values, and there were only white noise.
+
+    Args:
+        model: The robot.
+        recordings: The logs.
+        values: Values of the unknowns.
+        noise: Standard deviation of each joint's encoder [rad], (dof,).
+
+    Raises:
+        ExecutionError: A joint runs away.
+    """
+    trial = attempt(model, recordings, values)
+    jacobian = derivatives(model, recordings, trial) / noise[:, None]
+    return BodyFit(
+        trial=trial, free=np.ones(len(values), dtype=bool), jacobian=jacobian,
+        residuals=np.zeros(jacobian.shape[:2]), scatter=noise, left=np.zeros(len(values)),
+    )  # fmt: skip
+
+
 def fit(
     model: Model,
     recordings: list[Recording],
@@ -135,7 +161,7 @@ def fit(
     Raises:
         ExecutionError: The robot cannot be simulated at the start.
     """
-    trial, damping = attempt(model, recordings, values), FIRST_DAMPING
+    trial, damping, futile = attempt(model, recordings, values), FIRST_DAMPING, 0
     for k in range(most + 1):
         scatter = trial.scatter
         jacobian = derivatives(model, recordings, trial) / scatter[:, None]
@@ -143,13 +169,15 @@ def fit(
         normal = _Normal(model, trial.values, jacobian, residuals, free)
         found = BodyFit(
             trial=trial, free=free, jacobian=jacobian, residuals=residuals, scatter=scatter,
-            converged=normal.size <= NEAR,
+            left=normal.left,
         )  # fmt: skip
-        if found.converged or k == most:
+        if normal.size <= NEAR or k == most or futile == FUTILE_STEPS:
             return found
         better = _improve(model, recordings, trial, normal, scatter, damping)
         if better is None:
-            return replace(found, converged=True)
+            return found
+        gain = trial.cost(scatter) - better[0].cost(scatter)
+        futile = futile + 1 if gain < FUTILE * normal.gain else 0
         trial, damping = better
     return found
 
@@ -158,7 +186,9 @@ class _Normal:
     """Normal equations of a step, of unknowns that can move.
 
     Attributes:
-        size: Size of the step without damping, in standard deviations.
+        left: The step without damping, (unknowns,).
+        size: Its size in standard deviations of white residuals.
+        gain: What it would take off the cost, if responses were linear.
     """
 
     def __init__(
@@ -175,13 +205,18 @@ class _Normal:
         # What is at its end and would leave its range stays.
         self.moves = free & ~((values <= low) & (slope < 0))
         a = a[:, self.moves]
-        self.scale = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-300)
+        self.scale = np.sqrt(np.sum(a**2, axis=0))
+        self.scale[self.scale == 0] = 1.0
         self.matrix = (a.T @ a) / np.outer(self.scale, self.scale)
         self.slope = slope[self.moves] / self.scale
         self.most = np.array([_longest(x.name) for x in model.unknowns])
         inverse = np.linalg.pinv(self.matrix, rcond=1e-12, hermitian=True)
         sd = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-        self.size = float(np.max(np.abs(inverse @ self.slope) / sd, initial=0.0))
+        step = inverse @ self.slope
+        self.left = np.zeros(len(free))
+        self.left[self.moves] = step / self.scale
+        self.size = float(np.max(np.abs(step) / sd, initial=0.0))
+        self.gain = float(self.slope @ step)
 
     def step(self, damping: float) -> FloatArray:
         """A step of all unknowns, (unknowns,)."""
@@ -213,9 +248,10 @@ def _improve(
         values = np.maximum(trial.values + normal.step(damping), low)
         try:
             found = attempt(model, recordings, values, trial)
-        except ExecutionError:
+        except (ExecutionError, InvalidInput):
+            # It runs away, or a value is beyond all bounds.
             found = None
         if found is not None and found.cost(scatter) < cost:
-            return found, max(damping / LOWER, FIRST_DAMPING)
+            return found, max(damping / LOWER, LEAST_DAMPING)
         damping *= RAISE
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,9 +14,19 @@ from armcontour.arms import Arm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.checking import check_logs
 from armcontour.identification.bodies.describing import describe, fitted_of, refuse_misfit
-from armcontour.identification.bodies.fitting import BodyFit, Trial, attempt, derivatives, fit
-from armcontour.identification.bodies.model import GRAVITIES, Model
-from armcontour.identification.bodies.precision import OF_JOINTS, allowed, moved, reachable, told
+from armcontour.identification.bodies.fitting import BodyFit, Trial, expected_fit, fit
+from armcontour.identification.bodies.model import GRAVITIES, LOGARITHMIC, Model
+from armcontour.identification.bodies.precision import (
+    OF_JOINTS,
+    allowed,
+    also_told,
+    moved,
+    reachable,
+    told,
+    unsettled,
+    with_mass,
+    worst,
+)
 from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.bodies.results import RobotIdentification
 from armcontour.identification.bodies.starting import start
@@ -44,8 +55,12 @@ LEFT_OUT, MOST_RESTARTS = 5.0, 2
 ALL_NOISE = 2.0
 # Smallest noise of an encoder [rad]: less is rounding.
 LEAST_NOISE = 1e-7
-# A fit is repeated without unknowns that it does not tell, until it tells all that it seeks.
-MOST_ROUNDS = 6
+# A fit is repeated without unknowns that it does not tell, until it tells all that it seeks. What
+# was left out may come back so many times: earlier values may have hidden what logs tell.
+SECOND_CHANCES = 3
+# In the first rounds a search that does not come to rest goes on without one unknown, later without
+# all in which it does not.
+FEW_LEFT_OUT = 8
 
 
 def identify_robot(
@@ -98,8 +113,8 @@ def identify_robot(
     refuse_misfit(fitted_of(coarse, near))
     values = near.values
     tell(Step(("fit",)))
-    found = _fit(model, recordings, values)
-    return describe(model, recordings, found, delays, gains_known=servo is not None)
+    found, restless = _fit(model, recordings, values)
+    return describe(model, recordings, found, restless, delays, gains_known=servo is not None)
 
 
 def _choose_gravity(
@@ -135,7 +150,7 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
         InvalidInput: The robot cannot be simulated.
     """
     try:
-        found = fit(model, recordings, values, _seen(model, recordings, values)).trial
+        found = _settle(model, recordings, values, _seen(model, recordings, values)).trial
         for _ in range(MOST_RESTARTS):
             noisy = found.scatter / _noise(recordings)
             poor = noisy > LEFT_OUT * max(float(np.median(noisy)), 1.0)
@@ -154,44 +169,76 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
     return found
 
 
-def _fit(model: Model, recordings: list[Recording], values: FloatArray) -> BodyFit:
+def _settle(
+    model: Model, recordings: list[Recording], values: FloatArray, free: BoolArray
+) -> BodyFit:
+    """A fit; if it does not come to rest, one that starts with nominal gains.
+
+    Without gravity, only links of known mass tell the scale of all torques. Far from the truth the
+    way along it is too bent for linear steps.
+
+    Args:
+        model: The robot.
+        recordings: The logs.
+        values: Where the search starts.
+        free: Unknowns that are sought, (unknowns,).
+
+    Raises:
+        ExecutionError: The robot cannot be simulated.
+    """
+    found = fit(model, recordings, values, free)
+    gains = np.array([x.name in LOGARITHMIC for x in model.unknowns])
+    if not (free & gains).any() or unsettled(found).max() <= 1.0:
+        return found
+    near = np.where(gains, model.nominal, found.trial.values)
+    near = fit(model, recordings, near, free & ~gains).trial.values
+    again = fit(model, recordings, near, free)
+    better = again.trial.cost(found.scatter) < found.trial.cost(found.scatter)
+    return again if better else found
+
+
+def _fit(
+    model: Model, recordings: list[Recording], values: FloatArray
+) -> tuple[BodyFit, BoolArray]:
     """The fit of what the logs tell; the rest stays nominal.
+
+    Returns:
+        The fit, and which unknowns were left out since the search did not come to rest in them.
 
     Raises:
         InvalidInput: The robot cannot be simulated.
     """
     try:
         free = _seen(model, recordings, values)
-        for k in range(MOST_ROUNDS):
+        some, settled = moved(model, recordings), np.ones(len(values), dtype=bool)
+        for k in itertools.count():
             values = np.where(free, values, model.nominal)
-            found = fit(model, recordings, values, free)
+            found = _settle(model, recordings, values, free)
             values = found.trial.values
-            # Earlier values may have hidden what the log tells.
-            some = moved(model, recordings) if k < MOST_ROUNDS / 2 else free
-            known = told(found, some, allowed(model, values))
+            limit = allowed(model, values)
+            known = told(model, found, free, limit)
+            if k < SECOND_CHANCES:
+                known = also_told(model, found, known, some & settled, limit)
             if (known == free).all():
-                break
-            free = known
+                moves = unsettled(found)
+                if moves.max() <= 1.0:
+                    break
+                if k < FEW_LEFT_OUT:
+                    settled[worst(model, moves)] = False
+                else:
+                    settled &= moves <= 1.0
+                known = free & settled
+            free = known & with_mass(model, known)
     except ExecutionError as error:
         raise InvalidInput(f"The log does not fit the arm and its servo: {error}") from None
-    return found
+    return found, ~settled
 
 
 def _seen(model: Model, recordings: list[Recording], values: FloatArray) -> BoolArray:
     """Unknowns that the logs would tell if there were only the noise of the encoders."""
-    trial = attempt(model, recordings, values)
-    noise = _noise(recordings)
-    jacobian = derivatives(model, recordings, trial) / noise[:, None]
-    ideal = BodyFit(
-        trial=trial,
-        free=np.ones(len(values), dtype=bool),
-        jacobian=jacobian,
-        residuals=np.zeros(jacobian.shape[:2]),
-        scatter=noise,
-        converged=False,
-    )
+    ideal = expected_fit(model, recordings, values, _noise(recordings))
     some = moved(model, recordings)
-    return told(ideal, some, reachable(model, values), noise_only=True)
+    return told(model, ideal, some, reachable(model, values), noise_only=True)
 
 
 def _noise(recordings: list[Recording]) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.identification.bodies.fitting import BodyFit
-from armcontour.identification.bodies.model import LOGARITHMIC, SHIFT, Model
+from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, SHIFT, Model
 from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.correlation import WHITE, long_run, whiteness
 
@@ -24,7 +24,11 @@ ANGLE = 1e-4
 MASS = 0.05
 CENTER = 0.01
 DELAY = 0.5e-3
-
+# Of unknowns that only together are not told, a gain keeps its nominal value rather than a load or
+# friction, if its standard deviation in multiples of what is allowed by this factor is the largest.
+TRUSTED = 2.0
+# A search that would go on by more than this share of a standard deviation has not come to rest.
+REST = 0.5
 
 OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
 # A joint that is told to move by less than this [rad] does not move.
@@ -67,7 +71,7 @@ def precision(found: BodyFit, free: BoolArray, *, noise_only: bool = False) -> P
     lost = scale <= 1e-9 * float(scale.max(initial=1e-300))
     size = np.where(lost, 1.0, scale)
     unit = a / size
-    flat = unit.reshape(-1, unit.shape[-1])
+    flat = unit.reshape(found.residuals.size, unit.shape[-1])
     values, vectors = np.linalg.eigh(flat.T @ flat)
     good = values > 1e-12 * values.max(initial=0.0)
     inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
@@ -142,11 +146,17 @@ def moved(model: Model, recordings: list[Recording]) -> BoolArray:
 
 
 def told(
-    found: BodyFit, free: BoolArray, limit: FloatArray, *, noise_only: bool = False
+    model: Model,
+    found: BodyFit,
+    free: BoolArray,
+    limit: FloatArray,
+    *,
+    noise_only: bool = False,
 ) -> BoolArray:
     """Which of the unknowns a log tells; the least known is left out until all others are known.
 
     Args:
+        model: The robot.
         found: A fit.
         free: Unknowns that are sought, (unknowns,).
         limit: Largest standard deviations, (unknowns,).
@@ -158,11 +168,59 @@ def told(
         with np.errstate(invalid="ignore", divide="ignore"):
             worse = np.where(free, sd / limit, 0.0)
         worse[np.isnan(worse)] = math.inf
-        k = int(np.argmax(worse))
-        if worse[k] <= 1.0:
+        if worse.max() <= 1.0:
             break
-        free[k] = False
+        free[worst(model, worse)] = False
+        free &= with_mass(model, free)
     return free
+
+
+def also_told(
+    model: Model, found: BodyFit, free: BoolArray, some: BoolArray, limit: FloatArray
+) -> BoolArray:
+    """What a log tells, and what else it tells beside that.
+
+    Args:
+        model: The robot.
+        found: A fit.
+        free: Unknowns that are told, (unknowns,).
+        some: Unknowns that may be sought, too, (unknowns,).
+        limit: Largest standard deviations, (unknowns,).
+    """
+    for k in np.flatnonzero(some & ~free):
+        more = free | (np.arange(len(free)) == k)
+        more &= with_mass(model, more)
+        if (precision(found, more).sd[more] <= limit[more]).all():
+            free = more
+    return free
+
+
+def worst(model: Model, worse: FloatArray) -> int:
+    """The unknown that should keep its nominal value.
+
+    Args:
+        model: The robot.
+        worse: How much worse than allowed each unknown is known, (unknowns,).
+    """
+    gains = np.array([x.name in LOGARITHMIC for x in model.unknowns])
+    return int(np.argmax(np.where(gains, TRUSTED * worse, worse)))
+
+
+def with_mass(model: Model, free: BoolArray) -> BoolArray:
+    """Unknowns but for the centre of a payload whose mass is neither sought nor nominal."""
+    names = [x.name for x in model.unknowns]
+    mass = free[names.index("payload_mass")] or model.load.mass > LEAST_MASS
+    return np.array([bool(mass) or x != "payload_center" for x in names])
+
+
+def unsettled(found: BodyFit) -> FloatArray:
+    """How far from rest the search of a fit ended: above 1 for an unknown that still moves.
+
+    Returns:
+        What a next step would add, in multiples of what may be left, (unknowns,).
+    """
+    sd = precision(found, found.free).sd
+    return np.asarray(np.where(found.free, np.abs(found.left) / (REST * sd), 0.0))
 
 
 def doubts(
@@ -190,9 +248,9 @@ def doubts(
         torque = np.stack([drives.stiffness * other, model.lag / 2 * late], axis=-1)
         moved.append(x.sampled(motion.to_torque(torque)))
     change = np.concatenate(moved) / found.scatter[:, None]
-    a = found.jacobian[:, :, free].reshape(-1, int(free.sum()))
     shift = np.zeros(len(free))
     if free.any():
+        a = found.jacobian[:, :, free].reshape(-1, int(free.sum()))
         both = np.linalg.lstsq(a, change.reshape(-1, 2), rcond=None)[0]
         shift[free] = np.abs(both).sum(axis=1)
     return shift
