@@ -117,15 +117,30 @@ class Dynamics:
         position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
         return position, velocity, acceleration
 
-    def pinocchio_model(self, *, weightless: bool = False) -> tuple[Any, Any]:
-        """The model of pinocchio, without the armature, and its data.
+    def last_body_regressor(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
+    ) -> FloatArray:
+        """Joint torques per parameter of the last body, of which they are linear.
 
         Args:
-            weightless: Whether gravity is left out.
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            gravity: Whether the torque includes gravity.
+
+        Returns:
+            Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
+            zz about the origin, all in the frame of the last joint, (n, dof, 10).
         """
-        if weightless:
-            return self._weightless, self._weightless_data
-        return self._model, self._data
+        at, rate, second = self._rows(q, dq, ddq)
+        model, data = self._model, self._data
+        if not gravity:
+            model, data = self._weightless, self._weightless_data
+        compute, last = self._pin.computeJointTorqueRegressor, slice(10 * (at.shape[1] - 1), None)
+        found = np.empty((*at.shape, 10))
+        for out, x, v, a in zip(found, at, rate, second, strict=True):
+            out[:] = compute(model, data, x, v, a)[:, last]
+        return found
 
     def _gravity(self, q: FloatArray) -> FloatArray:
         """Joint torques [N m] of gravity, (n, dof)."""

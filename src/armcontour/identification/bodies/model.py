@@ -9,7 +9,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Payload
-from armcontour.arms.dynamics import Dynamics, pinocchio
+from armcontour.arms.dynamics import Dynamics
 from armcontour.drives import Drives
 from armcontour.drives.simulation import Simulation
 from armcontour.servo import ServoModel
@@ -227,13 +227,7 @@ def load_torques(
         Torques per mass at the nominal centre [N m/kg], and per moment along the tip's axes
         [N m/(kg m)], (n, dof, 4).
     """
-    pin, model, data = pinocchio(), *dynamics.pinocchio_model(weightless=weightless)
-    n, dof = motion.q.shape
-    found, last = np.empty((n, dof, 10)), slice(10 * (dof - 1), None)
-    for k, (x, v, a) in enumerate(zip(motion.q, motion.dq, motion.ddq, strict=True)):
-        found[k] = pin.computeJointTorqueRegressor(model, data, x, v, a)[:, last]
-    # Parameters of a body in the frame of the last link: mass, first moments, and moments of
-    # inertia xx, xy, yy, xz, yz, zz about the origin.
+    found = dynamics.last_body_regressor(motion.q, motion.dq, motion.ddq, gravity=not weightless)
     tip, per = dynamics.chain.tip, np.zeros((10, 4))
     place, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
     per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, place - away, tip.rotation
