@@ -245,6 +245,26 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
     return int(checked)
 
 
+def each_not_negative(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
+    """Numbers that are not negative, one for all joints or one per joint, as a locked array.
+
+    Args:
+        name: Name of the quantity, for messages.
+        values: The numbers.
+        unit: Their unit, for messages.
+
+    Raises:
+        InvalidInput: A value is not a number, or is negative.
+    """
+    found = lock_floats(numbers(name, values, unit))
+    if found.ndim > 1 or found.size == 0 or (found < 0).any():
+        raise InvalidInput(
+            f"{name} must not be negative, one for all joints or one per joint, but is "
+            f"{found.tolist()}{' ' * bool(unit)}{unit}."
+        )
+    return found
+
+
 def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
     """Return one number for all joints, or one number per joint, as a new (dof,) array.
 

@@ -117,27 +117,28 @@ class Dynamics:
         position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
         return position, velocity, acceleration
 
-    def load_torques(
-        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, *, weightless: bool = False
+    def last_body_regressor(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
     ) -> FloatArray:
-        """Joint torques per parameter of a load on the last link, (n, dof, 10).
-
-        The parameters are in the frame of the last link: mass [kg], first moments [kg m], and
-        moments of inertia xx, xy, yy, xz, yz, zz about its origin [kg m²].
+        """Joint torques per parameter of the last body, of which they are linear.
 
         Args:
             q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof).
-            weightless: Whether gravity is left out.
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            gravity: Whether the torque includes gravity.
+
+        Returns:
+            Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
+            zz about the origin, all in the frame of the last joint, (n, dof, 10).
         """
+        at, rate, second = self._rows(q, dq, ddq)
         model, data = self._model, self._data
-        if weightless:
+        if not gravity:
             model, data = self._weightless, self._weightless_data
-        dof = len(self.chain)
-        found, last = np.empty((len(q), dof, 10)), slice(10 * (dof - 1), None)
-        compute = self._pin.computeJointTorqueRegressor
-        for out, x, v, a in zip(found, q, dq, ddq, strict=True):
+        compute, last = self._pin.computeJointTorqueRegressor, slice(10 * (at.shape[1] - 1), None)
+        found = np.empty((*at.shape, 10))
+        for out, x, v, a in zip(found, at, rate, second, strict=True):
             out[:] = compute(model, data, x, v, a)[:, last]
         return found
 

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
 from armcontour._quantities import (
     AngularDistance,
     AtLeast,
@@ -91,7 +89,7 @@ class Experiment:
         for name, (unit, _) in PER_JOINT.items():
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(self, name, _not_negative(name, values, unit))
+                object.__setattr__(self, name, _checks.each_not_negative(name, values, unit))
         check_springs(self.joint_stiffness, self.joint_damping)
         if not self.friction and (self.viscous is not None or self.coulomb is not None):
             raise InvalidInput(
@@ -166,18 +164,3 @@ def build_plant(
         joint_stiffness=experiment.joint_stiffness,
         joint_damping=experiment.joint_damping,
     )
-
-
-def _not_negative(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
-    """Values of the joints as a locked array, one for all joints or one per joint.
-
-    Raises:
-        InvalidInput: A value is not a number, or is negative.
-    """
-    array = _checks.numbers(name, values, unit)
-    if array.ndim > 1 or array.size == 0 or (array < 0).any():
-        raise InvalidInput(
-            f"{name} must not be negative, one for all joints or one per joint, but is "
-            f"{array.tolist()} {unit}."
-        )
-    return _checks.lock_floats(array)

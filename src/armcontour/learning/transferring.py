@@ -139,7 +139,7 @@ def _causes(nominal: Nominal, plan: Trajectory, t: FloatArray) -> FloatArray:
         own.append(drives.moving_torque(q, dq, ddq))
     each = [x[:, :, None] * np.eye(x.shape[1]) for x in own]
     if nominal.has_bodies:
-        load = nominal.arm.dynamics.load_torques(q, dq, ddq)
+        load = nominal.arm.dynamics.last_body_regressor(q, dq, ddq)
         each.append(load / drives.stiffness[:, None])
     return np.concatenate(each, axis=2)
 

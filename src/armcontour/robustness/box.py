@@ -82,8 +82,10 @@ class Box:
             )
         object.__setattr__(self, "gains", gains)
         for name, unit in (("dead_time", "s"), ("viscous", "N m s/rad"), ("coulomb", "N m")):
-            object.__setattr__(self, name, _per_joint(name, getattr(self, name), unit))
-        armature = _per_joint("armature", self.armature, "")
+            object.__setattr__(
+                self, name, _checks.each_not_negative(f"{name} of a box", getattr(self, name), unit)
+            )
+        armature = _checks.each_not_negative("armature of a box", self.armature)
         if (armature >= 1).any():
             raise InvalidInput(
                 "armature of a box must be a relative error below 1, as 0.1 for 10 %, but is "
@@ -122,21 +124,6 @@ class Box:
         given = {"viscous": self.viscous, "coulomb": self.coulomb, "armature": self.armature}
         found = [name for name, values in given.items() if np.any(values)]
         return (*found, "payload_known") if self.payload_known else tuple(found)
-
-
-def _per_joint(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
-    """Largest errors, one for all joints or one per joint.
-
-    Raises:
-        InvalidInput: A value is negative.
-    """
-    found = _checks.lock_floats(_checks.numbers(f"{name} of a box", values, unit))
-    if found.ndim > 1 or found.size == 0 or (found < 0).any():
-        raise InvalidInput(
-            f"{name} of a box must not be negative, one for all joints or one per joint, but "
-            f"is {found.tolist()}{' ' * bool(unit)}{unit}."
-        )
-    return found
 
 
 def _range(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:

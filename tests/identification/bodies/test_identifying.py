@@ -12,8 +12,8 @@ from armcontour.drives import Drives
 from armcontour.errors import InvalidInput
 from armcontour.identification import RobotIdentification, identify, propose
 from armcontour.identification.bodies.fitting import attempt, derivatives
+from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import Model
-from armcontour.identification.bodies.recording import Recording
 from armcontour.motion import Log
 
 from .robots import (
@@ -108,15 +108,15 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
     for name, value in (("viscous", 3.0), ("payload_mass", 1.5), ("dead_time", 5e-3)):
         values[[x == name for x in names]] = value
     values[[x == "payload_center" for x in names]] = [0.02, -0.03, 0.05]
-    recordings = [Recording.of(short, "linear", 0.3)]
-    exact = derivatives(model, recordings, attempt(model, recordings, values))
+    grids = [Gridded.of(short, "linear", 0.3)]
+    exact = derivatives(model, grids, attempt(model, grids, values))
     steps = {"payload_center": 1e-3, "dead_time": 1e-3, "payload_mass": 1e-2, "coulomb": None}
     for k, name in enumerate(names):
         step = steps.get(name, 1e-3)
         if step is None:
             continue
         shift = step * (np.arange(len(values)) == k)
-        up, down = (attempt(model, recordings, values + s * shift) for s in (1, -1))
+        up, down = (attempt(model, grids, values + s * shift) for s in (1, -1))
         slope = (down.residuals[0] - up.residuals[0]) / (2 * step)
         assert np.abs(exact[:, :, k] - slope).max() < 0.02 * np.abs(slope).max(), name
 

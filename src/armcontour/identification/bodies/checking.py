@@ -10,7 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.identification.bodies.recording import STEP
+from armcontour.identification.bodies.grid import STEP
 from armcontour.identification.choosing import FOLLOWS, refuse_mixed_up
 from armcontour.identification.fitting import Data
 from armcontour.motion import Log

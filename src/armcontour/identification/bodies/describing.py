@@ -11,6 +11,7 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies.fitting import BodyFit, Trial
+from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import (
     AXES,
     LEAST_MASS,
@@ -28,7 +29,6 @@ from armcontour.identification.bodies.precision import (
     moved,
     precision,
 )
-from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.bodies.results import Fitted, RobotIdentification, RobotJoint
 from armcontour.identification.correlation import whiteness
 from armcontour.identification.fitting import noise_of
@@ -90,7 +90,7 @@ class _Known:
 
 def describe(
     model: Model,
-    recordings: list[Recording],
+    grids: list[Gridded],
     found: BodyFit,
     unsettled: BoolArray,
     delays: tuple[float, float],
@@ -101,7 +101,7 @@ def describe(
 
     Args:
         model: The robot.
-        recordings: The logs.
+        grids: The logs.
         found: The fit.
         unsettled: Unknowns that were left out since the search did not come to rest in them.
         delays: Smallest and largest dead time of the search [s].
@@ -110,7 +110,7 @@ def describe(
     Raises:
         InvalidInput: The model does not explain the motion.
     """
-    fitted = fitted_of(recordings, found.trial)
+    fitted = fitted_of(grids, found.trial)
     explained = refuse_misfit(fitted)
     values = found.trial.values
     known = _Known(
@@ -119,10 +119,10 @@ def describe(
         free=found.free,
         unsettled=unsettled,
         precision=precision(found, found.free),
-        doubt=doubts(model, recordings, found, found.free),
+        doubt=doubts(model, grids, found, found.free),
         limit=allowed(model, values),
         sought=_sought(found),
-        moved=moved(model, recordings),
+        moved=moved(model, grids),
     )
     arm, gains = identified(model, values)
     of = {(x.name, x.index): k for k, x in enumerate(model.unknowns)}
@@ -192,16 +192,16 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
     return arm, servo
 
 
-def fitted_of(recordings: list[Recording], trial: Trial) -> tuple[Fitted, ...]:
+def fitted_of(grids: list[Gridded], trial: Trial) -> tuple[Fitted, ...]:
     """The logs with their simulated motion.
 
     Args:
-        recordings: The logs.
+        grids: The logs.
         trial: The motion.
     """
     return tuple(
         Fitted(log=x.log, t=x.log.t[x.rows], measured=x.measured, simulated=x.measured - residuals)
-        for x, residuals in zip(recordings, trial.residuals, strict=True)
+        for x, residuals in zip(grids, trial.residuals, strict=True)
     )
 
 

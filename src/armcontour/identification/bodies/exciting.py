@@ -11,9 +11,9 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.fitting import expected_fit
+from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import Unknown
 from armcontour.identification.bodies.precision import reachable, told
-from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.bodies.results import RobotIdentification
 from armcontour.motion import Log, TaughtData, Trajectory
 from armcontour.motion.laws import Law
@@ -212,8 +212,8 @@ def _tells(found: RobotIdentification, law: WaveLaw) -> tuple[tuple[str, ...], f
     t = np.arange(0, float(law.breaks[-1]), STEP)
     q = law.on_interval(np.zeros(1, dtype=np.intp), t, 0)
     log = Log(t=t, command=q, measured=q)
-    recordings = [Recording.of(log, model.servo.interpolation, SETTLED, step=STEP)]
-    ideal = expected_fit(model, recordings, values, found.fit.scatter)
+    grids = [Gridded.of(log, model.servo.interpolation, SETTLED, step=STEP)]
+    ideal = expected_fit(model, grids, values, found.fit.scatter)
     limit = reachable(model, values)
     known = told(model, ideal, ideal.free, limit, noise_only=True)
     names = {_name(found, x): bool(y) for x, y in zip(model.unknowns, known, strict=True)}

@@ -9,8 +9,8 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.drives.simulation import Simulation, simulate
 from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import LOGARITHMIC, SHIFT, Model
-from armcontour.identification.bodies.recording import Recording
 
 # The iteration ends when a step moves no unknown by more than this share of a standard deviation.
 NEAR = 0.02
@@ -77,13 +77,13 @@ class BodyFit:
 
 
 def attempt(
-    model: Model, recordings: list[Recording], values: FloatArray, before: Trial | None = None
+    model: Model, grids: list[Gridded], values: FloatArray, before: Trial | None = None
 ) -> Trial:
     """Simulate all logs with some values of the unknowns.
 
     Args:
         model: The robot.
-        recordings: The logs.
+        grids: The logs.
         values: Values of the unknowns.
         before: A trial with similar values.
 
@@ -92,7 +92,7 @@ def attempt(
     """
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
-    for k, x in enumerate(recordings):
+    for k, x in enumerate(grids):
         motion = simulate(
             drives,
             x.command(delay + model.lag),
@@ -107,10 +107,10 @@ def attempt(
     return Trial(values=values, motions=tuple(motions), residuals=tuple(residuals))
 
 
-def derivatives(model: Model, recordings: list[Recording], trial: Trial) -> FloatArray:
+def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
     """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
     found = []
-    for x, motion in zip(recordings, trial.motions, strict=True):
+    for x, motion in zip(grids, trial.motions, strict=True):
         delay = float(trial.values[-1]) + model.lag
         early, late = (x.command(delay + s * SHIFT) for s in (-1, 1))
         lead, slope = (early + late) / 2 - motion.q, (early - late) / (2 * SHIFT)
@@ -120,21 +120,21 @@ def derivatives(model: Model, recordings: list[Recording], trial: Trial) -> Floa
 
 
 def expected_fit(
-    model: Model, recordings: list[Recording], values: FloatArray, noise: FloatArray
+    model: Model, grids: list[Gridded], values: FloatArray, noise: FloatArray
 ) -> BodyFit:
     """The fit of all unknowns if they had some values, and there were only white noise.
 
     Args:
         model: The robot.
-        recordings: The logs.
+        grids: The logs.
         values: Values of the unknowns.
         noise: Standard deviation of each joint's encoder [rad], (dof,).
 
     Raises:
         ExecutionError: A joint runs away.
     """
-    trial = attempt(model, recordings, values)
-    jacobian = derivatives(model, recordings, trial) / noise[:, None]
+    trial = attempt(model, grids, values)
+    jacobian = derivatives(model, grids, trial) / noise[:, None]
     return BodyFit(
         trial=trial, free=np.ones(len(values), dtype=bool), jacobian=jacobian,
         residuals=np.zeros(jacobian.shape[:2]), scatter=noise, left=np.zeros(len(values)),
@@ -143,7 +143,7 @@ def expected_fit(
 
 def fit(
     model: Model,
-    recordings: list[Recording],
+    grids: list[Gridded],
     values: FloatArray,
     free: BoolArray,
     *,
@@ -153,7 +153,7 @@ def fit(
 
     Args:
         model: The robot.
-        recordings: The logs.
+        grids: The logs.
         values: Where the search starts.
         free: Which unknowns are sought, (unknowns,).
         most: Largest number of steps.
@@ -161,10 +161,10 @@ def fit(
     Raises:
         ExecutionError: The robot cannot be simulated at the start.
     """
-    trial, damping, futile = attempt(model, recordings, values), FIRST_DAMPING, 0
+    trial, damping, futile = attempt(model, grids, values), FIRST_DAMPING, 0
     for k in range(most + 1):
         scatter = trial.scatter
-        jacobian = derivatives(model, recordings, trial) / scatter[:, None]
+        jacobian = derivatives(model, grids, trial) / scatter[:, None]
         residuals = np.concatenate(trial.residuals) / scatter
         normal = _Normal(model, trial.values, jacobian, residuals, free)
         found = BodyFit(
@@ -173,7 +173,7 @@ def fit(
         )  # fmt: skip
         if normal.size <= NEAR or k == most or futile == FUTILE_STEPS:
             return found
-        better = _improve(model, recordings, trial, normal, scatter, damping)
+        better = _improve(model, grids, trial, normal, scatter, damping)
         if better is None:
             return found
         gain = trial.cost(scatter) - better[0].cost(scatter)
@@ -235,7 +235,7 @@ def _longest(name: str) -> float:
 
 def _improve(
     model: Model,
-    recordings: list[Recording],
+    grids: list[Gridded],
     trial: Trial,
     normal: _Normal,
     scatter: FloatArray,
@@ -247,7 +247,7 @@ def _improve(
     while damping < MOST_DAMPING:
         values = np.maximum(trial.values + normal.step(damping), low)
         try:
-            found = attempt(model, recordings, values, trial)
+            found = attempt(model, grids, values, trial)
         except (ExecutionError, InvalidInput):
             # It runs away, or a value is beyond all bounds.
             found = None

@@ -15,6 +15,7 @@ from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.checking import check_logs
 from armcontour.identification.bodies.describing import describe, fitted_of, refuse_misfit
 from armcontour.identification.bodies.fitting import BodyFit, Trial, expected_fit, fit
+from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import GRAVITIES, LOGARITHMIC, Model
 from armcontour.identification.bodies.precision import (
     OF_JOINTS,
@@ -27,7 +28,6 @@ from armcontour.identification.bodies.precision import (
     with_mass,
     worst,
 )
-from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.bodies.results import RobotIdentification
 from armcontour.identification.bodies.starting import start
 from armcontour.identification.fitting import noise_of
@@ -102,9 +102,9 @@ def identify_robot(
     )
     settled = max(FORGOTTEN / float(guess.kp.min()), SETTLED)
     tell(Step(("start",)))
-    recordings = [Recording.of(x, interpolation, settled) for x in logs]
-    values = start(model, recordings, delays)
-    coarse = [Recording.of(x, interpolation, settled, step=COARSE) for x in logs]
+    grids = [Gridded.of(x, interpolation, settled) for x in logs]
+    values = start(model, grids, delays)
+    coarse = [Gridded.of(x, interpolation, settled, step=COARSE) for x in logs]
     if gravity is None:
         tell(Step(("gravity",)))
         model, values = _choose_gravity(model, coarse, values)
@@ -113,12 +113,12 @@ def identify_robot(
     refuse_misfit(fitted_of(coarse, near))
     values = near.values
     tell(Step(("fit",)))
-    found, restless = _fit(model, recordings, values)
-    return describe(model, recordings, found, restless, delays, gains_known=servo is not None)
+    found, restless = _fit(model, grids, values)
+    return describe(model, grids, found, restless, delays, gains_known=servo is not None)
 
 
 def _choose_gravity(
-    model: Model, recordings: list[Recording], values: FloatArray
+    model: Model, grids: list[Gridded], values: FloatArray
 ) -> tuple[Model, FloatArray]:
     """The model whose gravity feed-forward leaves the smallest errors, and its values."""
     best: tuple[float, Model, FloatArray] | None = None
@@ -126,11 +126,11 @@ def _choose_gravity(
     for name in GRAVITIES:
         trial = replace(model, gravity=name)
         try:
-            free = _seen(trial, recordings, values)
-            found = fit(trial, recordings, values, free, most=FEW_STEPS).trial
+            free = _seen(trial, grids, values)
+            found = fit(trial, grids, values, free, most=FEW_STEPS).trial
         except ExecutionError:
             continue
-        if (found.scatter < ALL_NOISE * _noise(recordings)).all():
+        if (found.scatter < ALL_NOISE * _noise(grids)).all():
             return trial, found.values
         if best is None:
             scatter = found.scatter
@@ -140,7 +140,7 @@ def _choose_gravity(
     return (model, values) if best is None else best[1:]
 
 
-def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> Trial:
+def _approach(model: Model, grids: list[Gridded], values: FloatArray) -> Trial:
     """A trial near that with the smallest errors.
 
     Friction that holds a joint hides its other unknowns: where a joint is left with errors far
@@ -150,9 +150,9 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
         InvalidInput: The robot cannot be simulated.
     """
     try:
-        found = _settle(model, recordings, values, _seen(model, recordings, values)).trial
+        found = _settle(model, grids, values, _seen(model, grids, values)).trial
         for _ in range(MOST_RESTARTS):
-            noisy = found.scatter / _noise(recordings)
+            noisy = found.scatter / _noise(grids)
             poor = noisy > LEFT_OUT * max(float(np.median(noisy)), 1.0)
             if not poor.any():
                 break
@@ -160,7 +160,7 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
                 x.name in OF_JOINTS and x.index >= 0 and poor[x.index] for x in model.unknowns
             ]
             again = np.where(of_poor, model.nominal, found.values)
-            tried = fit(model, recordings, again, _seen(model, recordings, again)).trial
+            tried = fit(model, grids, again, _seen(model, grids, again)).trial
             if tried.cost(found.scatter) >= found.cost(found.scatter):
                 break
             found = tried
@@ -169,9 +169,7 @@ def _approach(model: Model, recordings: list[Recording], values: FloatArray) -> 
     return found
 
 
-def _settle(
-    model: Model, recordings: list[Recording], values: FloatArray, free: BoolArray
-) -> BodyFit:
+def _settle(model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray) -> BodyFit:
     """A fit; if it does not come to rest, one that starts with nominal gains.
 
     Without gravity, only links of known mass tell the scale of all torques. Far from the truth the
@@ -179,27 +177,25 @@ def _settle(
 
     Args:
         model: The robot.
-        recordings: The logs.
+        grids: The logs.
         values: Where the search starts.
         free: Unknowns that are sought, (unknowns,).
 
     Raises:
         ExecutionError: The robot cannot be simulated.
     """
-    found = fit(model, recordings, values, free)
+    found = fit(model, grids, values, free)
     gains = np.array([x.name in LOGARITHMIC for x in model.unknowns])
     if not (free & gains).any() or unsettled(found).max() <= 1.0:
         return found
     near = np.where(gains, model.nominal, found.trial.values)
-    near = fit(model, recordings, near, free & ~gains).trial.values
-    again = fit(model, recordings, near, free)
+    near = fit(model, grids, near, free & ~gains).trial.values
+    again = fit(model, grids, near, free)
     better = again.trial.cost(found.scatter) < found.trial.cost(found.scatter)
     return again if better else found
 
 
-def _fit(
-    model: Model, recordings: list[Recording], values: FloatArray
-) -> tuple[BodyFit, BoolArray]:
+def _fit(model: Model, grids: list[Gridded], values: FloatArray) -> tuple[BodyFit, BoolArray]:
     """The fit of what the logs tell; the rest stays nominal.
 
     Returns:
@@ -209,11 +205,11 @@ def _fit(
         InvalidInput: The robot cannot be simulated.
     """
     try:
-        free = _seen(model, recordings, values)
-        some, settled = moved(model, recordings), np.ones(len(values), dtype=bool)
+        free = _seen(model, grids, values)
+        some, settled = moved(model, grids), np.ones(len(values), dtype=bool)
         for k in itertools.count():
             values = np.where(free, values, model.nominal)
-            found = _settle(model, recordings, values, free)
+            found = _settle(model, grids, values, free)
             values = found.trial.values
             limit = allowed(model, values)
             known = told(model, found, free, limit)
@@ -234,14 +230,14 @@ def _fit(
     return found, ~settled
 
 
-def _seen(model: Model, recordings: list[Recording], values: FloatArray) -> BoolArray:
+def _seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """Unknowns that the logs would tell if there were only the noise of the encoders."""
-    ideal = expected_fit(model, recordings, values, _noise(recordings))
-    some = moved(model, recordings)
+    ideal = expected_fit(model, grids, values, _noise(grids))
+    some = moved(model, grids)
     return told(model, ideal, some, reachable(model, values), noise_only=True)
 
 
-def _noise(recordings: list[Recording]) -> FloatArray:
+def _noise(grids: list[Gridded]) -> FloatArray:
     """Standard deviation of each joint's encoder [rad], (dof,)."""
-    found = [[noise_of(x) for x in recording.log.measured.T] for recording in recordings]
+    found = [[noise_of(x) for x in grid.log.measured.T] for grid in grids]
     return np.asarray(np.maximum(np.max(found, axis=0), LEAST_NOISE))

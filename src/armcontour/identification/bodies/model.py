@@ -227,8 +227,7 @@ def load_torques(
         Torques per mass at the nominal centre [N m/kg], and per moment along the tip's axes
         [N m/(kg m)], (n, dof, 4).
     """
-    found = dynamics.load_torques(motion.q, motion.dq, motion.ddq, weightless=weightless)
-    # Parameters of `Dynamics.load_torques`.
+    found = dynamics.last_body_regressor(motion.q, motion.dq, motion.ddq, gravity=not weightless)
     tip, per = dynamics.chain.tip, np.zeros((10, 4))
     place, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
     per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, place - away, tip.rotation

@@ -10,8 +10,8 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.identification.bodies.fitting import BodyFit
+from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, SHIFT, Model
-from armcontour.identification.bodies.recording import Recording
 from armcontour.identification.correlation import WHITE, long_run, whiteness
 
 # Standard deviations with which a log tells an unknown: a share of gains, viscous and Coulomb
@@ -135,12 +135,12 @@ def reachable(model: Model, values: FloatArray) -> FloatArray:
     return np.where(logarithmic, found, 2 * found)
 
 
-def moved(model: Model, recordings: list[Recording]) -> BoolArray:
+def moved(model: Model, grids: list[Gridded]) -> BoolArray:
     """Unknowns but for those of joints that no log moves, (unknowns,).
 
     A joint that only others shake shows that friction holds it, but not how strong friction is.
     """
-    ranges = np.max([np.ptp(x.log.command, axis=0) for x in recordings], axis=0)
+    ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     own = [x.index if x.name in OF_JOINTS else -1 for x in model.unknowns]
     return np.array([j < 0 or ranges[j] > MOVES for j in own])
 
@@ -223,9 +223,7 @@ def unsettled(found: BodyFit) -> FloatArray:
     return np.asarray(np.where(found.free, np.abs(found.left) / (REST * sd), 0.0))
 
 
-def doubts(
-    model: Model, recordings: list[Recording], found: BodyFit, free: BoolArray
-) -> FloatArray:
+def doubts(model: Model, grids: list[Gridded], found: BodyFit, free: BoolArray) -> FloatArray:
     """What the model takes for granted, and what that may do to the unknowns.
 
     It is the change of the estimates, to first order, if commands were smooth through their samples
@@ -233,14 +231,14 @@ def doubts(
 
     Args:
         model: The robot.
-        recordings: The logs.
+        grids: The logs.
         found: The fit.
         free: Unknowns that are sought, (unknowns,).
     """
     drives = model.drives(found.trial.values)
     delay = float(found.trial.values[-1]) + model.lag
     moved = []
-    for x, motion in zip(recordings, found.trial.motions, strict=True):
+    for x, motion in zip(grids, found.trial.motions, strict=True):
         command = x.command(delay)
         other = np.zeros_like(command) if x.held else x.smooth_command(delay) - command
         rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)

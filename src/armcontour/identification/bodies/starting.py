@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour.identification.bodies.grid import CUT, Gridded, filtered
 from armcontour.identification.bodies.model import LOGARITHMIC, Model
-from armcontour.identification.bodies.recording import CUT, Recording, smooth
 
 # Dead times that are tried are this far apart [s].
 APART = 4e-3
@@ -22,7 +22,7 @@ MOST_FRICTION = 0.5
 RATIOS = (2.0, 20.0)
 
 
-def start(model: Model, recordings: list[Recording], delays: tuple[float, float]) -> FloatArray:
+def start(model: Model, grids: list[Gridded], delays: tuple[float, float]) -> FloatArray:
     """First values of the unknowns, (unknowns,).
 
     Of every joint, `u(t - dead time) - q = a T + b dq + c sign(dq) + d` is solved by least squares.
@@ -31,10 +31,10 @@ def start(model: Model, recordings: list[Recording], delays: tuple[float, float]
 
     Args:
         model: What is sought.
-        recordings: The logs.
+        grids: The logs.
         delays: Smallest and largest dead time [s].
     """
-    parts = [_Part(model, x) for x in recordings]
+    parts = [_Part(model, x) for x in grids]
     tried = np.arange(delays[0], delays[1] + APART / 2, APART)
     fits = [_solve(parts, float(x)) for x in tried]
     best = int(np.argmin([x[1] for x in fits]))
@@ -48,23 +48,23 @@ def start(model: Model, recordings: list[Recording], delays: tuple[float, float]
 class _Part:
     """The smoothed motion of a log, and the torque that the nominal arm needs for it."""
 
-    def __init__(self, model: Model, recording: Recording) -> None:
-        q, step = recording.near, recording.step
+    def __init__(self, model: Model, grid: Gridded) -> None:
+        q, step = grid.near, grid.step
         edge = min(int(EDGE / step), len(q) // 4)
         self.rows = slice(edge, len(q) - edge, max(int(0.25 / (CUT * step)), 1))
         dq = np.gradient(q, step, axis=0)
         ddq = np.gradient(dq, step, axis=0)
-        sign = smooth(np.sign(dq), step)[self.rows]
+        sign = filtered(np.sign(dq), step)[self.rows]
         self.q, self.dq = q[self.rows], dq[self.rows]
         drives = model.drives(model.nominal)
         torque = drives.moving_torque(self.q, 0 * self.dq, ddq[self.rows])
         one = np.ones_like(torque)
         self.columns = np.stack([torque, self.dq, sign, one], axis=-1)
-        self.recording = recording
+        self.grid = grid
 
     def lead(self, delay: float) -> FloatArray:
         """Smoothed command less position [rad], (rows, dof)."""
-        command = smooth(self.recording.command(delay), self.recording.step)
+        command = filtered(self.grid.command(delay), self.grid.step)
         return np.asarray(command[self.rows] - self.q)
 
 

@@ -18,7 +18,7 @@ CUT = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recording:
+class Gridded:
     """A log, and the grid of times on which it is simulated.
 
     Args:
@@ -40,8 +40,8 @@ class Recording:
     weight: FloatArray
 
     @classmethod
-    def of(cls, log: Log, interpolation: str, settled: float, *, step: float = STEP) -> Recording:
-        """The recording of a log.
+    def of(cls, log: Log, interpolation: str, settled: float, *, step: float = STEP) -> Gridded:
+        """The grid of a log.
 
         Args:
             log: The log.
@@ -128,7 +128,7 @@ def _around(place: FloatArray, n: int) -> tuple[IntArray, FloatArray]:
     return index, weight
 
 
-def smooth(values: FloatArray, interval: float) -> FloatArray:
+def filtered(values: FloatArray, interval: float) -> FloatArray:
     """Values without what is faster than CUT, without delay, (n, ...)."""
     from scipy.signal import butter, sosfiltfilt
 
@@ -144,4 +144,4 @@ def _smoothed(log: Log, t: FloatArray) -> FloatArray:
     """Measured positions without noise on a grid [rad], (n, dof)."""
     from scipy.interpolate import CubicSpline
 
-    return _checks.lock_floats(CubicSpline(log.t, smooth(log.measured, log.interval))(t))
+    return _checks.lock_floats(CubicSpline(log.t, filtered(log.measured, log.interval))(t))
