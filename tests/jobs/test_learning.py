@@ -14,6 +14,7 @@ from armcontour.io import parse_job
 from armcontour.jobs.learning import (
     LearningStudy,
     choose_run,
+    feeds_gravity_forward,
     learn_run,
     limits_to_keep,
     plan_run,
@@ -145,3 +146,12 @@ def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, pla
     robot, _ = unknown_robot(job, plan)
     lesson = learn_run(job, slow, slow.taught, ac.execute(slow.taught, robot(0)))
     assert not lesson.finished
+
+
+@pytest.mark.parametrize("feeds", [True, False])
+def test_gravity_is_fed_forward_as_the_compensation_says(plan, feeds):
+    """A run without an experiment, as for a real robot, says so by its compensation alone."""
+    options = {"gravity_feedforward": feeds}
+    run = dataclasses.replace(plan.run, compensation_options=options, experiment=None)
+    assert feeds_gravity_forward(run) is feeds
+    assert feeds_gravity_forward(dataclasses.replace(run, compensation_options={}))

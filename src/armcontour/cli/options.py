@@ -447,7 +447,7 @@ class LearnOptions:
             min=1,
             max=100,
             help="In place of a log: learn from so many runs of a simulated robot that is not "
-            "quite known.",
+            "quite known, and execute once more.",
         ),
     ] = None
     seed: Annotated[

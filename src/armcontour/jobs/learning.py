@@ -212,12 +212,18 @@ def learn_run(
         arm=job.arm,
         servo=job.servo,
         limits=limits_to_keep(job, plan),
-        gravity_feedforward=plan.run.experiment is None or plan.run.experiment.gravity_feedforward,
+        gravity_feedforward=feeds_gravity_forward(plan.run),
         tool=tool,
     )
     if isinstance(executed, Log):
         refuse_earlier_run(lesson, executed)
     return lesson
+
+
+def feeds_gravity_forward(run: Run) -> bool:
+    """Whether the controller adds the gravity torque: by the compensation, else the experiment."""
+    own = run.experiment is None or run.experiment.gravity_feedforward
+    return bool(run.compensation_options.get("gravity_feedforward", own))
 
 
 def refuse_earlier_run(lesson: Lesson, log: Log) -> None:
