@@ -142,6 +142,14 @@ def test_limits_of_commands_are_kept(arm, taught, late, refuses):
     assert (fastest[0] > close.joint_velocity).any()
     assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
     assert "joint_velocity" in held.reason
+    # Joints that have room keep all of their change.
+    only = int(np.argmax(fastest[0] / rate))
+    one = np.full(len(rate), 100.0)
+    one[only] = 1.0005 * rate[only]
+    half = ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=ac.Limits(joint_velocity=one))
+    others = np.arange(len(rate)) != only
+    np.testing.assert_array_equal(half.q[:, others], free.q[:, others])
+    assert (half.q[:, only] != free.q[:, only]).any()
     slow = ac.Limits(joint_velocity=0.5 * rate)
     refuses(
         lambda: ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=slow),

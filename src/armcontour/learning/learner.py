@@ -34,6 +34,9 @@ from armcontour.servo import ServoModel
 # times as slow.
 MOST_SETBACKS = 3
 HALF, SLOWER = 0.5, 100.0
+# A joint whose set-points would exceed a limit gets this share of its change, again and again; of
+# less than NO_STEP it gets none.
+SHORTER, NO_STEP = 0.8, 1e-6
 # With less noise than the model is off, dead time is looked for with this penalty.
 TO_FIND_DELAY = 1e-2
 # A run is worse than another one, not noisy, by this many standard deviations.
@@ -196,7 +199,7 @@ def _next_lesson(
     change = step * (known.q - best.q + change)
     share, reason = keep_limits(taught, best.q, change, limits)
     left = judge.judge(max(known.off, UNTESTED) * response).rms
-    rest = 1 - share * step
+    rest = 1 - float(share.min()) * step
     predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
     bound = best.rms + SURE * known.resolution
     finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
@@ -227,8 +230,8 @@ def _next_lesson(
 
 def keep_limits(
     taught: TaughtData, q: FloatArray, change: FloatArray, limits: Limits | None
-) -> tuple[float, str]:
-    """The share of a change of set-points that keeps the limits, and why it is not all of it.
+) -> tuple[FloatArray, str]:
+    """The share of each joint's change that keeps the limits, (dof,), and why it is not all of it.
 
     Args:
         taught: The set-points of the last run.
@@ -239,21 +242,22 @@ def keep_limits(
     Raises:
         CompensationError: The set-points exceed the limits before the change.
     """
+    share = np.ones(q.shape[1])
     if limits is None:
-        return 1.0, ""
+        return share, ""
     own = limits.for_joints(q.shape[1])
     plain = TaughtData(
         period=taught.period, q=q, trajectory=taught.trajectory, method=taught.method,
         start_time=taught.start_time,
     )  # fmt: skip
     refuse_commands(plain, own)
-    share = 1.0
     reason = ""
-    for _ in range(60):
+    while True:
         try:
             refuse_commands(replace(plain, q=q + share * change), own)
             return share, reason
         except CompensationError as error:
+            assert error.joint is not None
             reason = f"the {error.limit} of joint {error.joint} bounds the step"
-            share *= 0.8
-    return 0.0, reason
+            j = error.joint - 1
+            share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0
