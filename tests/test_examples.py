@@ -52,8 +52,8 @@ contour error 0.0271 mm at most, torch axis off by 0.0098° at most
     "05_certified": """\
 certified in 4.710 s, 19 ms more than the optimum
 contour error 0.0007 mm at most; holds for: independent joint servos of order second with kp \
-[25.0, 25.0] 1/s and kv [150.0, 150.0] 1/s; set-points every 4 ms, interpolated linearly; dead \
-time [40.0, 40.0] ms; accelerations that saturate at the joints' limits
+25 1/s and kv 150 1/s; set-points every 4 ms, interpolated linearly; dead time 40 ms; \
+accelerations that saturate at the joints' limits
 set-points lead by 40 ms
 """,
     "07_learning": """\
@@ -64,12 +64,12 @@ next: 0.002 mm RMS expected, 0.009 mm at most
 """,
     "08_learning_from_logs": """\
 run 1: 0.0547 mm RMS, 0.1236 mm at most
-  the log shows 0.0547 mm; the run began at 1234.5710 s
-run 2: 0.0016 mm RMS, 0.0039 mm at most
-  the log shows 0.0016 mm; the run began at 1234.5670 s
-run 3: 0.0003 mm RMS, 0.0014 mm at most
-  the log shows 0.0002 mm; the run began at 1234.5670 s
-next: 0.0002 mm expected; finished: False
+  the log shows 0.0547 mm; the run began at 1234.5670 s
+run 2: 0.0003 mm RMS, 0.0007 mm at most
+  the log shows 0.0003 mm; the run began at 1234.5670 s
+run 3: 0.0001 mm RMS, 0.0004 mm at most
+  the log shows 0.0000 mm; the run began at 1234.5670 s
+next: 0.0000 mm expected; finished: False
 """,
     "06_drawing": """\
 gasket.dxf: 8 contours, 895 mm
