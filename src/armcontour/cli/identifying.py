@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -187,24 +188,16 @@ def _write_excitation(found: RobotIdentification, folder: ResultFolder) -> str:
 def _print_robot(found: RobotIdentification, written: list[str]) -> None:
     """Print a table of the parameters, and sentences on the fit and on what was written."""
     console = Console()
-    whole = [[found.nominal.name, x.name.replace("_", " "), *_cells(x)] for x in found.common]
-    console.show_table(
-        HEADINGS,
-        [
-            *whole,
-            *(
-                [joint.name, x.name.replace("_", " "), *_cells(x)]
-                for joint in found.joints
-                for x in joint.estimates
-            ),
-        ],
-        title=f"Robot identified from {found.source}",
-        left=(0, 1, 5, 6),
-    )
     every = [
         (found.nominal.name, found.common),
         *((joint.name, joint.estimates) for joint in found.joints),
     ]
+    console.show_table(
+        HEADINGS,
+        _rows(every),
+        title=f"Robot identified from {found.source}",
+        left=(0, 1, 5, 6),
+    )
     advice: dict[str, list[str]] = {}
     for place, estimates in every:
         for x in estimates:
@@ -243,11 +236,7 @@ def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
     console = Console()
     console.show_table(
         HEADINGS,
-        [
-            [joint.name, x.name.replace("_", " "), *_cells(x)]
-            for joint in found.joints
-            for x in joint.estimates
-        ],
+        _rows([(joint.name, joint.estimates) for joint in found.joints]),
         title=f"Servo identified from {found.log.source}",
         left=(0, 1, 5, 6),
     )
@@ -278,6 +267,11 @@ def _print_fit(console: Console, found: Identification) -> None:
         lines += [f"{joint.name}: {note}" for note in joint.notes]
     for line in lines:
         console.say(line)
+
+
+def _rows(every: Iterable[tuple[str, Iterable[Estimate]]]) -> list[list[str]]:
+    """Estimates of the arm or of joints, by their names, as rows of a table."""
+    return [[name, x.name.replace("_", " "), *_cells(x)] for name, found in every for x in found]
 
 
 def _cells(x: Estimate) -> list[str]:

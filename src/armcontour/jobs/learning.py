@@ -147,8 +147,7 @@ class LearningStudy:
         Args:
             t: Times [s], (n,).
         """
-        plan = self.plan.trajectory
-        return plan(np.clip(t, 0.0, plan.duration))
+        return self.plan.trajectory.with_rests(t)
 
 
 def choose_run(job: Job, name: str | None) -> Run:

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.learning.judging import Judge, ToolError
-from armcontour.learning.lesson import LearnedRun
+from armcontour.learning.lesson import LearnedRun, find_best
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
 
@@ -69,6 +69,16 @@ def loop_noise(
     return np.asarray(noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step))
 
 
+def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
+    """Variance of what the model need not explain in an error [rad²], (dof,).
+
+    Args:
+        noise: Standard deviation of the white noise in the error [rad], (dof,).
+        error: Errors of the joints [rad], (n, dof).
+    """
+    return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
+
+
 def choose_penalty(lifted: Lifted, error: FloatArray, variance: float) -> float:
     """The penalty with which noise is not learned: the power of ten that explains an error best.
 
@@ -124,7 +134,7 @@ class Estimate:
 
     def __init__(self, lifted: Lifted, judge: Judge, runs: tuple[LearnedRun, ...]) -> None:
         self.lifted, self.judge, self.runs = lifted, judge, runs
-        self.best = min(range(len(runs)), key=lambda k: runs[k].rms)
+        self.best = find_best(runs)
         self._moved = [lifted.respond(x.q - runs[self.best].q) for x in runs]
         self.off = self._compare()
         self.q, self.error, variance = self._combine()
@@ -145,7 +155,7 @@ class Estimate:
                 continue
             miss = run.error - best.error - moved
             variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
-            left = self.smooth(miss, choose_penalty(self.lifted, miss, variance))
+            left = self.lifted.smooth(miss, choose_penalty(self.lifted, miss, variance))
             unrepeated = 2 * self._noise_in_loops().tool_rms ** 2
             off = float(np.sqrt(max(self.judge.judge(left).tool_rms ** 2 - unrepeated, 0.0))) / size
         return off
@@ -165,7 +175,7 @@ class Estimate:
         others = [k for k in range(len(self.runs)) if k != self.best]
         apart = [self.runs[k].error - best.error for k in others]
         weights = np.zeros((len(others), self.lifted.dof))
-        noise = np.array([self._variances(x) for x in self.runs])
+        noise = np.array([unexplained(x.noise, x.error) for x in self.runs])
         for j in range(self.lifted.dof):
             if others:
                 columns = np.stack([x[:, j] for x in apart], axis=1)
@@ -179,18 +189,11 @@ class Estimate:
         variances = np.vstack([noise[others], noise[self.best]])
         return q, error, float(np.mean((shares**2 * variances).sum(axis=0)))
 
-    def _variances(self, run: LearnedRun) -> FloatArray:
-        """Variance of what the model need not explain in a run's error [rad²], (dof,)."""
-        return np.asarray(run.noise**2 + MODEL**2 * (run.error**2).mean(axis=0))
-
-    def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
-        """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
-        return -self.lifted.correct(error, penalty)[1]
-
     def _measured_noise(self) -> float:
         """RMS error of the tool that white noise of the measurement leaves in errors [m]."""
         noise = np.random.default_rng(0).normal(size=self.error.shape)
-        return self.judge.judge(self.smooth(noise * self.runs[-1].noise, self.penalty)).rms
+        left = self.lifted.smooth(noise * self.runs[-1].noise, self.penalty)
+        return self.judge.judge(left).rms
 
     def _noise_in_loops(self) -> ToolError:
         """Errors of the tool that noise in the loops makes.
@@ -209,7 +212,3 @@ class Estimate:
     def resolution(self) -> float:
         """Standard deviation of a run's RMS error by noise [m]."""
         return float(self.noise / np.sqrt(self.independent))
-
-    def predict(self, response: FloatArray) -> ToolError:
-        """Errors of the tool that are left where the model's response is off."""
-        return self.judge.judge(self.off * response)

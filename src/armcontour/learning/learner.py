@@ -14,11 +14,11 @@ from armcontour.errors import CompensationError
 from armcontour.learning.aligning import Clock, fit_clock, fit_delay
 from armcontour.learning.diagnosing import refuse_coarse, refuse_unlike
 from armcontour.learning.estimating import (
-    MODEL,
     UNTESTED,
     Estimate,
     choose_penalty,
     loop_noise,
+    unexplained,
     white_noise,
 )
 from armcontour.learning.judging import Judge
@@ -99,19 +99,19 @@ def _align(
     these: only their times in the plan change.
     """
     known = taught.lifted if isinstance(taught, Lesson) else None
-    told = isinstance(taught, Lesson | TransferredData)
-    delay = taught.delay if isinstance(taught, Lesson | TransferredData) else 0.0
-    lifted = Lifted(taught, nominal, delay) if known is None else known
+    told = taught.delay if isinstance(taught, Lesson | TransferredData) else None
+    lifted = Lifted(taught, nominal, told or 0.0) if known is None else known
     refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
     expected = lifted.expected(taught.q)
     refuse_unlike(recording, clock, lifted, expected)
     knows_time = recording.in_plan_time or recording.command is not None
-    if told or not knows_time:
+    if told is not None or not knows_time:
         return lifted, clock, taught
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
     noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
-    variance, penalty = _variance(noise, measured - lifted.planned), TO_FIND_DELAY
+    variance = float(np.mean(unexplained(noise, measured - lifted.planned)))
+    penalty = TO_FIND_DELAY
     if np.mean(noise**2) > variance / 2:
         penalty = max(penalty, choose_penalty(lifted, measured - expected, variance))
     delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), penalty)
@@ -152,7 +152,8 @@ def _judge_run(
     if tool is not None:
         error, more = add_tool(tool, lifted, error, clock if recording.in_plan_time else None)
         noise = np.hypot(noise, more)
-    smooth = -lifted.correct(error, choose_penalty(lifted, error, _variance(noise, error)))[1]
+    variance = float(np.mean(unexplained(noise, error)))
+    smooth = lifted.smooth(error, choose_penalty(lifted, error, variance))
     found = judge.judge(smooth)
     last = taught if isinstance(taught, Lesson) else None
     return LearnedRun(
@@ -172,11 +173,6 @@ def _judge_run(
         bound=None if last is None else last.bound,
         source=recording.source,
     )
-
-
-def _variance(noise: FloatArray, error: FloatArray) -> float:
-    """Variance of what the model need not explain in an error [rad²]."""
-    return float(np.mean(noise**2 + MODEL**2 * (error**2).mean(axis=0)))
 
 
 def _next_lesson(

@@ -63,6 +63,11 @@ class LearnedRun:
         return self.tool_rms if self.contour_rms is None else self.contour_rms
 
 
+def find_best(runs: tuple[LearnedRun, ...]) -> int:
+    """Index of the run with the smallest error."""
+    return min(range(len(runs)), key=lambda k: runs[k].rms)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lesson(TaughtData):
     """Taught data for the next run, and what the runs before it have taught.
@@ -102,7 +107,7 @@ class Lesson(TaughtData):
     @property
     def best(self) -> int:
         """Index of the run with the smallest error."""
-        return min(range(len(self.runs)), key=lambda k: self.runs[k].rms)
+        return find_best(self.runs)
 
     @property
     def remaining(self) -> float:

@@ -52,16 +52,19 @@ class Nominal:
         """Whether rigid bodies respond, not servos alone."""
         return self.arm.has_bodies and self.servo.kv is not None
 
+    @property
+    def drives(self) -> Drives:
+        """The drives that move the bodies."""
+        return Drives(
+            arm=self.arm, servo=self.servo,
+            gravity_feedforward=self.gravity_feedforward, known=self.known,
+        )  # fmt: skip
+
     def command(self, plan: Trajectory, t: FloatArray) -> FloatArray:
         """The command that reaches the drives of the nominal robot on its plan [rad], (n, dof)."""
-        q, dq, ddq = (along(plan, t, order) for order in range(3))
-        if self.has_bodies:
-            drives = Drives(
-                arm=self.arm, servo=self.servo,
-                gravity_feedforward=self.gravity_feedforward, known=self.known,
-            )  # fmt: skip
-            return drives.command(q, dq, ddq)
-        return self.servo.command(q, dq, ddq)
+        q, dq, ddq = (plan.with_rests(t, order) for order in range(3))
+        model = self.drives if self.has_bodies else self.servo
+        return model.command(q, dq, ddq)
 
 
 class Lifted:
@@ -101,7 +104,7 @@ class Lifted:
             f"Learning {self.t[-1] - self.t[0]:.4g} s of motion, {len(self.t)} times,",
             "learn contour by contour or at a higher speed",
         )
-        self.planned = along(self.plan, self.t, 0)
+        self.planned = self.plan.with_rests(self.t)
         self._needed = nominal.command(self.plan, self.t).ravel()
         self._make_equations()
         self._set_delay(delay)
@@ -128,7 +131,7 @@ class Lifted:
         """The equations of x by the command: `A x = S c`, in units of the command."""
         nominal = self.nominal
         response = respond_along(
-            lambda t, order: along(self.plan, t, order), self.t, nominal.arm, nominal.servo,
+            self.plan.with_rests, self.t, nominal.arm, nominal.servo,
             gravity_feedforward=nominal.gravity_feedforward, known=nominal.known,
         )  # fmt: skip
         left, right = response.equations()
@@ -223,6 +226,15 @@ class Lifted:
         change = found[error.size : error.size + size].reshape(self.count, self.dof)
         return change, found[: error.size].reshape(error.shape)
 
+    def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
+        """The part of an error that a disturbance of the drives explains [rad], (n, dof).
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+            penalty: As in `correct`.
+        """
+        return -self.correct(error, penalty)[1]
+
     def _factored(self, penalty: float) -> tuple[Any, Any]:
         """The factors of the optimality conditions, in the order of time, and that order.
 
@@ -298,20 +310,6 @@ class Lifted:
         """
         difference = q - self.between(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
-
-
-def along(plan: Trajectory, t: FloatArray, order: int) -> FloatArray:
-    """The planned motion at any times, at rest before and after it, by order, (n, dof).
-
-    Args:
-        plan: The planned motion.
-        t: Times [s], (n,).
-        order: 0, 1 or 2.
-    """
-    found = plan(np.clip(t, 0.0, plan.duration), order)
-    if order:
-        found[(t < 0) | (t > plan.duration)] = 0.0
-    return found
 
 
 def _times(taught: TaughtData, servo: ServoModel) -> FloatArray:

@@ -101,11 +101,10 @@ def _of_execution(executed: Execution, taught: TaughtData) -> Recording:
         raise InvalidInput(
             "The execution is one of other set-points: give the taught data that was executed."
         )
-    motor = getattr(executed, "motor_q", None)
     shift = taught.start_time - own.start_time
     return Recording(
         t=executed.t + shift,
-        q=executed.q if motor is None else motor,
+        q=executed.q if executed.motor_q is None else executed.motor_q,
         in_plan_time=True,
         source="the execution",
     )

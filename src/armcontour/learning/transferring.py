@@ -6,13 +6,12 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.drives import Drives
 from armcontour.drives.drives import CREEP
 from armcontour.errors import InvalidInput
-from armcontour.learning.estimating import MODEL, choose_penalty
+from armcontour.learning.estimating import choose_penalty, unexplained
 from armcontour.learning.learner import keep_limits, start_early
 from armcontour.learning.lesson import LearnedRun, Lesson, TransferredData
-from armcontour.learning.lifted import Lifted, Nominal, along
+from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.motion import TaughtData, Trajectory
 from armcontour.servo import ServoModel
 
@@ -107,12 +106,12 @@ def _explain(
     likely = UNTOLD**2 / needed.size * np.eye(moved.shape[1])
     found = np.linalg.solve(moved.T @ moved + likely, moved.T @ needed.ravel())
     left = needed - (moved @ found).reshape(needed.shape)
-    variance = float(np.mean(run.noise**2 + MODEL**2 * (left**2).mean(axis=0)))
+    variance = float(np.mean(unexplained(run.noise, left)))
     change, _ = lifted.correct(-left, choose_penalty(lifted, left, variance))
     noise = float(np.mean(run.noise**2))
     moving = (lifted.t >= 0) & (lifted.t <= lifted.plan.duration)
-    power, unexplained = (max(float(np.mean(x[moving] ** 2)) - noise, 0.0) for x in (needed, left))
-    explained = 1 - unexplained / power if power > unexplained else 0.0
+    power, lost = (max(float(np.mean(x[moving] ** 2)) - noise, 0.0) for x in (needed, left))
+    explained = 1 - lost / power if power > lost else 0.0
     factors = np.zeros(len(size))
     factors[size > 0] = found
     return factors * scale, lifted.reaching(change), explained
@@ -129,13 +128,10 @@ def _causes(nominal: Nominal, plan: Trajectory, t: FloatArray) -> FloatArray:
         plan: The motion.
         t: Times [s], (n,).
     """
-    q, dq, ddq = (along(plan, t, order) for order in range(3))
+    q, dq, ddq = (plan.with_rests(t, order) for order in range(3))
     own = [dq, np.clip(dq / CREEP, -1.0, 1.0), ddq]
     if nominal.has_bodies:
-        drives = Drives(
-            arm=nominal.arm, servo=nominal.servo,
-            gravity_feedforward=nominal.gravity_feedforward, known=nominal.known,
-        )  # fmt: skip
+        drives = nominal.drives
         own.append(drives.moving_torque(q, dq, ddq))
     each = [x[:, :, None] * np.eye(x.shape[1]) for x in own]
     if nominal.has_bodies:

@@ -221,6 +221,18 @@ class Trajectory:
         # Not a view of another array where none is needed, so that `lock_floats` makes no copy.
         return result if at.ndim == 1 else result.reshape((*at.shape, result.shape[1]))
 
+    def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
+        """The motion at any times, at rest before and after it, (n, dof).
+
+        Args:
+            t: Times [s], (n,).
+            order: 0, 1 or 2.
+        """
+        found = self(np.clip(t, 0.0, self.duration), order)
+        if order:
+            found[(t < 0) | (t > self.duration)] = 0.0
+        return found
+
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Arc length, path speed or path acceleration, with the shape of `t` [m, m/s, m/s²].
 

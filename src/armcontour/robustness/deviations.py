@@ -267,10 +267,8 @@ class _Motion:
     """A planned motion at the times of the model, which begin before it and end after it."""
 
     def __init__(self, plan: Trajectory, t: FloatArray) -> None:
-        inside = np.clip(t, 0.0, plan.duration)
-        moves = ((t >= 0.0) & (t <= plan.duration))[:, None]
-        self.t, self.q = t, plan(inside)
-        self.dq, self.ddq = plan(inside, 1) * moves, plan(inside, 2) * moves
+        self.t = t
+        self.q, self.dq, self.ddq = (plan.with_rests(t, order) for order in range(3))
 
     def at(self, _: FloatArray, order: int) -> FloatArray:
         """The motion at all of the times."""
