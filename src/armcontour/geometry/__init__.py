@@ -13,6 +13,7 @@ from armcontour.geometry.rounding import (
     round_corners,
 )
 from armcontour.geometry.segments import Segments
+from armcontour.geometry.shaped import Outcome, ShapedPath
 
 __all__ = [
     "Arc",
@@ -20,10 +21,12 @@ __all__ = [
     "Demand",
     "Line",
     "Orientation",
+    "Outcome",
     "Path",
     "Projection",
     "RoundedPath",
     "Segments",
+    "ShapedPath",
     "angle_between",
     "corner_error",
     "count_full_stops",
