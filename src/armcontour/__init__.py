@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         Orientation,
         Path,
         RoundedPath,
+        ShapedPath,
     )
     from armcontour.identification import Identification, RobotIdentification, identify
     from armcontour.io import read_job
@@ -77,7 +78,7 @@ if TYPE_CHECKING:
     )
     from armcontour.report import write_report
     from armcontour.servo import ServoModel
-    from armcontour.timing import Explanation, explain, plan
+    from armcontour.timing import Explanation, explain, plan, shape
     from armcontour.tracing import trace
 
 _HOME = {
@@ -109,6 +110,7 @@ _HOME = {
         "Orientation",
         "Path",
         "RoundedPath",
+        "ShapedPath",
     ),
     "identification": ("Identification", "RobotIdentification", "identify"),
     "io": ("read_job",),
@@ -143,7 +145,7 @@ _HOME = {
     ),
     "report": ("write_report",),
     "servo": ("ServoModel",),
-    "timing": ("Explanation", "explain", "plan"),
+    "timing": ("Explanation", "explain", "plan", "shape"),
     "tracing": ("trace",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -193,6 +195,7 @@ __all__ = [
     "SerialArm",
     "ServoModel",
     "ServoPlant",
+    "ShapedPath",
     "Study",
     "Sweep",
     "Switch",
@@ -222,6 +225,7 @@ __all__ = [
     "read_path",
     "round_corners",
     "run",
+    "shape",
     "sweep",
     "trace",
     "transfer",

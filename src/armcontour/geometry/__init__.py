@@ -14,6 +14,7 @@ from armcontour.geometry.rounding import (
     round_with_parabolas,
 )
 from armcontour.geometry.segments import Segments
+from armcontour.geometry.shaped import Outcome, ShapedPath
 
 __all__ = [
     "Arc",
@@ -21,10 +22,12 @@ __all__ = [
     "Demand",
     "Line",
     "Orientation",
+    "Outcome",
     "Path",
     "Projection",
     "RoundedPath",
     "Segments",
+    "ShapedPath",
     "angle_between",
     "corner_error",
     "count_full_stops",

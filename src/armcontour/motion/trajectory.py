@@ -29,6 +29,7 @@ class Method(StrEnum):
     OPTIMAL = "optimal"
     MAC = "mac"
     CONVENTIONAL = "conventional"
+    SHAPED = "shaped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

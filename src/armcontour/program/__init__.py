@@ -12,7 +12,7 @@ from armcontour.program.process import (
     Tabs,
     Weave,
 )
-from armcontour.program.rounding import round_corners
+from armcontour.program.rounding import put_on_path, round_corners
 
 __all__ = [
     "Analog",
@@ -32,5 +32,6 @@ __all__ = [
     "arrange",
     "contour_called",
     "prepare",
+    "put_on_path",
     "round_corners",
 ]

@@ -7,7 +7,7 @@ from typing import overload
 
 import numpy.typing as npt
 
-from armcontour.geometry import Path, RoundedPath
+from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
 from armcontour.program.moves import Contour, Program
 
@@ -59,7 +59,7 @@ def round_corners(
     """
     program = Program.of(path, "round_corners needs a Path or a Program")
     moves = [
-        _replace_path(
+        put_on_path(
             x,
             round_path(
                 x.path,
@@ -78,8 +78,13 @@ def round_corners(
     return rounded if program is path else rounded.path
 
 
-def _replace_path(contour: Contour, path: RoundedPath) -> Contour:
-    """The contour on its rounded path, with arc lengths of events and work on that path."""
+def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
+    """The contour on the path that replaces its own, with events and work at their places there.
+
+    Args:
+        contour: The contour on its objective path.
+        path: The path that replaces the objective path.
+    """
     arc_lengths = path.place([x.s for x in contour.events])
     events = tuple(
         dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, arc_lengths, strict=True)

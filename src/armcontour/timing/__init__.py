@@ -2,7 +2,7 @@
 
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
 from armcontour.timing.fastest_configuration import trace_fastest
-from armcontour.timing.methods import METHODS
+from armcontour.timing.methods import METHODS, PLANNING_METHODS
 from armcontour.timing.planner import (
     RESERVED,
     assigned_time,
@@ -13,9 +13,11 @@ from armcontour.timing.planner import (
     with_reserve,
 )
 from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.shaping import shape
 
 __all__ = [
     "METHODS",
+    "PLANNING_METHODS",
     "RESERVED",
     "Binding",
     "Explanation",
@@ -27,6 +29,7 @@ __all__ = [
     "plan",
     "refuse_endless",
     "refuse_jerk",
+    "shape",
     "trace_fastest",
     "trace_program",
     "with_reserve",

@@ -112,7 +112,7 @@ def explain(
     *,
     constraints: Sequence[Constraint] = (),
 ) -> Explanation:
-    """Explain which limit binds where on a plan of the method "optimal".
+    """Explain which limit binds where on a plan of the method "optimal" or "shaped".
 
     Args:
         trajectory: The plan.
@@ -128,9 +128,10 @@ def explain(
     for x in trajectory.contour_spans:
         # Only the law of the method optimal has the grid intervals on which limits bind.
         law = None if x.trajectory is None else x.trajectory.laws[0]
-        if trajectory.method is not Method.OPTIMAL or not isinstance(law, PathLaw):
+        if trajectory.method not in (Method.OPTIMAL, Method.SHAPED) or not isinstance(law, PathLaw):
             raise InvalidInput(
-                f"Only plans of the method optimal can be explained, not of {trajectory.method}."
+                f"Only plans of the methods optimal and shaped can be explained, not of "
+                f"{trajectory.method}."
             )
         laws.append((x.t[0], x.s[0], law))
     return _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from armcontour.arms import Arm, Limits
@@ -12,11 +12,15 @@ from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
 
-METHODS = tuple(x.value for x in Method)
+# Methods that time a path as it is given.
+METHODS = (Method.OPTIMAL.value, Method.MAC.value, Method.CONVENTIONAL.value)
+PLANNING_METHODS = (*METHODS, Method.SHAPED.value)
+SHAPE_OPTIONS = ("tolerance", "line_tolerance", "zone", "angular_tolerance", "iterations")
 OPTIONS = {
     "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
     "mac": ("knots", "period"),
     "conventional": (),
+    "shaped": (*SHAPE_OPTIONS, "intervals"),
 }
 # Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
 RAPID_INTERVALS = 200
@@ -63,6 +67,15 @@ class Timing:
             return plan_optimal(
                 joint_path, self.arm, self.limits, memory=self.memory, **self.options
             )
+        if self.method == Method.SHAPED:
+            found = plan_optimal(
+                joint_path,
+                self.arm,
+                self.limits,
+                memory=self.memory,
+                intervals=self.options.get("intervals"),
+            )
+            return replace(found, method=Method.SHAPED)
         if self.method == Method.MAC:
             return plan_mac(joint_path, self.arm, self.limits, **self.options)
         return plan_conventional(joint_path, self.arm, self.limits)

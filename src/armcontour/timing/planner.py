@@ -18,9 +18,17 @@ from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.given_duration import time_in
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
-from armcontour.timing.methods import METHODS, OPTIONS, MoveTiming, Smoothed, Timing
+from armcontour.timing.methods import (
+    OPTIONS,
+    PLANNING_METHODS,
+    SHAPE_OPTIONS,
+    MoveTiming,
+    Smoothed,
+    Timing,
+)
 from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program
+from armcontour.timing.shaping import shape
 from armcontour.tracing import refuse_out_of_range
 
 # Limits that a reserve reduces.
@@ -60,7 +68,8 @@ def plan(
         arm: The arm. A joint path without a tool path needs none if `limits` are given, without
             those of torque.
         limits: The limits; by default the arm's own.
-        method: "optimal", the fastest timing that keeps every limit; "mac", the paper's method; or
+        method: "optimal", the fastest timing that keeps every limit; "shaped", the fastest path
+            within a tolerance of the given one, with that timing; "mac", the paper's method; or
             "conventional", uniform speed along the raw path.
         branch: For an arm in the plane: the branch of its inverse kinematics.
         start: For an arm in space: joint positions near the required start [rad], (dof,); by
@@ -77,7 +86,8 @@ def plan(
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
             `plan_optimal`); a program of more than one path takes neither grid nor speeds, and
             `intervals` hold for every contour, by default fewer the more contours there are. For
-            "mac": `knots` per line, command `period` [s].
+            "shaped": `tolerance`, `line_tolerance`, `zone`, `angular_tolerance`, `iterations` (see
+            `shape`), `intervals`. For "mac": `knots` per line, command `period` [s].
 
     Raises:
         InvalidInput: An unknown method or option, a limit that the method needs is missing, more
@@ -86,7 +96,7 @@ def plan(
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
             duration, or there are limits of jerk.
     """
-    _checks.choice("method", method, METHODS)
+    _checks.choice("method", method, PLANNING_METHODS)
     arm = _arm_of(path, arm, limits)
     bounds = _bounds(arm, limits)
     refuse_jerk(bounds, ignore_jerk)
@@ -95,6 +105,8 @@ def plan(
     windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
     if duration is not None:
         _refuse_duration(duration, method, options, smoothed=bool(windows))
+    if method == Method.SHAPED:
+        path = _shape(path, timing, branch, start, progress)
     traced = _trace(path, arm, bounds, branch, start)
     if isinstance(traced, Tracing):
         timing = replace(timing, options=_fit_options(traced.program, method, options))
@@ -106,6 +118,44 @@ def plan(
     else:
         found = time_program(traced, moves, progress)
     return _refuse_endless_motion(found)
+
+
+def _shape(
+    path: Path | Program | JointPath | Tracing,
+    timing: Timing,
+    branch: str | None,
+    start: npt.ArrayLike | None,
+    progress: Progress | None,
+) -> Path | Program:
+    """The shaped path or program, for the method "shaped".
+
+    Raises:
+        InvalidInput: A path that is traced already, no tolerance, or as `shape`.
+        ArmContourError: As `shape`.
+    """
+    if isinstance(path, JointPath | Tracing):
+        raise InvalidInput(
+            "The method shaped changes the tool path, but this path is traced already: give it "
+            "the Path or Program."
+        )
+    if "tolerance" not in timing.options:
+        raise InvalidInput(
+            "The method shaped needs a tolerance, the largest distance of the path from the "
+            "objective [m], such as plan(..., tolerance=1e-3)."
+        )
+    program = Program.of(path, "plan needs a Path or a Program")
+    refuse_endless(program, timing.limits)
+    wanted = {name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS}
+    return shape(
+        path,
+        timing.arm,
+        timing.limits,
+        branch=branch,
+        start=start,
+        progress=progress,
+        intervals=timing.options.get("intervals"),
+        **wanted,
+    )
 
 
 def _trace(
