@@ -14,7 +14,7 @@ from armcontour.geometry.rounding import (
     round_with_parabolas,
 )
 from armcontour.geometry.segments import Segments
-from armcontour.geometry.shaped import Outcome, ShapedPath
+from armcontour.geometry.shaped import Outcome, ShapedPath, SmoothCurve
 
 __all__ = [
     "Arc",
@@ -28,6 +28,7 @@ __all__ = [
     "RoundedPath",
     "Segments",
     "ShapedPath",
+    "SmoothCurve",
     "angle_between",
     "corner_error",
     "count_full_stops",
