@@ -60,7 +60,7 @@ def draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray) -> Drawn:
     first, second = biarcs(points[:-1], out, points[1:], into)
     order = np.arange(2 * len(span)).reshape(2, -1).T.ravel()
     ends = _place_knots(spline, place)
-    at = ends[span] + share * (ends[span + 1] - ends[span])[:, None]
+    at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
     segments = _with_columns(Segments.join([first, second])[order], objective, at)
     breaks = segments.breaks[::2]
     coefficients = quintic(np.diff(breaks), (begin[0], out, begin[2]), (points[1:], into, end[2]))
