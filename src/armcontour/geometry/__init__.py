@@ -14,7 +14,7 @@ from armcontour.geometry.rounding import (
     round_with_parabolas,
 )
 from armcontour.geometry.segments import Segments
-from armcontour.geometry.shaped import Outcome, ShapedPath
+from armcontour.geometry.shaped import Outcome, ShapedPath, SmoothCurve
 from armcontour.geometry.tube import Proof, Tube
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "RoundedPath",
     "Segments",
     "ShapedPath",
+    "SmoothCurve",
     "Tube",
     "angle_between",
     "corner_error",
