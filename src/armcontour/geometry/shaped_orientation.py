@@ -277,29 +277,38 @@ def _lay(runs: _Runs, place: PchipInterpolator, cut: FloatArray, *, axis_only: b
     f, g = shift_cubic(place.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
     f[:, 0] -= runs.at[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
-    # The blends: the rate before the vertex fades out, while the one after it sets in.
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
-    width, vertex = (end - begin)[i], runs.at[1:-1][blended]
-    first[i], second[i], starts[i] = (
-        runs.rates[blended],
-        runs.rates[blended + 1],
-        runs.starts[blended + 1],
-    )
-    before, after = place(begin[i]) - vertex, place(end[i]) - vertex
-    into, out = place(begin[i], 1), place(end[i], 1)
-    f[i] = np.stack(
-        [
-            before,
-            into,
-            -(3 * before / width + 2 * into) / width,
-            (2 * before / width + into) / width**2,
-        ],
-        axis=1,
-    )
-    g[i, 2], g[i, 3] = (3 * after / width - out) / width, (out - 2 * after / width) / width**2
+    f[i], g[i] = _fade(place, begin[i], end[i], runs.at[1:-1][blended])
+    first[i], second[i] = runs.rates[blended], runs.rates[blended + 1]
+    starts[i] = runs.starts[blended + 1]
     return Orientation(
         breaks=breaks, starts=starts, first=first, second=second, f=f, g=g, axis_only=axis_only
     )
+
+
+def _fade(
+    place: PchipInterpolator, begin: FloatArray, end: FloatArray, vertex: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Cubics of blends, in which the rate before a vertex fades out while the one after sets in.
+
+    The first comes from the place at the begin with its slope, and ends at the vertex with slope 0;
+    the second starts there with slope 0.
+
+    Args:
+        place: Places on the objective over the path's arc length [m].
+        begin: Arc lengths at which the blends begin [m], (n,).
+        end: Arc lengths at which they end [m], (n,).
+        vertex: Places of the vertices [m], (n,).
+
+    Returns:
+        Coefficients of 1, u, u², u³ of both, (n, 4) each.
+    """
+    width, none = end - begin, np.zeros(len(begin))
+    before, into = place(begin) - vertex, place(begin, 1)
+    after, out = place(end) - vertex, place(end, 1)
+    f2, f3 = -(3 * before / width + 2 * into) / width, (2 * before / width + into) / width**2
+    g2, g3 = (3 * after / width - out) / width, (out - 2 * after / width) / width**2
+    return np.stack([before, into, f2, f3], axis=1), np.stack([none, none, g2, g3], axis=1)
 
 
 def _between(s: FloatArray) -> FloatArray:
