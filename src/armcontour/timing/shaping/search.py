@@ -188,19 +188,24 @@ class Search:
     def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
         nodes, state = self.nodes, self.state
-        drawn = draw(self._spline(offsets, h), self.timer.arm, self.tube.objective, nodes.place)
+        spline = self._spline(offsets, h)
+        objective = self.tube.objective
+        drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
         proof = self.tube.prove(plain, drawn.places, reach)
-        spare = drawn.curve.spread + proof.slack
-        if proof.excess + spare <= proof.slack:
+        # The tool follows the curve, which is a little beside the arcs.
+        beside = np.repeat(drawn.curve.spreads, 2)
+        vertices = proof.vertices + drawn.curve.spreads.max()
+        excess = max(float((proof.segments + beside).max()), float(vertices.max(initial=-np.inf)))
+        if excess <= proof.slack:
             return drawn
         lacking = np.zeros(len(nodes))
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
-        np.maximum.at(lacking, span, proof.segments + spare)
-        for k, excess in enumerate(proof.vertices + spare):
+        np.maximum.at(lacking, span, proof.segments + beside)
+        for k, excess in enumerate(vertices):
             lacking[nodes.vertex == k] = np.maximum(lacking[nodes.vertex == k], excess)
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
