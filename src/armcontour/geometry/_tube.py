@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.geometry._nearest import nearest_within, offsets
 
@@ -23,7 +23,11 @@ FINE = 50
 
 @compiled()
 def find_room(
-    points: FloatArray, windows: IntArray, pieces: FloatArray, tolerance: FloatArray
+    points: FloatArray,
+    windows: IntArray,
+    pieces: FloatArray,
+    tolerance: FloatArray,
+    given_up: BoolArray,
 ) -> FloatArray:
     """Largest tolerance less distance over the pieces of each point's window [m], (n,).
 
@@ -32,13 +36,21 @@ def find_room(
         windows: First and last piece for each point, (n, 2).
         pieces: Pieces from `pack`, (m, 12).
         tolerance: Tolerances of the pieces [m], (m,).
+        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
     """
     room = np.full(len(points), -np.inf)
     for i in range(len(points)):
         for j in range(windows[i, 0], windows[i, 1] + 1):
-            d2, _ = nearest_within(points[i], pieces[j], 0.0, pieces[j, 10])
-            room[i] = max(room[i], tolerance[j] - math.sqrt(d2))
+            d2, u = nearest_within(points[i], pieces[j], 0.0, pieces[j, 10])
+            if _owns(u, pieces[j], given_up[j]):
+                room[i] = max(room[i], tolerance[j] - math.sqrt(d2))
     return room
+
+
+@compiled()
+def _owns(u: float, g: FloatArray, given_up: BoolArray) -> Any:
+    """Whether a piece has the point at distance u along it, and not its neighbour."""
+    return not ((given_up[0] and u <= 0.0) or (given_up[1] and u >= g[10]))
 
 
 @compiled()
@@ -130,6 +142,7 @@ def _judge(
     window: IntArray,
     pieces: FloatArray,
     tolerance: FloatArray,
+    given_up: BoolArray,
     points: FloatArray,
 ) -> tuple[float, float, float, float]:
     """Excess at both ends of a part of a path segment, and a bound of it over the whole part.
@@ -140,6 +153,7 @@ def _judge(
         window: First and last piece within reach of any of its places, (2,).
         pieces: Pieces from `pack`, (m, 12).
         tolerance: Tolerances of the pieces [m], (m,).
+        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
         points: Room for two points, (2, 3).
 
     Returns:
@@ -153,14 +167,16 @@ def _judge(
         h = pieces[j]
         low0, high0 = _own_part(h, part[1], part[2])
         low1, high1 = _own_part(h, part[4], part[5])
-        d0, v0, d1, v1 = 0.0, 0.0, 0.0, 0.0
+        d0, v0, d1, v1 = np.inf, 0.0, np.inf, 0.0
         if low0 <= high0:
-            d0, v0 = nearest_within(points[0], h, low0, high0)
-            d0 = math.sqrt(d0) - tolerance[j]
+            d2, v0 = nearest_within(points[0], h, low0, high0)
+            if _owns(v0, h, given_up[j]):
+                d0 = math.sqrt(d2) - tolerance[j]
             at_start = min(at_start, d0)
         if low1 <= high1:
-            d1, v1 = nearest_within(points[1], h, low1, high1)
-            d1 = math.sqrt(d1) - tolerance[j]
+            d2, v1 = nearest_within(points[1], h, low1, high1)
+            if _owns(v1, h, given_up[j]):
+                d1 = math.sqrt(d2) - tolerance[j]
             at_end = min(at_end, d1)
         if low0 <= high0 and low1 <= high1 and max(d0, d1) < bound:
             found = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
@@ -177,6 +193,7 @@ def bound_excess(
     windows: IntArray,
     pieces: FloatArray,
     tolerance: FloatArray,
+    given_up: BoolArray,
     slack: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Bounds of distance less tolerance over parts of a path, and the largest values found.
@@ -188,6 +205,7 @@ def bound_excess(
         windows: As in `_judge`, (k, 2).
         pieces: Pieces from `pack`, (m, 12).
         tolerance: Tolerances of the pieces [m], (m,).
+        given_up: As in `_judge`, (m, 2).
         slack: A bound up to this is not made any closer [m].
 
     Returns:
@@ -208,7 +226,9 @@ def bound_excess(
             depth = depths[top]
             top -= 1
             count += 1
-            at_start, at_end, bound, own = _judge(g, part, windows[i], pieces, tolerance, points)
+            at_start, at_end, bound, own = _judge(
+                g, part, windows[i], pieces, tolerance, given_up, points
+            )
             at_ends = max(at_start, at_end)
             if at_ends > found[i]:
                 found[i] = at_ends

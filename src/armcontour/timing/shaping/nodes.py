@@ -34,8 +34,6 @@ HALVINGS = 24
 INSIDE = 1e-3
 # The own part of a point reaches this many tolerances along the objective, and to its neighbours.
 REACH = 3.0
-# Vertices that turn by more than this keep control points near them [rad].
-SHARP = np.radians(10)
 # Directions in which offsets in space are bounded.
 SIDES = 12
 
@@ -51,6 +49,8 @@ class Nodes:
         sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
         sag: How far the curve may lie from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
+        least: The least tolerance at each node and its neighbours, whose control points shape the
+            curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
         fixed: Whether the control point stays on the start, (n,).
         rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
@@ -67,6 +67,7 @@ class Nodes:
     sides: FloatArray
     sag: FloatArray
     tolerance: FloatArray
+    least: FloatArray
     reach: FloatArray
     fixed: BoolArray
     rest: BoolArray
@@ -88,10 +89,11 @@ class Nodes:
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
         windows = tube.windows(self.place, self.reach)
-        kept = inside * self.tolerance + np.minimum(self.sag, 0.3 * self.tolerance)
+        spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
+        kept = spare + self.tolerance - self.least
         near = self.vertex >= 0
         corners = tube.objective.vertices[tube.vertex[np.maximum(self.vertex, 0)]]
-        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - kept, np.inf)
+        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - spare, np.inf)
 
         def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
             points = self.points + offset[:, None] * direction
@@ -173,7 +175,7 @@ def place_nodes(
     vertex = np.full(n, -1)
     for i in np.flatnonzero(mark >= 0):
         k = which[mark[i]]
-        if k >= 0 and turns[k] > SHARP:
+        if k >= 0:
             vertex[max(i - 1, 0) : i + 2] = k
     ends = np.concatenate([[s[0]], (s[1:] + s[:-1]) / 2, [s[-1]]])
     return Nodes(
@@ -183,6 +185,7 @@ def place_nodes(
         sides=_sides(tangents.shape[1] - 1),
         sag=wide**2 * bend / 8,
         tolerance=tolerance,
+        least=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=rest,
@@ -192,6 +195,14 @@ def place_nodes(
         near=NearPath.along(joint_path, arm, branch, path, s),
         q=joint_path(s),
     )
+
+
+def _least_nearby(values: FloatArray) -> FloatArray:
+    """The least of each value and its neighbours, (n,)."""
+    least = values.copy()
+    least[1:] = np.minimum(least[1:], values[:-1])
+    least[:-1] = np.minimum(least[:-1], values[1:])
+    return least
 
 
 def path_turns(tube: Tube) -> FloatArray:
