@@ -47,10 +47,11 @@ if TYPE_CHECKING:
 
 # Twists below this are rounding errors [rad].
 NO_TWIST = 1e-12
-# Part of the angular tolerance that smooth places may use, and the range of angular tolerances that
-# this counts for [rad].
-PART = 0.1
-LEAST_ANGLE, MOST_ANGLE = 1e-3, 1e-2
+# Shares of the angular tolerance that smooth places and blends may use, which are off at different
+# places: at the vertices, in the middle of blends, places are exact.
+PLACES, BLENDS = 0.5, 0.95
+# Smallest and largest angle by which smooth places may be off, and that without a tolerance [rad].
+LEAST_ANGLE, MOST_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 # Blends that turn too far are made shorter by this, as often as that.
 SHORTER, TRIES = 0.8, 8
 # Stretches between two knots of smooth places are halved this often at most.
@@ -165,9 +166,10 @@ def _turn(
     own = objective.orientation
     assert own is not None
     runs = _Runs.of(path, objective, pairs)
-    near = PART * float(np.clip(allowed, LEAST_ANGLE, MOST_ANGLE))
+    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
+    near = near if np.isfinite(allowed) else SMALL_ANGLE
     place = _smooth_places(runs, pairs, near)
-    cut = _cuts(path, objective, runs, pairs, allowed * (1 - PART))
+    cut = _cuts(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
         found = _lay(runs, place, cut, axis_only=own.axis_only)
         s, angles = _angles(found, own, pairs, runs.s)
