@@ -155,6 +155,15 @@ def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     assert less.place == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("turn", [1e-3, 1e-6])
+def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
+    # The middle of the arc is as far from both lines as from the corner, to a millionth.
+    path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
+    rounded = ac.round_corners(path, tolerance=turn * 1e-3)
+    assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
+    assert Tube.of(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
+
+
 def test_lines_bind_between_corners():
     # A detour of 1 mm in the middle of a line, 0.3 m from the corner.
     path = ac.Path.polyline([(0, 0), (0.6, 0), (0.6, 0.6)])

@@ -11,11 +11,14 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.geometry._nearest import nearest_within, offsets
 
-# A stretch is halved at most this often, and into at most this many parts.
+# A part is halved at most this often, and into at most this many parts.
 DEPTH = 48
 PARTS = 20_000
-# A bound within this fraction of the tolerance above what was found is not made any closer.
+# Where the tolerance is exceeded, a bound within this fraction of it above what was found is close
+# enough. Elsewhere a bound is made as close as rounding allows, as long as there are fewer halvings
+# than this per given part.
 CLOSE = 1e-6
+FINE = 50
 
 
 @compiled()
@@ -213,7 +216,7 @@ def bound_excess(
     bounds, found, where = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
     points = np.empty((2, 3))
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
-    enough = slack
+    enough, left = slack, FINE * (n + 1000)
     for i in range(n):
         g = rows[segment[i]]
         stack[0], depths[0] = parts[i], 0
@@ -231,7 +234,9 @@ def bound_excess(
                 found[i] = at_ends
                 where[i] = g[11] + (part[0] if at_start >= at_end else part[3])
             enough = max(enough, at_ends)
-            close = bound - at_ends <= CLOSE * own
+            left -= 1
+            fine = at_ends <= slack / 2 and left > 0
+            close = bound - at_ends <= (slack / 2 if fine else CLOSE * own)
             if bound <= enough or close or depth == DEPTH or count > PARTS:
                 bounds[i] = max(bounds[i], bound)
                 continue
