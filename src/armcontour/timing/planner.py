@@ -26,7 +26,7 @@ from armcontour.timing.methods import (
     Smoothed,
     Timing,
 )
-from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
+from armcontour.timing.program_tracing import TracedMove, Tracing, choose_start, trace_program
 from armcontour.timing.programs import time_program
 from armcontour.timing.shaping import shape
 from armcontour.tracing import refuse_out_of_range
@@ -106,7 +106,7 @@ def plan(
     if duration is not None:
         _refuse_duration(duration, method, options, smoothed=bool(windows))
     if method == Method.SHAPED:
-        path = _shape(path, timing, branch, start, progress)
+        path, start = _shape(path, timing, branch, start, progress)
     traced = _trace(path, arm, bounds, branch, start)
     if isinstance(traced, Tracing):
         timing = replace(timing, options=_fit_options(traced.program, method, options))
@@ -126,8 +126,8 @@ def _shape(
     branch: str | None,
     start: npt.ArrayLike | None,
     progress: Progress | None,
-) -> Path | Program:
-    """The shaped path or program, for the method "shaped".
+) -> tuple[Path | Program, npt.ArrayLike | None]:
+    """The shaped path or program, for the method "shaped", and the start that it is shaped for.
 
     Raises:
         InvalidInput: A path that is traced already, no tolerance, or as `shape`.
@@ -146,7 +146,8 @@ def _shape(
     program = Program.of(path, "plan needs a Path or a Program")
     refuse_endless(program, timing.limits)
     wanted = {name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS}
-    return shape(
+    start = choose_start(program, timing.arm, timing.limits, start)
+    shaped: Path | Program = shape(
         path,
         timing.arm,
         timing.limits,
@@ -156,6 +157,7 @@ def _shape(
         intervals=timing.options.get("intervals"),
         **wanted,
     )
+    return shaped, start
 
 
 def _trace(

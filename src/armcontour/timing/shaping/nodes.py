@@ -88,8 +88,8 @@ class Nodes:
         windows = tube.windows(self.place, self.reach)
         kept = inside * self.tolerance + np.minimum(self.sag, 0.3 * self.tolerance)
         near = self.vertex >= 0
-        corners = tube.objective.vertices[tube.vertex[np.maximum(self.vertex, 0)]]
-        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - kept, np.inf)
+        corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
+        allowed = np.where(near, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - kept, np.inf)
 
         def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
             points = self.points + offset[:, None] * direction
@@ -147,7 +147,8 @@ def place_nodes(
     order = np.argsort(marks, kind="stable")
     marks, is_rest = marks[order], is_rest[order]
     which = np.concatenate([np.full(len(stops), -1), corner])[order]
-    half = np.where(which >= 0, turns[np.maximum(which, 0)] / 2, 0.0)
+    # The last entry is for rests, whose index is -1.
+    half = np.append(turns, 0.0)[which] / 2
     own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
     first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
     s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
