@@ -92,8 +92,8 @@ class Nodes:
         spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
         kept = spare + self.tolerance - self.least
         near = self.vertex >= 0
-        corners = tube.objective.vertices[tube.vertex[np.maximum(self.vertex, 0)]]
-        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - spare, np.inf)
+        corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
+        allowed = np.where(near, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf)
 
         def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
             points = self.points + offset[:, None] * direction
@@ -151,7 +151,8 @@ def place_nodes(
     order = np.argsort(marks, kind="stable")
     marks, is_rest = marks[order], is_rest[order]
     which = np.concatenate([np.full(len(stops), -1), corner])[order]
-    half = np.where(which >= 0, turns[np.maximum(which, 0)] / 2, 0.0)
+    # The last entry is for rests, whose index is -1.
+    half = np.append(turns, 0.0)[which] / 2
     own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
     first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
     s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
