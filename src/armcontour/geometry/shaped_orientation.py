@@ -363,10 +363,17 @@ def _twist(
     Returns:
         The orientation, and how far it is off in the middle of its pieces [rad].
     """
-    count = np.ceil(path.curvatures * path.lengths / MOST_TURN).astype(np.intp).clip(1)
-    i = np.repeat(np.arange(len(path)), count)
-    k = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
-    u = [x / count[i] * path.lengths[i] for x in (k, k + 0.5, k + 1)]
+    off = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
+    cuts = np.union1d(path.breaks, s[off > REPEATED_POINT])
+    whole = path.locate((cuts[:-1] + cuts[1:]) / 2)
+    first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
+    # On tiny arcs a difference of arc lengths has too few digits.
+    last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
+    count = np.ceil(path.curvatures[whole] * (last - first) / MOST_TURN).astype(np.intp).clip(1)
+    part = np.repeat(np.arange(len(count)), count)
+    k = np.arange(len(part)) - np.repeat(np.cumsum(count) - count, count)
+    i, step = whole[part], ((last - first) / count)[part]
+    u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]
     begin, middle, end = (
         exp(np.interp(path.breaks[i] + x, s, twist)[:, None] * path.segments.at(i, x, 1))
         @ carried.on_piece(i, x)
