@@ -18,6 +18,8 @@ from soak.shape_rivals import time_rivals
 LEAK = 1e-9
 # Beside its share of the tolerance, a tool may be off by what tracing leaves [m], [rad].
 TRACED, TURNED = 1.5e-10, 2e-9
+# Places this near to each other are one [m].
+SAME_PLACE = 1e-9
 # Places per segment of the path, and random ones per interval of the law.
 PLACES, RANDOM = 96, 4
 # Points of the tool are this part of the tolerance apart at most, but no more than so many.
@@ -100,9 +102,10 @@ def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
     """What is wrong with a motion, in words."""
     t = _times(planned, problem)
     states = [planned(t, order) for order in (0, 1, 2)]
-    before = planned.breaks[1:]
-    left = [planned(before, order, side="left") for order in (0, 1, 2)]
-    notes = _limits(planned, problem, t, states) + _limits(planned, problem, before, left)
+    # Also what holds just before every break.
+    left = [planned(planned.breaks[1:], order, side="left") for order in (0, 1, 2)]
+    both = [np.concatenate(x) for x in zip(states, left, strict=True)]
+    notes = _limits(problem, np.append(t, planned.breaks[1:]), both)
     notes += _differences(planned, problem)
     notes += _keeping(planned, problem, t, problem.arm.forward(states[0]))
     return notes + _ends(planned, problem) + _orientation(problem, states[0])
@@ -120,17 +123,17 @@ def _times(planned: ac.Trajectory, problem: Problem) -> np.ndarray:
     return np.unique(np.concatenate([breaks, inside.ravel(), planned.time_at(along)]))
 
 
-def _limits(planned: ac.Trajectory, problem: Problem, t: Any, states: Any) -> list[str]:
+def _limits(problem: Problem, t: Any, states: Any) -> list[str]:
     """Limits that are exceeded."""
     notes = []
-    for name, ratio in _ratios(planned, problem, t, *states).items():
+    for name, ratio in _ratios(problem, *states).items():
         k = int(np.argmax(np.where(np.isnan(ratio), np.inf, ratio)))
         if not ratio[k] <= 1 + LEAK:
             notes.append(f"{name} 1 {ratio[k] - 1:+.2e} at t = {t[k]:.9g} s")
     return notes
 
 
-def _ratios(planned: Any, problem: Problem, t: Any, q: Any, dq: Any, ddq: Any) -> dict[str, Any]:
+def _ratios(problem: Problem, q: Any, dq: Any, ddq: Any) -> dict[str, Any]:
     limits, arm = problem.limits, problem.arm
     found: dict[str, Any] = {}
     if limits.joint_velocity is not None:
@@ -192,7 +195,7 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
 def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) -> list[str]:
     """Points that are too far from their own part of the objective, and vertices from the path."""
     pieces = pieces_of(problem)
-    notes = _promised(planned, problem, t, points)
+    notes = _promised(planned, problem, pieces, t, points)
     matching = match(points, pieces)
     if matching.lost >= 0:
         return [*notes, f"no way along the objective at t = {t[matching.lost]:.9g} s"]
@@ -223,13 +226,16 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
     return notes
 
 
-def _promised(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) -> list[str]:
+def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) -> list[str]:
     """Points that are too far from the places that the path itself gives for them."""
     path, objective = planned.path, problem.objective
     on_path = np.clip(planned.s(t), 0, path.length)
     place = np.clip(np.interp(on_path, path.places[:, 1], path.places[:, 0]), 0, objective.length)
     off = np.linalg.norm(points - objective(place), axis=1)
-    far = off - problem.options["tolerance"] * (1 + LEAK) - TRACED
+    edges = np.cumsum(pieces.lengths)[:-1]
+    # At an edge the larger tolerance holds.
+    either = [pieces.bands[np.searchsorted(edges, place + x)] for x in (-SAME_PLACE, SAME_PLACE)]
+    far = off - np.maximum(*either) * (1 + LEAK) - TRACED
     k = int(np.argmax(far))
     return [f"{far[k]:.3g} m too far from its place at t = {t[k]:.9g} s"] if far[k] > 0 else []
 
