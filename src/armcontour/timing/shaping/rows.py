@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
 
 # Directions in which a disc in space is bounded by planes.
@@ -23,21 +23,25 @@ LEAST_SPAN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spline:
-    """The quadratic B-spline in time, from rest to rest, with n control points.
+    """A quadratic B-spline in time with n control points, from rest to rest.
 
     Args:
         q: Control points [rad], (n, dof).
         h: Span times [s], (n,).
+        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
+            Both control points beside a rest between spans lie where the joints rest.
     """
 
     q: FloatArray
     h: FloatArray
+    rest: BoolArray
 
     @property
     def velocities(self) -> FloatArray:
         """Joint velocities at the knots before, between and after the spans, (n + 1, dof)."""
         e = np.zeros((len(self.q) + 1, self.q.shape[1]))
         e[1:-1] = 2 * np.diff(self.q, axis=0) / (self.h[1:] + self.h[:-1])[:, None]
+        e[self.rest] = 0.0
         return e
 
     @property
@@ -275,9 +279,7 @@ def assemble(
     e, h = spline.velocities, spline.h
     pair = np.ones(n + 1)
     pair[1:-1] = h[1:] + h[:-1]
-    inner = np.zeros(n + 1)
-    inner[1:-1] = 1.0
-    rate = 2 * inner / pair
+    rate = np.where(spline.rest, 0.0, 2 / pair)
     scaled = steps * unit[:, None, None]
     width = k + 1
     found = np.zeros((n, rows.value.shape[1], 3 * width))
