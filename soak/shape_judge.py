@@ -179,9 +179,9 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
         found["tool acceleration"] = (most - limits.tool_acceleration, rounding / h**2)
     if limits.centripetal_acceleration is not None:
         middle = (velocity[1:] + velocity[:-1]) / 2
-        going = np.maximum(np.linalg.norm(middle, axis=1), SLOW)
-        along = np.einsum("ij,ij->i", middle, change) / going**2
-        normal = np.linalg.norm(change - along[:, None] * middle, axis=1)[speed[1:] > SLOW]
+        going = np.linalg.norm(middle, axis=1)
+        along = np.einsum("ij,ij->i", middle, change) / np.maximum(going, SLOW) ** 2
+        normal = np.linalg.norm(change - along[:, None] * middle, axis=1)[going > SLOW]
         most = limits.centripetal_acceleration
         above = normal.max(initial=0.0) - most
         found["centripetal acceleration"] = (above, rounding / h**2 + CURVED * most)
