@@ -52,15 +52,15 @@ class SmoothCurve:
     Args:
         breaks: Arc lengths of the ends of the quintics [m], (n + 1,).
         coefficients: Coefficients of the quintics [m], (n, 6, dimension), as `quintic` gives them.
-        spread: Largest distance of the arcs from the curve [m].
+        spreads: Largest distance of the arcs from each quintic [m], (n,).
     """
 
     breaks: FloatArray
     coefficients: FloatArray
-    spread: float
+    spreads: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("breaks", "coefficients"):
+        for name in ("breaks", "coefficients", "spreads"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def on_piece(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:

@@ -34,8 +34,6 @@ HALVINGS = 24
 INSIDE = 1e-3
 # The own part of a point reaches this many tolerances along the objective, and to its neighbours.
 REACH = 3.0
-# Vertices that turn by more than this keep control points near them [rad].
-SHARP = np.radians(10)
 # Directions in which offsets in space are bounded.
 SIDES = 12
 
@@ -173,7 +171,7 @@ def place_nodes(
     vertex = np.full(n, -1)
     for i in np.flatnonzero(mark >= 0):
         k = which[mark[i]]
-        if k >= 0 and turns[k] > SHARP:
+        if k >= 0:
             vertex[max(i - 1, 0) : i + 2] = k
     ends = np.concatenate([[s[0]], (s[1:] + s[:-1]) / 2, [s[-1]]])
     return Nodes(

@@ -23,6 +23,8 @@ FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends when this many iterations in sequence gain less than this share of the duration.
 IDLE, LEAST_GAIN = 4, 3e-6
+# It also ends when so many in sequence leave the tube.
+MOST_TIGHTENED = 12
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -51,7 +53,6 @@ class _State:
     trust: FloatArray
     inside: FloatArray
     limits: FloatArray
-    idle: int = 0
 
 
 @dataclass(slots=True)
@@ -87,29 +88,35 @@ class Search:
 
     def run(self) -> Iterator[Candidate]:
         """Yield the best candidate after each iteration, until nothing is gained."""
-        while self.state.idle < IDLE:
+        idle = tightened = 0
+        while idle < IDLE and tightened < MOST_TIGHTENED:
             before = self.state.best.duration
-            self._iterate()
+            kept = self._iterate()
             gained = before - self.state.best.duration
-            self.state.idle = 0 if gained > LEAST_GAIN * before else self.state.idle + 1
+            tightened = 0 if kept else tightened + 1
+            idle = 0 if gained > LEAST_GAIN * before else idle + kept
             yield self.state.best
 
-    def _iterate(self) -> None:
-        """Propose a change and keep it if the exact timing is faster."""
+    def _iterate(self) -> bool:
+        """Propose a change and keep it if the exact timing is faster.
+
+        Returns:
+            False if the change left the tube, whose limits are then less.
+        """
         state, nodes = self.state, self.nodes
         try:
             offsets, h = self._propose()
             drawn = self._draw(offsets, h)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
-            return
+            return True
         if drawn is None:
-            return
+            return False
         path = self._path(drawn)
         found = self.timer.candidate(SHAPED, path, drawn.places)
         if found is None:
             state.trust *= SHRINK
-            return
+            return True
         times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
         groups = int(nodes.group[-1]) + 1
         now = np.bincount(nodes.group, state.h, groups)
@@ -124,6 +131,7 @@ class Search:
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
+        return True
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
@@ -188,19 +196,24 @@ class Search:
     def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
         nodes, state = self.nodes, self.state
-        drawn = draw(self._spline(offsets, h), self.timer.arm, self.tube.objective, nodes.place)
+        spline = self._spline(offsets, h)
+        objective = self.tube.objective
+        drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
         proof = self.tube.prove(plain, drawn.places, reach)
-        spare = drawn.curve.spread + proof.slack
-        if proof.excess + spare <= proof.slack:
+        # The tool follows the curve, which is a little beside the arcs.
+        beside = np.repeat(drawn.curve.spreads, 2)
+        vertices = proof.vertices + drawn.curve.spreads.max()
+        excess = max(float((proof.segments + beside).max()), float(vertices.max(initial=-np.inf)))
+        if excess <= proof.slack:
             return drawn
         lacking = np.zeros(len(nodes))
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
-        np.maximum.at(lacking, span, proof.segments + spare)
-        for k, excess in enumerate(proof.vertices + spare):
+        np.maximum.at(lacking, span, proof.segments + beside)
+        for k, excess in enumerate(vertices):
             lacking[nodes.vertex == k] = np.maximum(lacking[nodes.vertex == k], excess)
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
@@ -236,7 +249,12 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         timer: Times the shapes.
         wishes: What is wanted.
     """
-    path, places = make_starts(objective, wishes, SHARE)[PARABOLAS]
+    if objective.orientation is not None and not objective.orientation.fixed:
+        return None
+    starts = make_starts(objective, tube, wishes, SHARE)
+    if PARABOLAS not in starts:
+        return None
+    path, places = starts[PARABOLAS]
     start = timer.candidate(PARABOLAS, path, places)
     if start is None:
         return None
@@ -252,8 +270,6 @@ def orient(path: ShapedPath) -> ShapedPath:
     orientation = path.objective.orientation
     if orientation is None:
         return path
-    if not orientation.fixed:
-        raise NotImplementedError
     breaks = np.array([0.0, path.length])
     rows = {x: getattr(orientation, x)[:1] for x in ("starts", "first", "second", "f", "g")}
     return replace(path, orientation=replace(orientation, breaks=breaks, **rows))
