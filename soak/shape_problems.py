@@ -114,7 +114,7 @@ def _options(rng: Random, objective: ac.Path) -> dict[str, Any]:
     options = {"tolerance": tolerance}
     if rng.random() < 0.25:
         options["line_tolerance"] = tolerance * float(rng.choice([0.0, 0.02, 0.3, 1.0]))
-        options["zone"] = float(rng.uniform(0.2, 8) * max(tolerance, 1e-4))
+        options["zone"] = float(rng.uniform(1, 8) * max(tolerance, 1e-4))
     return options
 
 
