@@ -19,6 +19,8 @@ part are the nearest points of the path part's ends within reach of their places
 are then within reach, because places and reach change evenly along the part. So this bounds the
 distance of every point from its own part, and parts of the path are halved until the bound shows
 that the tolerance is kept for one piece, or until a point is found at which no piece keeps it.
+Where the tolerance changes, points whose nearest point of the piece with the larger one is the end
+towards its neighbour belong to the neighbour: no tolerance reaches out of its zone.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.path import Path
@@ -95,6 +97,7 @@ class Tube:
     vertex: IntArray
     vertex_tolerance: FloatArray
     _rows: FloatArray = field(init=False, repr=False)
+    _given_up: BoolArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("breaks", "tolerance", "vertex_tolerance"):
@@ -103,6 +106,11 @@ class Tube:
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]
         object.__setattr__(self, "_rows", _checks.lock_floats(rows))
+        # Where the tolerance changes, the smaller one holds: points beyond the end of the piece
+        # with the larger one belong to its neighbour.
+        step = np.diff(self.tolerance)
+        ends = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
+        object.__setattr__(self, "_given_up", _checks.lock_copy(ends))
 
     @classmethod
     def of(
@@ -182,7 +190,9 @@ class Tube:
         """
         from armcontour.geometry._tube import find_room
 
-        return np.asarray(find_room(pad(points), windows, self._rows, self.tolerance))
+        return np.asarray(
+            find_room(pad(points), windows, self._rows, self.tolerance, self._given_up)
+        )
 
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
         """Bound the distances of all points of a path, and of the objective's corners from it.
@@ -216,7 +226,14 @@ class Tube:
         place, around = parts[:, 1::3], parts[:, 2::3]
         windows = self._windows((place - around).min(axis=1), (place + around).max(axis=1))
         bounds, found, where = bound_excess(
-            pack(path.segments), segment, parts, windows, self._rows, self.tolerance, slack
+            pack(path.segments),
+            segment,
+            parts,
+            windows,
+            self._rows,
+            self.tolerance,
+            self._given_up,
+            slack,
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)

@@ -49,6 +49,8 @@ class Nodes:
         sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
         sag: How far the curve may lie from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
+        least: The least tolerance at each node and its neighbours, whose control points shape the
+            curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
         fixed: Whether the control point stays on the start, (n,).
         rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
@@ -65,6 +67,7 @@ class Nodes:
     sides: FloatArray
     sag: FloatArray
     tolerance: FloatArray
+    least: FloatArray
     reach: FloatArray
     fixed: BoolArray
     rest: BoolArray
@@ -86,10 +89,11 @@ class Nodes:
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
         windows = tube.windows(self.place, self.reach)
-        kept = inside * self.tolerance + np.minimum(self.sag, 0.3 * self.tolerance)
+        spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
+        kept = spare + self.tolerance - self.least
         near = self.vertex >= 0
-        corners = tube.objective.vertices[tube.vertex[np.maximum(self.vertex, 0)]]
-        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - kept, np.inf)
+        corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
+        allowed = np.where(near, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf)
 
         def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
             points = self.points + offset[:, None] * direction
@@ -147,7 +151,8 @@ def place_nodes(
     order = np.argsort(marks, kind="stable")
     marks, is_rest = marks[order], is_rest[order]
     which = np.concatenate([np.full(len(stops), -1), corner])[order]
-    half = np.where(which >= 0, turns[np.maximum(which, 0)] / 2, 0.0)
+    # The last entry is for rests, whose index is -1.
+    half = np.append(turns, 0.0)[which] / 2
     own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
     first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
     s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
@@ -181,6 +186,7 @@ def place_nodes(
         sides=_sides(tangents.shape[1] - 1),
         sag=wide**2 * bend / 8,
         tolerance=tolerance,
+        least=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=rest,
@@ -190,6 +196,14 @@ def place_nodes(
         near=NearPath.along(joint_path, arm, branch, path, s),
         q=joint_path(s),
     )
+
+
+def _least_nearby(values: FloatArray) -> FloatArray:
+    """The least of each value and its neighbours, (n,)."""
+    least = values.copy()
+    least[1:] = np.minimum(least[1:], values[:-1])
+    least[:-1] = np.minimum(least[:-1], values[1:])
+    return least
 
 
 def path_turns(tube: Tube) -> FloatArray:

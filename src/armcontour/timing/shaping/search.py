@@ -218,8 +218,10 @@ class Search:
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
-        less = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.tolerance, 1e-12)
-        state.inside = np.where(lacking > 0, state.inside + less + INSIDE, state.inside)
+        less = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.least, 1e-12)
+        # At least twice as much as before, so that a few times are enough.
+        more = np.maximum(2 * state.inside, state.inside + less)
+        state.inside = np.where(lacking > 0, np.minimum(more, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
         return None
