@@ -24,6 +24,8 @@ GROWTH_AT_REST = 0.2
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
+# A stretch from rest to rest has at least about this many nodes.
+FEWEST = 64
 # Samples for the distances between two marks.
 SAMPLES = 129
 # Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
@@ -32,6 +34,8 @@ MARCH = 1 / 24
 HALVINGS = 24
 # Offsets stay inside the tolerance by this share of it.
 INSIDE = 1e-3
+# Places nearer than this are one [m].
+SAME = 1e-9
 # The own part of a point reaches this many tolerances along the objective, and to its neighbours.
 REACH = 3.0
 # Directions in which offsets in space are bounded.
@@ -88,7 +92,7 @@ class Nodes:
             tube: The tube of the tolerance.
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
-        windows = tube.windows(self.place, self.reach)
+        windows = self._windows(tube)
         spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
         kept = spare + self.tolerance - self.least
         near = self.vertex >= 0
@@ -108,6 +112,19 @@ class Nodes:
             found[:, j] = share * _farthest(fits, direction, self.tolerance)
         found[self.fixed] = 0.0
         return found
+
+    def _windows(self, tube: Tube) -> IntArray:
+        """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
+
+        A stretch leads from corner to corner; a node at a corner belongs to both.
+        """
+        ends = tube.objective.breaks[tube.vertex]
+        corners = np.concatenate([[-np.inf], ends, [np.inf]])
+        low = corners[np.searchsorted(ends, self.place - SAME, side="right")]
+        high = corners[np.searchsorted(ends, self.place + SAME, side="left") + 1]
+        low = np.maximum(self.place - self.reach, low + SAME)
+        high = np.minimum(self.place + self.reach, high - SAME)
+        return tube.windows_between(low, high)
 
 
 def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> FloatArray:
@@ -256,7 +273,9 @@ def _spread(
     typical = max(float(np.median(bend)), 1e-3)
     curved = bend + np.linalg.norm(path(flat, 2), axis=1)
     most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
-    most = most.reshape(at.shape)
+    rests = marks[is_rest]
+    stretch = np.diff(rests)[np.clip(np.searchsorted(rests, marks[:-1], side="right") - 1, 0, None)]
+    most = np.minimum(most.reshape(at.shape), stretch[:, None] / FEWEST)
     step = most
     for mark, way in ((0, at - low), (1, high - at)):
         rest = is_rest[mark : len(marks) - 1 + mark, None]
