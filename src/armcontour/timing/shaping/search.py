@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
@@ -200,6 +201,8 @@ class Search:
         spline = self._spline(offsets, h)
         objective = self.tube.objective
         drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
+        if self._nearly_stops(drawn):
+            return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
@@ -227,6 +230,17 @@ class Search:
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
         return None
+
+    def _nearly_stops(self, drawn: Drawn) -> bool:
+        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
+        if not len(tiny):
+            return False
+        span = np.clip(np.searchsorted(drawn.knots, tiny, side="right") - 1, 0, len(nodes) - 1)
+        there = np.isin(nodes.group, nodes.group[span])
+        self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
+        return True
 
     def _path(self, drawn: Drawn) -> ShapedPath:
         """The drawn path, whose outcome is not known yet."""
