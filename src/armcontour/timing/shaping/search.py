@@ -9,7 +9,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
-from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
+from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
@@ -114,8 +115,8 @@ class Search:
         if drawn is None:
             return False
         path = self._path(drawn)
-        found = self.timer.candidate(SHAPED, path, drawn.places)
-        if found is None:
+        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
+        if path is None or found is None:
             state.trust *= SHRINK
             return True
         times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
@@ -228,12 +229,12 @@ class Search:
         state.offsets = self._clip(state.offsets)
         return None
 
-    def _path(self, drawn: Drawn) -> ShapedPath:
-        """The drawn path, whose outcome is not known yet."""
-        wishes = self.wishes
+    def _path(self, drawn: Drawn) -> ShapedPath | None:
+        """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
+        wishes, objective = self.wishes, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
-            objective=self.tube.objective,
+            objective=objective,
             places=drawn.places,
             tolerance=wishes.tolerance,
             line_tolerance=wishes.line_tolerance,
@@ -241,11 +242,17 @@ class Search:
             outcome=Outcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
-        return orient(path)
+        if objective.orientation is not None:
+            # As at the place, also where that follows the tangent.
+            plain = replace(objective, orientation=replace(objective.orientation, follows=False))
+            path, off = orient_shaped(path, plain, drawn.places, wishes.angular_tolerance)
+            if off > (np.inf if wishes.angular_tolerance is None else wishes.angular_tolerance):
+                return None
+        return path
 
 
-def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | None:
-    """The search from parabolas; None where the arm cannot follow them, or nothing may move.
+def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | str:
+    """The search from parabolas, or a clause that says why there is none.
 
     Args:
         objective: The objective path.
@@ -253,27 +260,26 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         timer: Times the shapes.
         wishes: What is wanted.
     """
-    if objective.orientation is not None and not objective.orientation.fixed:
-        return None
+    if _turns_at_corners(objective):
+        return "the orientation follows the tangent round corners: not shaped"
     starts = make_starts(objective, tube, wishes, SHARE)
     if PARABOLAS not in starts:
-        return None
+        return "the corners cannot be rounded within the tolerance: not shaped"
     path, places = starts[PARABOLAS]
     start = timer.candidate(PARABOLAS, path, places)
     if start is None:
-        return None
+        return "the arm cannot follow rounded corners: not shaped"
     joint_path = timer.trace(path)
     nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
     if nodes.fixed.all():
-        return None
+        return "the tolerance leaves no room: not shaped"
     return Search(nodes, start, tube, timer, wishes)
 
 
-def orient(path: ShapedPath) -> ShapedPath:
-    """A shaped path with the tool orientation of its objective."""
-    orientation = path.objective.orientation
-    if orientation is None:
-        return path
-    breaks = np.array([0.0, path.length])
-    rows = {x: getattr(orientation, x)[:1] for x in ("starts", "first", "second", "f", "g")}
-    return replace(path, orientation=replace(orientation, breaks=breaks, **rows))
+def _turns_at_corners(objective: Path) -> bool:
+    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+
+    Where it follows a smooth tangent, shapes have the orientation of their places.
+    """
+    own = objective.orientation
+    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())

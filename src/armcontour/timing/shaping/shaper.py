@@ -18,7 +18,7 @@ from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import Tracing, trace_program
-from armcontour.timing.shaping.search import make_search
+from armcontour.timing.shaping.search import Search, make_search
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
 
@@ -228,12 +228,13 @@ def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
     search = make_search(objective, tube, timer, wishes)
-    if search is not None:
+    if isinstance(search, Search):
         for _, found in zip(range(wishes.iterations), search.run(), strict=False):
             best = min(best, found, key=lambda x: x.duration)
             history.append(best.duration)
     durations["shaped"] = best.duration
-    outcome = Outcome(start=first.name, durations=durations, history=tuple(history))
+    note = None if isinstance(search, Search) else search
+    outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
     return _shaped_path(objective, best, wishes, outcome)
 
 
