@@ -208,7 +208,7 @@ def place_nodes(
         vertex=np.where(resting, -1, vertex),
         group=np.searchsorted((marks[1:] + marks[:-1]) / 2, s),
         times=start.trajectory.time_at(ends),
-        near=NearPath.along(joint_path, arm, branch, path, s),
+        near=NearPath.along(joint_path(s), arm, branch, path, s),
         q=joint_path(s),
     )
 

@@ -13,6 +13,7 @@ from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
+from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
@@ -127,6 +128,7 @@ class Search:
         # The first spline only has to be: it may be slower than the start that it is drawn from.
         if state.best is self.start or found.duration < state.best.duration:
             state.best, state.offsets, state.h = found, offsets, times
+            self._keep_near(found, drawn.knots)
             factor = np.where(slower, EASE, GROW)
         else:
             # Neighbours of a corner share its lines.
@@ -134,6 +136,25 @@ class Search:
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
         return True
+
+    def _keep_near(self, found: Candidate, knots: FloatArray) -> None:
+        """Let control points have the tool orientations, and redundant joints, of a candidate.
+
+        Args:
+            found: The candidate.
+            knots: Arc lengths of the knots on its path [m], (n + 1,).
+        """
+        if self.nodes.near.poses is None:
+            return
+        # Where control points of the arc length itself lie: at a rest they lie at the rest.
+        at = np.clip(knots, 0.0, found.path.length)
+        speed = found.trajectory.speed_at(at)
+        speed[self.nodes.rest] = 0.0
+        both = np.maximum(speed[:-1] + speed[1:], np.finfo(float).tiny)
+        s = at[:-1] + speed[:-1] / both * np.diff(at)
+        q = found.trajectory(found.trajectory.time_at(s))
+        near = NearPath.along(q, self.timer.arm, self.timer.branch, found.path, s)
+        self.nodes = replace(self.nodes, near=near, q=q)
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
