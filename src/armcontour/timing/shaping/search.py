@@ -9,10 +9,12 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
-from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
+from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
+from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
@@ -27,6 +29,8 @@ SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 IDLE, LEAST_GAIN = 4, 3e-6
 # It also ends when so many in sequence leave the tube.
 MOST_TIGHTENED = 12
+# Quadratic programs of an iteration, until no limit is exceeded by more than this share.
+MOST_PROGRAMS, VIOLATED = 2, 2e-3
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -115,8 +119,8 @@ class Search:
         if drawn is None:
             return False
         path = self._path(drawn)
-        found = self.timer.candidate(SHAPED, path, drawn.places)
-        if found is None:
+        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
+        if path is None or found is None:
             state.trust *= SHRINK
             return True
         times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
@@ -127,6 +131,7 @@ class Search:
         # The first spline only has to be: it may be slower than the start that it is drawn from.
         if state.best is self.start or found.duration < state.best.duration:
             state.best, state.offsets, state.h = found, offsets, times
+            self._keep_near(found, drawn.knots)
             factor = np.where(slower, EASE, GROW)
         else:
             # Neighbours of a corner share its lines.
@@ -135,6 +140,25 @@ class Search:
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
         return True
 
+    def _keep_near(self, found: Candidate, knots: FloatArray) -> None:
+        """Let control points have the tool orientations, and redundant joints, of a candidate.
+
+        Args:
+            found: The candidate.
+            knots: Arc lengths of the knots on its path [m], (n + 1,).
+        """
+        if self.nodes.near.poses is None:
+            return
+        # Where control points of the arc length itself lie: at a rest they lie at the rest.
+        at = np.clip(knots, 0.0, found.path.length)
+        speed = found.trajectory.speed_at(at)
+        speed[self.nodes.rest] = 0.0
+        both = np.maximum(speed[:-1] + speed[1:], np.finfo(float).tiny)
+        s = at[:-1] + speed[:-1] / both * np.diff(at)
+        q = found.trajectory(found.trajectory.time_at(s))
+        near = NearPath.along(q, self.timer.arm, self.timer.branch, found.path, s)
+        self.nodes = replace(self.nodes, near=near, q=q)
+
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
@@ -142,34 +166,48 @@ class Search:
         return Spline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of the quadratic program around the best shape."""
+        """Offsets and span times of quadratic programs around the best shape.
+
+        Rows are linear in changes of offsets and times, limits are not. So a program is set up
+        again around the solution of the one before, until the limits are nearly kept.
+        """
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
-        spline = self._spline(state.offsets, state.h)
-        steps = nodes.near.steps(spline.q, nodes.frames)
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
-        limits = self.timer.limits
+        weight = np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1))
+        offsets, h = state.offsets, state.h
+        for round_ in range(MOST_PROGRAMS):
+            rows, bounds = self._limit_rows(offsets, h, unit)
+            if round_ and bounds.min() > -VIOLATED:
+                break
+            own, own_bounds = self._own_rows(offsets, unit)
+            cost = np.zeros((n, k + 1))
+            cost[:, k] = h / h.mean()
+            x, _ = solve_program(
+                cost,
+                np.concatenate([rows, own], axis=1),
+                np.concatenate([bounds, own_bounds], axis=1),
+                weight,
+            )
+            if not np.isfinite(x).all():
+                raise np.linalg.LinAlgError("The quadratic program has no solution.")
+            offsets = self._clip(offsets + x[:, :k] * unit[:, None])
+            h = h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+        return offsets, h
+
+    def _limit_rows(
+        self, offsets: FloatArray, h: FloatArray, unit: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rows of the limits around offsets [m] and span times [s], and their bounds."""
+        nodes, limits = self.nodes, self.timer.limits
+        spline = self._spline(offsets, h)
+        steps = nodes.near.steps(spline.q, nodes.frames)
         speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
-        rows, bounds = assemble(
-            spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit
-        )
-        own, own_bounds = self._own_rows(unit)
-        cost = np.zeros((n, k + 1))
-        cost[:, k] = state.h / state.h.mean()
-        x, _ = solve_program(
-            cost,
-            np.concatenate([rows, own], axis=1),
-            np.concatenate([bounds, own_bounds], axis=1),
-            np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-        )
-        if not np.isfinite(x).all():
-            raise np.linalg.LinAlgError("The quadratic program has no solution.")
-        offsets = state.offsets + x[:, :k] * unit[:, None]
-        return self._clip(offsets), state.h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+        return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
-    def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _own_rows(self, offsets: FloatArray, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of each node alone: the tube, the trust region, and the least span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
@@ -177,13 +215,14 @@ class Search:
         rows = np.zeros((n, m + 2 * k + 1, 3 * (k + 1)))
         bounds = np.zeros((n, m + 2 * k + 1))
         free = unit > 0
-        room = state.limits - state.offsets @ nodes.sides.T
+        room = state.limits - offsets @ nodes.sides.T
         rows[free, :m, k + 1 : 2 * k + 1] = nodes.sides
         bounds[:, :m] = np.maximum(room / np.where(free, unit, 1.0)[:, None], 0.0)
         for j in range(k):
             for row, sign in ((m + 2 * j, 1.0), (m + 2 * j + 1, -1.0)):
                 rows[free, row, k + 1 + j] = sign
-                bounds[:, row] = state.trust
+                moved = sign * (offsets - state.offsets)[:, j] / np.where(free, unit, 1.0)
+                bounds[:, row] = np.maximum(state.trust - moved, 0.0)
         rows[:, -1, 2 * k + 1] = -1.0
         bounds[:, -1] = LEAST_SPAN
         return rows, bounds
@@ -242,12 +281,12 @@ class Search:
         self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
         return True
 
-    def _path(self, drawn: Drawn) -> ShapedPath:
-        """The drawn path, whose outcome is not known yet."""
-        wishes = self.wishes
+    def _path(self, drawn: Drawn) -> ShapedPath | None:
+        """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
+        wishes, objective = self.wishes, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
-            objective=self.tube.objective,
+            objective=objective,
             places=drawn.places,
             tolerance=wishes.tolerance,
             line_tolerance=wishes.line_tolerance,
@@ -255,13 +294,32 @@ class Search:
             outcome=Outcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
-        return orient(path)
+        if objective.orientation is not None:
+            # As at the place, also where that follows the tangent.
+            plain = replace(objective, orientation=replace(objective.orientation, follows=False))
+            path, off = orient_shaped(path, plain, drawn.places, wishes.angular_tolerance)
+            if off > (np.inf if wishes.angular_tolerance is None else wishes.angular_tolerance):
+                return None
+        return path
+
+
+def why_not(objective: Path, tube: Tube) -> str | None:
+    """A clause that says why nothing can be shaped; None if something can.
+
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
+    """
+    if (tube.tolerance == 0).any():
+        # Splines of the joints do not keep to a line.
+        return "lines without a tolerance stay as they are: not shaped"
+    if _turns_at_corners(objective):
+        return "the orientation follows the tangent round corners: not shaped"
+    return None
 
 
 def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
-    """Searches from parabolas and from arcs, the faster ones first.
-
-    None where the arm cannot follow them, or where nothing may move.
+    """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
     Args:
         objective: The objective path.
@@ -269,24 +327,19 @@ def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> 
         timer: Times the shapes.
         wishes: What is wanted.
     """
-    if objective.orientation is not None and not objective.orientation.fixed:
-        return
-    # Without a tolerance nothing may move: splines of the joints do not keep to a line.
-    if (tube.tolerance == 0).any():
-        return
     starts = make_starts(objective, tube, wishes, SHARE)
     found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
         joint_path = timer.trace(start.path)
         nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-        yield Search(nodes, start, tube, timer, wishes)
+        if not nodes.fixed.all():
+            yield Search(nodes, start, tube, timer, wishes)
 
 
-def orient(path: ShapedPath) -> ShapedPath:
-    """A shaped path with the tool orientation of its objective."""
-    orientation = path.objective.orientation
-    if orientation is None:
-        return path
-    breaks = np.array([0.0, path.length])
-    rows = {x: getattr(orientation, x)[:1] for x in ("starts", "first", "second", "f", "g")}
-    return replace(path, orientation=replace(orientation, breaks=breaks, **rows))
+def _turns_at_corners(objective: Path) -> bool:
+    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+
+    Where it follows a smooth tangent, shapes have the orientation of their places.
+    """
+    own = objective.orientation
+    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())
