@@ -29,8 +29,8 @@ SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 IDLE, LEAST_GAIN = 4, 3e-6
 # It also ends when so many in sequence leave the tube.
 MOST_TIGHTENED = 12
-# Quadratic programs of an iteration, until no limit is exceeded by more than this share.
-MOST_PROGRAMS, VIOLATED = 2, 2e-3
+# After each refusal in sequence a change is this share of what was proposed.
+LESS = 0.6
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -51,6 +51,7 @@ class _State:
         trust: Largest change of the offsets of each node, over the tolerance, (n,).
         inside: Share of the tolerance that offsets stay inside by, (n,).
         limits: Largest offsets along every side [m], (n, m).
+        refused: How many proposals in sequence were slower.
     """
 
     best: Candidate
@@ -59,6 +60,7 @@ class _State:
     trust: FloatArray
     inside: FloatArray
     limits: FloatArray
+    refused: int = 0
 
 
 @dataclass(slots=True)
@@ -132,8 +134,10 @@ class Search:
         if state.best is self.start or found.duration < state.best.duration:
             state.best, state.offsets, state.h = found, offsets, times
             self._keep_near(found, drawn.knots)
+            state.refused = 0
             factor = np.where(slower, EASE, GROW)
         else:
+            state.refused += 1
             # Neighbours of a corner share its lines.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
@@ -166,34 +170,26 @@ class Search:
         return Spline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of quadratic programs around the best shape.
-
-        Rows are linear in changes of offsets and times, limits are not. So a program is set up
-        again around the solution of the one before, until the limits are nearly kept.
-        """
+        """Offsets and span times of the quadratic program around the best shape."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
-        weight = np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1))
-        offsets, h = state.offsets, state.h
-        for round_ in range(MOST_PROGRAMS):
-            rows, bounds = self._limit_rows(offsets, h, unit)
-            if round_ and bounds.min() > -VIOLATED:
-                break
-            own, own_bounds = self._own_rows(offsets, unit)
-            cost = np.zeros((n, k + 1))
-            cost[:, k] = h / h.mean()
-            x, _ = solve_program(
-                cost,
-                np.concatenate([rows, own], axis=1),
-                np.concatenate([bounds, own_bounds], axis=1),
-                weight,
-            )
-            if not np.isfinite(x).all():
-                raise np.linalg.LinAlgError("The quadratic program has no solution.")
-            offsets = self._clip(offsets + x[:, :k] * unit[:, None])
-            h = h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
-        return offsets, h
+        rows, bounds = self._limit_rows(state.offsets, state.h, unit)
+        own, own_bounds = self._own_rows(unit)
+        cost = np.zeros((n, k + 1))
+        cost[:, k] = state.h / state.h.mean()
+        x, _ = solve_program(
+            cost,
+            np.concatenate([rows, own], axis=1),
+            np.concatenate([bounds, own_bounds], axis=1),
+            np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
+        )
+        if not np.isfinite(x).all():
+            raise np.linalg.LinAlgError("The quadratic program has no solution.")
+        # The trust region bounds offsets only; after refusals all changes are less.
+        x *= LESS**state.refused
+        offsets = state.offsets + x[:, :k] * unit[:, None]
+        return self._clip(offsets), state.h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
 
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
@@ -207,7 +203,7 @@ class Search:
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
-    def _own_rows(self, offsets: FloatArray, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of each node alone: the tube, the trust region, and the least span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
@@ -215,14 +211,13 @@ class Search:
         rows = np.zeros((n, m + 2 * k + 1, 3 * (k + 1)))
         bounds = np.zeros((n, m + 2 * k + 1))
         free = unit > 0
-        room = state.limits - offsets @ nodes.sides.T
+        room = state.limits - state.offsets @ nodes.sides.T
         rows[free, :m, k + 1 : 2 * k + 1] = nodes.sides
         bounds[:, :m] = np.maximum(room / np.where(free, unit, 1.0)[:, None], 0.0)
         for j in range(k):
             for row, sign in ((m + 2 * j, 1.0), (m + 2 * j + 1, -1.0)):
                 rows[free, row, k + 1 + j] = sign
-                moved = sign * (offsets - state.offsets)[:, j] / np.where(free, unit, 1.0)
-                bounds[:, row] = np.maximum(state.trust - moved, 0.0)
+                bounds[:, row] = state.trust
         rows[:, -1, 2 * k + 1] = -1.0
         bounds[:, -1] = LEAST_SPAN
         return rows, bounds
