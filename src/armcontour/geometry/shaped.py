@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -36,6 +37,11 @@ class Outcome:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))
+
+    def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
+        # Mapping proxies cannot be pickled.
+        durations = dict(self.durations)
+        return partial(Outcome, start=self.start, durations=durations, history=self.history), ()
 
     @property
     def gain(self) -> float:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.timing.shaping._quadratic import solve_program
+from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
@@ -31,6 +31,8 @@ IDLE, LEAST_GAIN = 4, 3e-6
 MOST_TIGHTENED = 12
 # After each refusal in sequence a change is this share of what was proposed.
 LESS = 0.6
+# Corners of a long path go back to the best shape so often in an iteration.
+MOST_MENDED = 4
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -52,6 +54,7 @@ class _State:
         inside: Share of the tolerance that offsets stay inside by, (n,).
         limits: Largest offsets along every side [m], (n, m).
         refused: How many proposals in sequence were slower.
+        proposals: Number of quadratic programs that were solved.
     """
 
     best: Candidate
@@ -61,6 +64,7 @@ class _State:
     inside: FloatArray
     limits: FloatArray
     refused: int = 0
+    proposals: int = 0
 
 
 @dataclass(slots=True)
@@ -113,25 +117,23 @@ class Search:
         """
         state, nodes = self.state, self.nodes
         try:
-            offsets, h = self._propose()
-            drawn = self._draw(offsets, h)
+            offsets, h, drawn = self._draw_most(*self._propose())
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
             return True
         if drawn is None:
             return False
-        path = self._path(drawn)
-        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
-        if path is None or found is None:
+        judged = self._judge(drawn)
+        if judged is None:
             state.trust *= SHRINK
             return True
-        times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
-        groups = int(nodes.group[-1]) + 1
-        now = np.bincount(nodes.group, state.h, groups)
-        then = np.bincount(nodes.group, times, groups)
-        slower = then > now
+        found, times, slower = judged
         # The first spline only has to be: it may be slower than the start that it is drawn from.
-        if state.best is self.start or found.duration < state.best.duration:
+        better = state.best is self.start or found.duration < state.best.duration
+        if not better and self._keep_faster_parts(offsets, h, slower):
+            state.refused = 0
+            factor = np.where(slower, SHRINK, 1.0)
+        elif better:
             state.best, state.offsets, state.h = found, offsets, times
             self._keep_near(found, drawn.knots)
             state.refused = 0
@@ -163,6 +165,75 @@ class Search:
         near = NearPath.along(q, self.timer.arm, self.timer.branch, found.path, s)
         self.nodes = replace(self.nodes, near=near, q=q)
 
+    def _judge(self, drawn: Drawn) -> tuple[Candidate, FloatArray, BoolArray] | None:
+        """The drawn path timed, its span times [s], and which corners are slower than before.
+
+        None if the arm cannot follow the path.
+        """
+        path = self._path(drawn)
+        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
+        if path is None or found is None:
+            return None
+        times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
+        now, then = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
+        return found, times, then > now
+
+    def _draw_most(
+        self, offsets: FloatArray, h: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Drawn | None]:
+        """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
+
+        Returns:
+            The offsets and times that are drawn, and their path; None if it leaves the tube.
+        """
+        for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
+            before = self.state.inside
+            drawn = self._draw(offsets, h)
+            if drawn is not None:
+                return offsets, h, drawn
+            left = np.bincount(self.nodes.group, self.state.inside > before) > 0
+            offsets, h = self._back(offsets, h, left)
+        return offsets, h, None
+
+    def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
+        """On a long path, keep a proposal but for the corners that are slower, if that pays."""
+        if not is_long(self.nodes.group) or slower.all():
+            return False
+        try:
+            offsets, h, drawn = self._draw_most(*self._back(offsets, h, slower))
+        except ArmContourError:
+            return False
+        judged = None if drawn is None else self._judge(drawn)
+        if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
+            return False
+        self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
+        self._keep_near(judged[0], drawn.knots)
+        return True
+
+    def _back(
+        self, offsets: FloatArray, h: FloatArray, corners: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """A proposal in which some corners go back to the best shape.
+
+        Their neighbours go back less and less.
+
+        Args:
+            offsets: Offsets of the proposal [m], (n, k).
+            h: Span times of the proposal [s], (n,).
+            corners: Whether each corner or rest goes back, (groups,).
+        """
+        group, state = self.nodes.group, self.state
+        stays = 1.0 - corners
+        edges = np.minimum(stays[1:], stays[:-1])
+        first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
+        count = np.bincount(group)
+        number = np.arange(len(group)) - (np.cumsum(count) - count)[group]
+        share = first + (number + 0.5) / count[group] * (last - first)
+        return (
+            state.offsets + share[:, None] * (offsets - state.offsets),
+            state.h + share * (h - state.h),
+        )
+
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
@@ -178,12 +249,14 @@ class Search:
         own, own_bounds = self._own_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
-        x, _ = solve_program(
+        x = solve_in_chunks(
             cost,
             np.concatenate([rows, own], axis=1),
             np.concatenate([bounds, own_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
+            place_cuts(nodes.group, state.proposals),
         )
+        state.proposals += 1
         if not np.isfinite(x).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
         # The trust region bounds offsets only; after refusals all changes are less.
