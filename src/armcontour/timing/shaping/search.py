@@ -171,6 +171,8 @@ class Search:
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
         limits = self.timer.limits
         speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
+        # The end of a span may lie on the segment of either node.
+        speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
         rows, bounds = assemble(
