@@ -11,13 +11,14 @@ from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
-from armcontour.timing.shaping.starts import PARABOLAS, Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import ARCS, PARABOLAS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least
@@ -224,6 +225,8 @@ class Search:
         spline = self._spline(offsets, h)
         objective = self.tube.objective
         drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
+        if self._nearly_stops(drawn):
+            return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
@@ -252,6 +255,17 @@ class Search:
         state.offsets = self._clip(state.offsets)
         return None
 
+    def _nearly_stops(self, drawn: Drawn) -> bool:
+        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
+        if not len(tiny):
+            return False
+        span = np.clip(np.searchsorted(drawn.knots, tiny, side="right") - 1, 0, len(nodes) - 1)
+        there = np.isin(nodes.group, nodes.group[span])
+        self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
+        return True
+
     def _path(self, drawn: Drawn) -> ShapedPath | None:
         """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
         wishes, objective = self.wishes, self.tube.objective
@@ -274,8 +288,10 @@ class Search:
         return path
 
 
-def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | str:
-    """The search from parabolas, or a clause that says why there is none.
+def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
+    """Searches from parabolas and from arcs, the faster ones first.
+
+    None where the arm cannot follow them.
 
     Args:
         objective: The objective path.
@@ -283,26 +299,26 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         timer: Times the shapes.
         wishes: What is wanted.
     """
-    if _turns_at_corners(objective):
-        return "the orientation follows the tangent round corners: not shaped"
     starts = make_starts(objective, tube, wishes, SHARE)
-    if PARABOLAS not in starts:
-        return "the corners cannot be rounded within the tolerance: not shaped"
-    path, places = starts[PARABOLAS]
-    start = timer.candidate(PARABOLAS, path, places)
-    if start is None:
-        return "the arm cannot follow rounded corners: not shaped"
-    joint_path = timer.trace(path)
-    nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-    if nodes.fixed.all():
-        return "the tolerance leaves no room: not shaped"
-    return Search(nodes, start, tube, timer, wishes)
+    found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
+    for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
+        joint_path = timer.trace(start.path)
+        nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
+        yield Search(nodes, start, tube, timer, wishes)
 
 
-def _turns_at_corners(objective: Path) -> bool:
-    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+def find_obstacle(objective: Path, tube: Tube) -> str | None:
+    """Why no other shape is looked for, as a clause; None if one is.
 
-    Where it follows a smooth tangent, shapes have the orientation of their places.
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
     """
     own = objective.orientation
-    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())
+    # What it has to be at a corner depends on the shape; else shapes have that of their places.
+    if own is not None and own.follows and (own.jumps > SAME_ORIENTATION).any():
+        return "the orientation follows the tangent round corners: not shaped"
+    # Splines of the joints do not keep to a line.
+    if (tube.tolerance == 0).any():
+        return "the tolerance is zero somewhere: not shaped"
+    return None
