@@ -111,12 +111,12 @@ class Search:
         try:
             offsets, h = self._propose()
             drawn = self._draw(offsets, h)
+            path = None if drawn is None else self._path(drawn)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
             return True
         if drawn is None:
             return False
-        path = self._path(drawn)
         found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
         if path is None or found is None:
             state.trust *= SHRINK
@@ -291,7 +291,7 @@ class Search:
 def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
     """Searches from parabolas and from arcs, the faster ones first.
 
-    None where the arm cannot follow them.
+    None from those that the arm cannot follow.
 
     Args:
         objective: The objective path.
