@@ -29,6 +29,8 @@ SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 IDLE, LEAST_GAIN = 4, 3e-6
 # It also ends when so many in sequence leave the tube.
 MOST_TIGHTENED = 12
+# Quadratic programs of an iteration, until no limit is exceeded by more than this share.
+MOST_PROGRAMS, VIOLATED = 2, 2e-3
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -164,36 +166,50 @@ class Search:
         return Spline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of the quadratic program around the best shape."""
+        """Offsets and span times of quadratic programs around the best shape.
+
+        Rows are linear in changes of offsets and times, limits are not. So a program is set up
+        again around the solution of the one before, until the limits are nearly kept.
+        """
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
-        spline = self._spline(state.offsets, state.h)
-        steps = nodes.near.steps(spline.q, nodes.frames)
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
-        limits = self.timer.limits
+        weight = np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1))
+        offsets, h = state.offsets, state.h
+        for round_ in range(MOST_PROGRAMS):
+            rows, bounds = self._limit_rows(offsets, h, unit)
+            if round_ and bounds.min() > -VIOLATED:
+                break
+            own, own_bounds = self._own_rows(offsets, unit)
+            cost = np.zeros((n, k + 1))
+            cost[:, k] = h / h.mean()
+            x, _ = solve_program(
+                cost,
+                np.concatenate([rows, own], axis=1),
+                np.concatenate([bounds, own_bounds], axis=1),
+                weight,
+            )
+            if not np.isfinite(x).all():
+                raise np.linalg.LinAlgError("The quadratic program has no solution.")
+            offsets = self._clip(offsets + x[:, :k] * unit[:, None])
+            h = h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+        return offsets, h
+
+    def _limit_rows(
+        self, offsets: FloatArray, h: FloatArray, unit: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rows of the limits around offsets [m] and span times [s], and their bounds."""
+        nodes, limits = self.nodes, self.timer.limits
+        spline = self._spline(offsets, h)
+        steps = nodes.near.steps(spline.q, nodes.frames)
         speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
         # The end of a span may lie on the segment of either node.
         speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
-        rows, bounds = assemble(
-            spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit
-        )
-        own, own_bounds = self._own_rows(unit)
-        cost = np.zeros((n, k + 1))
-        cost[:, k] = state.h / state.h.mean()
-        x, _ = solve_program(
-            cost,
-            np.concatenate([rows, own], axis=1),
-            np.concatenate([bounds, own_bounds], axis=1),
-            np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-        )
-        if not np.isfinite(x).all():
-            raise np.linalg.LinAlgError("The quadratic program has no solution.")
-        offsets = state.offsets + x[:, :k] * unit[:, None]
-        return self._clip(offsets), state.h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+        return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
-    def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _own_rows(self, offsets: FloatArray, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of each node alone: the tube, the trust region, and the least span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
@@ -201,13 +217,14 @@ class Search:
         rows = np.zeros((n, m + 2 * k + 1, 3 * (k + 1)))
         bounds = np.zeros((n, m + 2 * k + 1))
         free = unit > 0
-        room = state.limits - state.offsets @ nodes.sides.T
+        room = state.limits - offsets @ nodes.sides.T
         rows[free, :m, k + 1 : 2 * k + 1] = nodes.sides
         bounds[:, :m] = np.maximum(room / np.where(free, unit, 1.0)[:, None], 0.0)
         for j in range(k):
             for row, sign in ((m + 2 * j, 1.0), (m + 2 * j + 1, -1.0)):
                 rows[free, row, k + 1 + j] = sign
-                bounds[:, row] = state.trust
+                moved = sign * (offsets - state.offsets)[:, j] / np.where(free, unit, 1.0)
+                bounds[:, row] = np.maximum(state.trust - moved, 0.0)
         rows[:, -1, 2 * k + 1] = -1.0
         bounds[:, -1] = LEAST_SPAN
         return rows, bounds
@@ -288,10 +305,23 @@ class Search:
         return path
 
 
-def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
-    """Searches from parabolas and from arcs, the faster ones first.
+def why_not(objective: Path, tube: Tube) -> str | None:
+    """A clause that says why nothing can be shaped; None if something can.
 
-    None from those that the arm cannot follow.
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
+    """
+    if (tube.tolerance == 0).any():
+        # Splines of the joints do not keep to a line.
+        return "lines without a tolerance stay as they are: not shaped"
+    if _turns_at_corners(objective):
+        return "the orientation follows the tangent round corners: not shaped"
+    return None
+
+
+def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
+    """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
     Args:
         objective: The objective path.
@@ -304,21 +334,14 @@ def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> 
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
         joint_path = timer.trace(start.path)
         nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-        yield Search(nodes, start, tube, timer, wishes)
+        if not nodes.fixed.all():
+            yield Search(nodes, start, tube, timer, wishes)
 
 
-def find_obstacle(objective: Path, tube: Tube) -> str | None:
-    """Why no other shape is looked for, as a clause; None if one is.
+def _turns_at_corners(objective: Path) -> bool:
+    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
 
-    Args:
-        objective: The objective path.
-        tube: The tube of the tolerance.
+    Where it follows a smooth tangent, shapes have the orientation of their places.
     """
     own = objective.orientation
-    # What it has to be at a corner depends on the shape; else shapes have that of their places.
-    if own is not None and own.follows and (own.jumps > SAME_ORIENTATION).any():
-        return "the orientation follows the tangent round corners: not shaped"
-    # Splines of the joints do not keep to a line.
-    if (tube.tolerance == 0).any():
-        return "the tolerance is zero somewhere: not shaped"
-    return None
+    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())

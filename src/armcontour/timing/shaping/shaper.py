@@ -18,7 +18,7 @@ from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import Tracing, trace_program
-from armcontour.timing.shaping.search import find_obstacle, make_searches
+from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
 
@@ -230,8 +230,9 @@ def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
     durations = {x.name: x.duration for x in known}
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    note = find_obstacle(objective, tube)
-    for search in make_searches(objective, tube, timer, wishes) if note is None else ():
+    note = why_not(objective, tube)
+    searches = make_searches(objective, tube, timer, wishes) if note is None else iter(())
+    for search in searches:
         left = wishes.iterations - len(history) + 1
         for _, found in zip(range(left), search.run(), strict=False):
             best = min(best, found, key=lambda x: x.duration)
