@@ -118,12 +118,12 @@ class Search:
         state, nodes = self.state, self.nodes
         try:
             offsets, h, drawn = self._draw_most(*self._propose())
+            judged = None if drawn is None else self._judge(drawn)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
             return True
         if drawn is None:
             return False
-        judged = self._judge(drawn)
         if judged is None:
             state.trust *= SHRINK
             return True
@@ -201,9 +201,9 @@ class Search:
             return False
         try:
             offsets, h, drawn = self._draw_most(*self._back(offsets, h, slower))
+            judged = None if drawn is None else self._judge(drawn)
         except ArmContourError:
             return False
-        judged = None if drawn is None else self._judge(drawn)
         if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
             return False
         self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
@@ -272,6 +272,8 @@ class Search:
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
         speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
+        # The end of a span may lie on the segment of either node.
+        speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
