@@ -101,3 +101,36 @@ def test_parabolas_are_as_far_from_the_corner_as_they_may_and_tangent(problem):
     # y = x²/(4 f) with a leg L of 90° on both sides: the radius at the middle is L / sqrt(2).
     leg = 2 * TOLERANCE * np.sqrt(2)
     assert 1 / path.curvatures.max() == pytest.approx(leg / np.sqrt(2), rel=2e-3)
+
+
+@pytest.fixture(scope="module")
+def short(arm, limits):
+    """A job that is shaped in a moment."""
+    points = [(0.30, 0.20), (0.33, 0.20), (0.33, 0.22), (0.31, 0.24)]
+    return problem_of(points, arm, limits, tolerance=1e-3)
+
+
+def shape(problem, **more):
+    options = problem.options | more
+    return ac.plan(problem.objective, problem.arm, problem.limits, method="shaped", **options)
+
+
+def test_every_iteration_keeps_everything_and_is_no_slower(short):
+    """A search that is interrupted has the plan of its last iteration."""
+    durations = []
+    for iterations in (0, 1, 2, 5, 30):
+        planned = shape(short, iterations=iterations)
+        durations.append(planned.duration)
+        assert judge(planned, short) == []
+        history = planned.path.outcome.history
+        assert len(history) <= iterations + 1
+        assert (np.diff(history) <= 0).all()
+    assert (np.diff(durations) <= 0).all()
+    assert durations[-1] < 0.97 * durations[0]
+
+
+def test_the_same_job_is_shaped_the_same_to_the_bit(short):
+    first, again = (shape(short) for _ in range(2))
+    assert first.duration == again.duration
+    for name in ("starts", "tangents", "curvatures", "lengths"):
+        assert np.array_equal(getattr(first.path, name), getattr(again.path, name))
