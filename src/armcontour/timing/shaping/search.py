@@ -10,12 +10,13 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
-from armcontour.timing.shaping.starts import PARABOLAS, Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import ARCS, PARABOLAS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least
@@ -200,6 +201,8 @@ class Search:
         spline = self._spline(offsets, h)
         objective = self.tube.objective
         drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
+        if self._nearly_stops(drawn):
+            return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
@@ -228,6 +231,17 @@ class Search:
         state.offsets = self._clip(state.offsets)
         return None
 
+    def _nearly_stops(self, drawn: Drawn) -> bool:
+        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
+        if not len(tiny):
+            return False
+        span = np.clip(np.searchsorted(drawn.knots, tiny, side="right") - 1, 0, len(nodes) - 1)
+        there = np.isin(nodes.group, nodes.group[span])
+        self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
+        return True
+
     def _path(self, drawn: Drawn) -> ShapedPath:
         """The drawn path, whose outcome is not known yet."""
         wishes = self.wishes
@@ -244,8 +258,10 @@ class Search:
         return orient(path)
 
 
-def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | None:
-    """The search from parabolas; None where the arm cannot follow them, or nothing may move.
+def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
+    """Searches from parabolas and from arcs, the faster ones first.
+
+    None where the arm cannot follow them, or where nothing may move.
 
     Args:
         objective: The objective path.
@@ -254,19 +270,16 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         wishes: What is wanted.
     """
     if objective.orientation is not None and not objective.orientation.fixed:
-        return None
+        return
+    # Without a tolerance nothing may move: splines of the joints do not keep to a line.
+    if (tube.tolerance == 0).any():
+        return
     starts = make_starts(objective, tube, wishes, SHARE)
-    if PARABOLAS not in starts:
-        return None
-    path, places = starts[PARABOLAS]
-    start = timer.candidate(PARABOLAS, path, places)
-    if start is None:
-        return None
-    joint_path = timer.trace(path)
-    nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-    if nodes.fixed.all():
-        return None
-    return Search(nodes, start, tube, timer, wishes)
+    found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
+    for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
+        joint_path = timer.trace(start.path)
+        nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
+        yield Search(nodes, start, tube, timer, wishes)
 
 
 def orient(path: ShapedPath) -> ShapedPath:
