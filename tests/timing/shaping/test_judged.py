@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from soak.shape_judge import judge
+from soak.shape_judge import judge, run
 from soak.shape_matching import excess, match
 from soak.shape_problems import Problem, pieces_of
 from soak.shape_rivals import draw_parabolas
@@ -14,6 +14,8 @@ from soak.shape_rivals import draw_parabolas
 import armcontour as ac
 from armcontour.geometry import Outcome
 
+# Jobs of nearly every kind that are shaped in a moment; `python -m soak.shapes` judges thousands.
+SEEDS = (2, 10, 11, 15, 16, 18, 21, 26, 27, 28, 29, 30, 33)
 TOLERANCE = 2e-3
 SPEED = 0.08
 
@@ -134,3 +136,9 @@ def test_the_same_job_is_shaped_the_same_to_the_bit(short):
     assert first.duration == again.duration
     for name in ("starts", "tangents", "curvatures", "lengths"):
         assert np.array_equal(getattr(first.path, name), getattr(again.path, name))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_random_jobs(seed):
+    outcome = run(seed)
+    assert outcome.result == "shaped", f"{outcome.kind}: {'; '.join(outcome.notes)}"
