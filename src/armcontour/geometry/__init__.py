@@ -1,6 +1,7 @@
 """Path geometry, without robot and time: lines and arcs, nearest points, rounded corners."""
 
 from armcontour.frames import angle_between
+from armcontour.geometry.corner_curves import corner_error
 from armcontour.geometry.nearest import Projection
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
@@ -8,9 +9,9 @@ from armcontour.geometry.primitives import Arc, Demand, Line
 from armcontour.geometry.rounding import (
     Corners,
     RoundedPath,
-    corner_error,
     count_full_stops,
     round_corners,
+    round_with_parabolas,
 )
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.shaped import Outcome, ShapedPath
@@ -31,4 +32,5 @@ __all__ = [
     "corner_error",
     "count_full_stops",
     "round_corners",
+    "round_with_parabolas",
 ]
