@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.geometry import corner_error, count_full_stops
+from armcontour.geometry import Outcome, corner_error, count_full_stops
+from armcontour.geometry.cutting import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
@@ -241,6 +244,24 @@ def test_full_stops_are_counted_by_their_reasons():
     assert count_full_stops(bridge()) == {"rounding off": 2}
 
 
+def test_full_stops_of_a_shaped_path_say_why_they_are():
+    lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
+    for own, found in (
+        (np.nan, {"faster than a curve": 2, "turn-back": 1}),
+        (0.0, {"faster than a curve": 1, "tolerance zero": 1, "turn-back": 1}),
+    ):
+        tolerances = np.array([own, np.nan, np.nan, np.nan])
+        objective = ac.Path(segments=dataclasses.replace(lines, tolerances=tolerances))
+        stopping = ac.ShapedPath(
+            segments=lines,
+            objective=objective,
+            places=[[0.0, 0.0], [objective.length, objective.length]],
+            tolerance=0.01,
+            outcome=Outcome(start="stops", durations={"stops": 1.0, "shaped": 1.0}),
+        )
+        assert count_full_stops(stopping) == found
+
+
 def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
     flat = bridge()
     rows = flat.segments.lift()
@@ -353,3 +374,17 @@ def test_corners_are_read_only(rounded):
 def test_round_corners_refuses(options, words, refuses):
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
     refuses(lambda: ac.round_corners(path, **options), ac.InvalidInput, *words)
+
+
+def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientations():
+    path = join_paths(
+        [
+            ac.Path.polyline([(0, 0, 0), (1, 0, 0)]).pointing((0, 0, -1)),
+            ac.Path.polyline([(1, 0, 0), (1, 1, 0)]).pointing((0, 1, -1)),
+        ]
+    )
+    rounded = ac.round_corners(path, tolerance=0.01)
+    assert rounded.corners.reason.tolist() == ["tool orientation"]
+    ends = rounded.orientation([0, rounded.length])[:, :, 2]
+    np.testing.assert_allclose(ends, [(0, 0, -1), (0, np.sqrt(0.5), -np.sqrt(0.5))], atol=1e-15)
+    np.testing.assert_array_equal(rounded.stops, [1.0])

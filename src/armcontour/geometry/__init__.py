@@ -14,7 +14,9 @@ from armcontour.geometry.rounding import (
     round_with_parabolas,
 )
 from armcontour.geometry.segments import Segments
-from armcontour.geometry.shaped import Outcome, ShapedPath
+from armcontour.geometry.shaped import Outcome, ShapedPath, SmoothCurve
+from armcontour.geometry.shaped_orientation import orient_shaped
+from armcontour.geometry.tube import Proof, Tube
 
 __all__ = [
     "Arc",
@@ -25,12 +27,16 @@ __all__ = [
     "Outcome",
     "Path",
     "Projection",
+    "Proof",
     "RoundedPath",
     "Segments",
     "ShapedPath",
+    "SmoothCurve",
+    "Tube",
     "angle_between",
     "corner_error",
     "count_full_stops",
+    "orient_shaped",
     "round_corners",
     "round_with_parabolas",
 ]

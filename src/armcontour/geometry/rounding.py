@@ -24,6 +24,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
 from armcontour.geometry.corner_curves import ARC, PARABOLA, CornerCurve
+from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
     find_kinks,
@@ -33,6 +34,7 @@ from armcontour.geometry.rounded_orientation import (
     round_orientation,
 )
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.shaped import ShapedPath
 
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is left
 # out [m].
@@ -48,6 +50,7 @@ NO_ANGLE = "angular tolerance zero"
 OUT_OF_PLANE = "tangent followed out of its plane"
 NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
+NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
 
 
@@ -206,21 +209,35 @@ def round_with_parabolas(
 def count_full_stops(path: Path) -> dict[str, int]:
     """How many full stops a path has inside, by their reasons.
 
-    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded, and
-    "tool orientation" where only the orientation or its rate jumps.
+    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
+    "faster than a curve" for those of a shaped path, and "tool orientation" where only the
+    orientation or its rate jumps.
 
     Args:
-        path: The path, rounded or not.
+        path: The path, rounded, shaped, or neither.
     """
     if isinstance(path, RoundedPath):
         reasons = [x for x in path.corners.reason.tolist() if x is not None]
     else:
-        turns = path.turns[path.turns > TANGENT_TOLERANCE]
-        reasons = [
-            TURN_BACK if back else NOT_ROUNDED for back in np.pi - turns <= TANGENT_TOLERANCE
-        ]
+        sharp = path.turns > TANGENT_TOLERANCE
+        back = np.pi - path.turns <= TANGENT_TOLERANCE
+        why = np.full(len(sharp), NOT_ROUNDED, dtype=object)
+        if isinstance(path, ShapedPath):
+            why[:] = NOT_FASTER
+            why[_allowed_at_vertices(path) == 0] = NO_TOLERANCE
+        reasons = np.where(back, TURN_BACK, why)[sharp].tolist()
     reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
     return dict(sorted(Counter(reasons).items()))
+
+
+def _allowed_at_vertices(path: ShapedPath) -> FloatArray:
+    """Tolerance at the objective's vertex nearest to each vertex of a shaped path [m], (n,)."""
+    objective = path.objective
+    s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
+    middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
+    vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
+    own = np.append(objective.tolerances, np.nan)
+    return np.asarray(np.fmin(np.fmin(own[vertex - 1], own[vertex]), path.tolerance))
 
 
 def blend_vertices(
@@ -312,7 +329,7 @@ def _round_all(
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
     kinked = np.setdiff1d(find_kinks(path), corner)
-    angle = _angular_tolerance(path, angular_tolerance, kinked)
+    angle = needed_angle(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
     return _round(path, wishes, kinked, angle)
 
@@ -378,6 +395,8 @@ def _stop_reasons(
     reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
     if path.orientation is not None and path.orientation.follows:
         reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
+    elif path.orientation is not None:
+        reasons[path.orientation.jumps[wishes.corner] > SAME_ORIENTATION] = ORIENTATION
     reasons[np.pi - 2 * wishes.half <= TANGENT_TOLERANCE] = TURN_BACK
     reasons[found.radius > 0] = None
     return reasons
@@ -508,9 +527,11 @@ def _wishes(
     """
     tolerance, speed, acceleration = given
     vertices = len(path) - 1
-    allowed = _per_vertex("corner error tolerance", tolerance, vertices, "m", np.inf)
-    slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.inf)
-    accelerations = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
+    allowed = _checks.per_vertex("corner error tolerance", tolerance, vertices, "m")
+    slowest = _checks.per_vertex("corner speed", speed, vertices, "m/s")
+    accelerations = np.full(vertices, np.nan)
+    if acceleration is not None:
+        accelerations = _checks.per_vertex("corner acceleration", acceleration, vertices, "m/s²")
     if acceleration is not None and vertices:
         _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
@@ -562,8 +583,13 @@ def _add_orientation(
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
 
-def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> float:
+def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
     """The angular tolerance [rad], infinite if none is given and none is needed.
+
+    Args:
+        path: The objective path.
+        given: The given tolerance [rad].
+        kinked: Segments after which only the angular rate jumps, (k,).
 
     Raises:
         InvalidInput: The tolerance is negative, or missing though the orientation needs one.
@@ -584,27 +610,6 @@ def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> flo
             "corners.angular_tolerance; 0 stops there)."
         )
     return np.inf
-
-
-def _per_vertex(
-    name: str, values: npt.ArrayLike | None, vertices: int, unit: str, default: float
-) -> FloatArray:
-    """One value per vertex, from one for all, one per vertex, or None for the default.
-
-    Raises:
-        InvalidInput: A value is negative or not a number, or their number is wrong.
-    """
-    if values is None:
-        return np.full(vertices, default)
-    array = _checks.numbers(name, values, unit)
-    if array.ndim and array.shape != (vertices,):
-        raise InvalidInput(
-            f"{name} has {array.size} values, but the path has {vertices} vertices between "
-            f"segments: give one value for all or {vertices}."
-        )
-    if array.size and (array < 0).any():
-        raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
-    return np.broadcast_to(array, (vertices,)).copy()
 
 
 def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArray:

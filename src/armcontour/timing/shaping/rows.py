@@ -12,32 +12,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
 
 # Directions in which a disc in space is bounded by planes.
 DIRECTIONS = 8
+# Speeds that are this share of their limits below them are left out: one step cannot reach them.
+FAR = -0.6
 # A span time may shrink to this share of itself in one step.
 LEAST_SPAN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spline:
-    """The quadratic B-spline in time, from rest to rest, with n control points.
+    """A quadratic B-spline in time with n control points, from rest to rest.
 
     Args:
         q: Control points [rad], (n, dof).
         h: Span times [s], (n,).
+        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
+            Both control points beside a rest between spans lie where the joints rest.
     """
 
     q: FloatArray
     h: FloatArray
+    rest: BoolArray
 
     @property
     def velocities(self) -> FloatArray:
         """Joint velocities at the knots before, between and after the spans, (n + 1, dof)."""
         e = np.zeros((len(self.q) + 1, self.q.shape[1]))
         e[1:-1] = 2 * np.diff(self.q, axis=0) / (self.h[1:] + self.h[:-1])[:, None]
+        e[self.rest] = 0.0
         return e
 
     @property
@@ -140,7 +146,8 @@ def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
     """`±e_i <= most`."""
     bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
-    return SpanRows(value, np.zeros_like(both), both, np.zeros_like(value), bound)
+    after = np.where((value > FAR * bound)[..., None], both, 0.0)
+    return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
 
 
 def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
@@ -150,7 +157,8 @@ def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     # Without a limit, any bound that does not bind.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
-    after = np.einsum("ni,nij->nj", direction, end.arm.jacobian(end.q))[:, None]
+    near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
+    after = np.einsum("ni,nij->nj", near, end.arm.jacobian(end.q))[:, None]
     none = np.zeros((len(speed), 1))
     return SpanRows((speed - bound)[:, None], np.zeros_like(after), after, none, bound[:, None])
 
@@ -275,9 +283,7 @@ def assemble(
     e, h = spline.velocities, spline.h
     pair = np.ones(n + 1)
     pair[1:-1] = h[1:] + h[:-1]
-    inner = np.zeros(n + 1)
-    inner[1:-1] = 1.0
-    rate = 2 * inner / pair
+    rate = np.where(spline.rest, 0.0, 2 / pair)
     scaled = steps * unit[:, None, None]
     width = k + 1
     found = np.zeros((n, rows.value.shape[1], 3 * width))

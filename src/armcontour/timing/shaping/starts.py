@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ArmContourError
-from armcontour.geometry import Path, RoundedPath, round_corners
+from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_with_parabolas
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
@@ -18,6 +19,10 @@ from armcontour.timing.shaping.wishes import Wishes
 ARCS = "arcs"
 PARABOLAS = "parabolas"
 STOPS = "stops"
+# Corners that leave their zones are rounded to this share of the tolerance before, so often.
+LESS, MOST_ROUNDS = 0.6, 24
+# A point of a start belongs to the objective this many tolerances to either side of its place.
+REACH = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,20 +82,55 @@ class Timer:
         return Candidate(name=name, path=path, places=places, trajectory=trajectory)
 
 
-def make_starts(objective: Path, wishes: Wishes) -> dict[str, tuple[Path, FloatArray]]:
-    """The starts by their names, each with its places on the objective.
+def make_starts(
+    objective: Path, tube: Tube, wishes: Wishes, share: float = 1.0
+) -> dict[str, tuple[Path, FloatArray]]:
+    """The starts by their names, each with its places on the objective, all within the tube.
 
     Args:
         objective: The objective path.
+        tube: The tube of the tolerance.
         wishes: What is wanted of the shaped path.
+        share: Share of the tolerance that corners are rounded to.
     """
     whole = np.array([[0.0, 0.0], [objective.length, objective.length]])
     found: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, whole)}
-    arcs = round_corners(
-        objective, tolerance=wishes.tolerance, angular_tolerance=wishes.angular_tolerance
-    )
-    found[ARCS] = (arcs, _places(arcs))
+    for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
+        rounded = _round_within(objective, tube, wishes, round_, share)
+        if rounded is not None:
+            found[name] = rounded
     return found
+
+
+def _round_within(
+    objective: Path,
+    tube: Tube,
+    wishes: Wishes,
+    round_: Callable[..., RoundedPath],
+    share: float,
+) -> tuple[RoundedPath, FloatArray] | None:
+    """A rounded path within the tube, with its places; None if there is none but with stops.
+
+    A corner whose curve would leave its zone is rounded less.
+    """
+    tolerance = np.full(len(objective) - 1, share * wishes.tolerance)
+    corners = objective.breaks[1:-1]
+    for _ in range(MOST_ROUNDS):
+        path = round_(objective, tolerance=tolerance, angular_tolerance=wishes.angular_tolerance)
+        places = _places(path)
+        proof = tube.prove(path, places, REACH * wishes.tolerance)
+        if proof.ok:
+            return path, places
+        middle = (path.breaks[:-1] + path.breaks[1:]) / 2
+        bad = middle[proof.segments > proof.slack]
+        place = np.interp(bad, places[:, 1], places[:, 0])
+        nearest = np.clip(np.searchsorted(corners, place), 1, max(len(corners) - 1, 1))
+        before = np.abs(corners[nearest - 1] - place)
+        after = np.abs(corners[np.minimum(nearest, len(corners) - 1)] - place)
+        rows = np.where(before <= after, nearest - 1, nearest)
+        less = np.unique(np.append(rows, tube.vertex[proof.vertices > proof.slack] - 1))
+        tolerance[less.astype(np.intp)] *= LESS
+    return None
 
 
 def _places(rounded: RoundedPath) -> FloatArray:

@@ -11,7 +11,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
 # Iterations of the search, unless another number is given.
-DEFAULT_ITERATIONS = 30
+DEFAULT_ITERATIONS = 60
 # Vertices that turn by more than this are corners of a contour; others may be points along a
 # curve, however near they are [rad].
 SHARP = np.radians(30)
@@ -58,6 +58,13 @@ class Wishes:
                     f"{self.tolerance:g} m: lines may not be less exact than corners.",
                     needed=self.line_tolerance,
                     allowed=self.tolerance,
+                )
+            if self.zone < self.tolerance:
+                raise InvalidInput(
+                    f"zone of {self.zone:g} m is below the tolerance of {self.tolerance:g} m, which "
+                    "reaches that far from a vertex: give at least the tolerance.",
+                    needed=self.tolerance,
+                    allowed=self.zone,
                 )
         if self.angular_tolerance is not None:
             _checks.not_negative("angular tolerance", self.angular_tolerance, "rad")
