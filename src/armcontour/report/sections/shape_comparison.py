@@ -8,16 +8,21 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import PlanarTwoLink
-from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.geometry import Path, ShapedPath, Tube
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Job, Run, RunResult
 from armcontour.motion import Trajectory
+from armcontour.report.sections.tolerance import tube_of
 from armcontour.timing import plan
-from armcontour.timing.shaping.starts import ARCS, make_starts
+from armcontour.timing.shaping.starts import make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Evenly spaced places along the objective path at which distances are computed.
 PLACES = 1500
+# The own part of a point reaches this many tolerances along the objective path, to either side.
+REACH = 3.0
+# Relative excess of a distance that is a rounding error: a corner may be missed by its tolerance.
+NO_MORE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,7 +84,7 @@ def variant_of(path: ShapedPath) -> Variant:
 
 
 def starts_of(path: ShapedPath, run: Run) -> dict[str, Variant]:
-    """The starts of a shaped path by their names, made again.
+    """The starts of a shaped path that its tolerance has room for, by their names; made again.
 
     Args:
         path: The shaped path.
@@ -93,15 +98,8 @@ def starts_of(path: ShapedPath, run: Run) -> dict[str, Variant]:
     )
     return {
         name: Variant(name=name, path=found, places=places)
-        for name, (found, places) in make_starts(path.objective, wishes).items()
+        for name, (found, places) in make_starts(path.objective, tube_of(path), wishes).items()
     }
-
-
-def arcs_among(starts: dict[str, Variant]) -> RoundedPath:
-    """The arcs of the same tolerance."""
-    found = starts[ARCS].path
-    assert isinstance(found, RoundedPath)
-    return found
 
 
 def time_variant(variant: Variant, contour: ShapedContour, job: Job) -> Trajectory:
@@ -120,15 +118,41 @@ def time_variant(variant: Variant, contour: ShapedContour, job: Job) -> Trajecto
     )
 
 
-def distances(variant: Variant, objective: Path) -> tuple[FloatArray, FloatArray]:
+def distances(variant: Variant, path: ShapedPath) -> tuple[FloatArray, FloatArray]:
     """Arc lengths on the objective path, and vectors from there to a variant's place [m].
+
+    Between places that were computed a place is interpolated. Where its vector is longer than the
+    tolerance it is shortened to the distance from its own part of the objective path.
+
+    Args:
+        variant: The variant.
+        path: The shaped path, which has the objective path and the tolerance.
 
     Returns:
         Arc lengths, (n,), and vectors, (n, dimension).
     """
+    objective = path.objective
     even = np.linspace(0.0, objective.length, PLACES)
     s = np.unique(np.concatenate([even, objective.breaks, variant.places[:, 0]]))
-    return s, variant.path(variant.place(s)) - objective(s)
+    points = variant.path(variant.place(s))
+    vectors = points - objective(s)
+    length = np.linalg.norm(vectors, axis=1)
+    long = length > path.tolerance * (1 + NO_MORE)
+    vectors[long] *= (_off_own_part(points[long], s[long], path) / length[long])[:, None]
+    return s, vectors
+
+
+def largest_distance(path: ShapedPath) -> float:
+    """Largest distance of points of a shaped path from their own parts of the objective [m]."""
+    s = np.unique(np.concatenate([np.linspace(0.0, path.length, PLACES), path.places[:, 1]]))
+    own = np.interp(s, path.places[:, 1], path.places[:, 0])
+    return float(_off_own_part(path(s), own, path).max())
+
+
+def _off_own_part(points: FloatArray, s: FloatArray, path: ShapedPath) -> FloatArray:
+    """Distances of points from the objective path near their places [m], (n,)."""
+    exact = Tube.of(path.objective, 0.0)
+    return -exact.margin(points, exact.windows(s, REACH * path.tolerance))
 
 
 def across(vectors: FloatArray, objective: Path, s: FloatArray) -> FloatArray:
@@ -145,7 +169,8 @@ def sharp_vertices(objective: Path) -> FloatArray:
     return objective.breaks[1:-1][objective.turns > TANGENT_TOLERANCE]
 
 
-def missed_vertices(variant: Variant, objective: Path) -> FloatArray:
-    """Distances of the vertices at which the objective path turns from a variant [m]."""
-    at = sharp_vertices(objective)
-    return variant.path.project(objective(at)).distance if len(at) else np.zeros(0)
+def missed_vertices(path: ShapedPath) -> FloatArray:
+    """Distances of the vertices at which the objective turns from their own parts of a path [m]."""
+    tube = tube_of(path)
+    proof = tube.prove(path, path.places, REACH * path.tolerance)
+    return proof.vertices + tube.vertex_tolerance

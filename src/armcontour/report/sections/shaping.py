@@ -9,21 +9,19 @@ import numpy as np
 from armcontour.geometry import ShapedPath
 from armcontour.jobs import Study
 from armcontour.report.section import Section, Table
-from armcontour.report.sections.corners import draw_corners, find_corners
+from armcontour.report.sections.corners import Replaced, draw_corners, find_corners
 from armcontour.report.sections.shape_comparison import (
     ShapedContour,
-    arcs_among,
-    distances,
     fastest_start,
+    largest_distance,
     missed_vertices,
     starts_of,
     time_variant,
     variant_of,
 )
 from armcontour.report.sections.shaping_figures import (
-    ARCS_LOOK,
     ARCS_NAME,
-    SHAPED_LOOK,
+    LOOKS,
     along,
     magnified,
 )
@@ -98,9 +96,7 @@ def _table(found: list[ShapedContour]) -> Table:
     """A row for every shaped contour."""
     rows = []
     for x in found:
-        outcome, variant = x.path.outcome, variant_of(x.path)
-        off = np.linalg.norm(distances(variant, x.path.objective)[1], axis=1).max()
-        missed = missed_vertices(variant, x.path.objective)
+        outcome, missed = x.path.outcome, missed_vertices(x.path)
         times = [outcome.durations.get(name) for name in STARTS]
         rows.append(
             (
@@ -111,7 +107,7 @@ def _table(found: list[ShapedContour]) -> Table:
                 f"{outcome.gain:.2%}",
                 f"{max(len(outcome.history) - 1, 0)}",
                 _tolerance(x.path),
-                f"{off * 1e3:.4f} mm",
+                f"{largest_distance(x.path) * 1e3:.4f} mm",
                 f"{missed.max(initial=0.0) * 1e3:.4f} mm",
             )
         )
@@ -120,7 +116,7 @@ def _table(found: list[ShapedContour]) -> Table:
             "",
             *STARTS,
             "shaped",
-            "from",
+            "fastest start",
             "gain",
             "iterations",
             "tolerance",
@@ -153,16 +149,18 @@ def _figures(study: Study, contour: ShapedContour) -> tuple[Any, ...]:
     title = "Corners of the shaped path"
     if len(turned) > len(sharpest):
         title += f": the sharpest {len(sharpest)} of {len(turned)}"
+    # The shaped path is drawn over the arcs, if its tolerance has room for arcs.
+    drawn = {**({ARCS_NAME: starts[ARCS]} if ARCS in starts else {}), shaped.name: shaped}
     found = []
     if sharpest:
         found.append(
             draw_corners(
                 sorted(sharpest, key=lambda x: x.vertex),
-                {ARCS_NAME: arcs_among(starts), shaped.name: path},
+                {name: x.path for name, x in drawn.items() if isinstance(x.path, Replaced)},
                 title=title,
-                looks=(ARCS_LOOK, SHAPED_LOOK),
+                looks=LOOKS[-len(drawn) :],
             )
         )
     if path.dimension == 2 and path.tolerance > 0:
-        found.append(magnified(path, {ARCS_NAME: starts[ARCS], shaped.name: shaped}))
+        found.append(magnified(path, drawn))
     return (*found, along(path, (rival, shaped), motions))

@@ -25,6 +25,8 @@ from armcontour.timing.shaping.starts import ARCS
 SHAPED_LOOK: dict[str, Any] = {"colour": "#0072B2", "width": 2.5}
 ARCS_LOOK: dict[str, Any] = {"colour": "#D55E00", "width": 1.8, "dash": "dash"}
 OTHER_LOOK: dict[str, Any] = {"colour": "#009E73", "width": 1.8, "dash": "dot"}
+# Of arcs, if they are drawn, and of the shaped path.
+LOOKS = (ARCS_LOOK, SHAPED_LOOK)
 ARCS_NAME = "arcs of the same tolerance"
 # Magnified, the tolerance is at most this share of the picture at first.
 MAGNIFIED = 0.12
@@ -44,20 +46,21 @@ def magnified(path: ShapedPath, variants: Mapping[str, Variant]) -> Any:
 
     Args:
         path: The shaped path.
-        variants: The arcs and the shaped path, by their names in the legend.
+        variants: The arcs, if there are any, and the shaped path, by their names in the legend.
     """
     import plotly.graph_objects as go
 
     objective = path.objective
     factors, first = _magnifications(path)
-    moved = [_base_and_off(x, objective, factors[-1]) for x in variants.values()]
+    moved = [_base_and_off(x, path, factors[-1]) for x in variants.values()]
     s, radius = _few_pieces(path)
     centre = objective(s) * 1e3
     figure = go.Figure(draw_tube(tube_outline(centre, first * radius * 1e3)))
     figure.add_trace(
         line(centre[:, 0], centre[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
-    for name, (base, off), look in zip(variants, moved, (ARCS_LOOK, SHAPED_LOOK), strict=True):
+    looks = LOOKS[-len(variants) :]
+    for name, (base, off), look in zip(variants, moved, looks, strict=True):
         x, y = ((base + first * off) * 1e3).T
         figure.add_trace(line(x, y, name, **look))
     choices = []
@@ -68,7 +71,8 @@ def magnified(path: ShapedPath, variants: Mapping[str, Variant]) -> Any:
         ]
         at = {axis: [np.round(c[:, i], 4).tolist() for c in curves] for i, axis in enumerate("xy")}
         # All but the objective path.
-        choices.append({"label": f"{k}×", "method": "restyle", "args": [at, [0, 2, 3]]})
+        which = [0, *range(2, 2 + len(moved))]
+        choices.append({"label": f"{k}×", "method": "restyle", "args": [at, which]})
     figure.update_xaxes(title="x [mm]")
     figure.update_yaxes(title="y [mm]", scaleanchor="x")
     finish(figure, title="The whole path, distances magnified", height=640)
@@ -90,10 +94,10 @@ def _magnifications(path: ShapedPath) -> tuple[list[int], int]:
     return sorted({1, *MAGNIFICATIONS[at : at + 1 + MORE]}), MAGNIFICATIONS[at]
 
 
-def _base_and_off(variant: Variant, objective: Path, factor: int) -> tuple[FloatArray, FloatArray]:
+def _base_and_off(variant: Variant, path: ShapedPath, factor: int) -> tuple[FloatArray, FloatArray]:
     """Points of the objective path, and vectors to a variant [m], enough for a magnification."""
-    s, off = distances(variant, objective)
-    base = objective(s)
+    s, off = distances(variant, path)
+    base = path.objective(s)
     kept = simplify([base + factor * off], MOST_DRAWN, even=MOST_DRAWN // 2)[0]
     return base[kept], off[kept]
 
@@ -125,14 +129,14 @@ def along(path: ShapedPath, variants: Sequence[Variant], motions: Sequence[Traje
     looks = (ARCS_LOOK if rival.name == ARCS else OTHER_LOOK, SHAPED_LOOK)
     names = (f"fastest start: {rival.name}", shaped.name)
     for x, motion, name, look in zip(variants, motions, names, looks, strict=True):
-        s, vectors = distances(x, objective)
+        s, vectors = distances(x, path)
         off = across(vectors, objective, s)
         figure.add_trace(_curve(s, off, name, legendgroup=name, **look), row=1, col=1)
         places = x.origin(motion.s(motion.breaks))
         speed = motion.s(motion.breaks, 1)
         same: dict[str, Any] = {"legendgroup": name, "showlegend": False, **look}
         figure.add_trace(_curve(places, speed, name, **same), row=2, col=1)
-    s, _ = distances(shaped, objective)
+    s, _ = distances(shaped, path)
     lead = motions[0].time_at(rival.place(s)) - motions[1].time_at(shaped.place(s))
     gained = _curve(s, lead, "time gained", colour="#000000", showlegend=False)
     figure.add_trace(gained, row=3, col=1)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import ShapedPath
+from armcontour.geometry import ShapedPath, Tube
 from armcontour.report.outline import fine_places
 
 TUBE_COLOUR = "rgba(86, 180, 233, 0.25)"
@@ -17,16 +17,11 @@ ROUND = 24
 NO_GAP = 0.03
 
 
-def allowed_distance(path: ShapedPath, s: FloatArray) -> FloatArray:
-    """The tolerance at arc lengths of the objective path, (n,) [m]."""
-    objective = path.objective
-    allowed = np.full(len(s), path.tolerance)
-    if path.line_tolerance is not None and path.zone is not None:
-        at = np.concatenate([[-np.inf], objective.breaks[1:-1], [np.inf]])
-        after = np.searchsorted(at, s)
-        far = np.minimum(s - at[after - 1], at[after] - s) > path.zone
-        allowed[far] = path.line_tolerance
-    return np.asarray(np.fmin(allowed, objective.tolerances[objective.locate(s)]))
+def tube_of(path: ShapedPath) -> Tube:
+    """The tube that a shaped path stays in."""
+    return Tube.of(
+        path.objective, path.tolerance, line_tolerance=path.line_tolerance, zone=path.zone
+    )
 
 
 def tube_pieces(
@@ -42,14 +37,13 @@ def tube_pieces(
     Returns:
         Arc lengths, (n,), and tolerances, (n - 1,).
     """
-    objective = path.objective
+    objective, tube = path.objective, tube_of(path)
     low, high = max(start, 0.0), objective.length if end is None else min(end, objective.length)
-    s = fine_places(objective, low, high)
-    if path.zone is not None:
-        # Where zones of vertices start and end the tolerance jumps.
-        ends = np.add.outer(objective.breaks[1:-1], [-path.zone, path.zone]).ravel()
-        s = np.union1d(s, ends[(ends > low) & (ends < high)])
-    return s, allowed_distance(path, (s[1:] + s[:-1]) / 2)
+    # Where zones of vertices start and end the tolerance jumps.
+    inside = tube.breaks[(tube.breaks > low) & (tube.breaks < high)]
+    s = np.union1d(fine_places(objective, low, high), inside)
+    piece = np.searchsorted(tube.breaks, (s[1:] + s[:-1]) / 2) - 1
+    return s, tube.tolerance[np.clip(piece, 0, len(tube) - 1)]
 
 
 def tube_outline(points: FloatArray, radius: FloatArray) -> FloatArray:
