@@ -30,6 +30,11 @@ from armcontour.report.style import (
 ZOOM = 4.0
 # Largest number of enlarged corners.
 MOST_CORNERS = 4
+# Pictures in a row, the height of a figure with one row, and of every other row [px].
+COLUMNS = 2
+HEIGHT, MORE_HEIGHT = 540, 400
+# Entries of a legend for which there is room, and the height of another [px].
+SHORT_LEGEND, LEGEND_LINE = 6, 20
 # Number of drawn points per executed sample.
 FINER = 6
 MOST_POINTS = 800
@@ -51,7 +56,7 @@ class Corner:
         vertex: Index of the corner among the vertices of the objective path, from 0.
         point: The corner point [m], (dimension,).
         half: Half width of what is shown around it [m].
-        title: Title of its figure, with a place for "<br>" or " ".
+        title: Title of its picture.
     """
 
     vertex: int
@@ -61,7 +66,7 @@ class Corner:
 
 
 def corners(study: Study) -> list[Any]:
-    """A row of enlarged corners; empty if no run has rounded or shaped corners."""
+    """A figure of enlarged corners; empty if no run has rounded or shaped corners."""
     paths = _replaced_paths(study)
     if not paths:
         return []
@@ -96,7 +101,7 @@ def find_corners(path: Replaced) -> list[Corner]:
             vertex=int(c.vertex[k]),
             point=c.point[k],
             half=ZOOM * float(c.error[k]),
-            title=f"corner {k + 1}<br>r = {c.radius[k] * 1e3:.2f} mm,{{}}"
+            title=f"corner {k + 1}<br>r = {c.radius[k] * 1e3:.2f} mm<br>"
             f"error {c.error[k] * 1e3:.2f} mm",
         )
         for k in np.flatnonzero(c.radius > 0)
@@ -111,7 +116,7 @@ def draw_corners(
     title: str,
     looks: Sequence[Mapping[str, Any]] = LOOKS,
 ) -> Any:
-    """A row of enlarged corners.
+    """Enlarged corners, two in a row.
 
     Args:
         shown: The corners.
@@ -122,19 +127,23 @@ def draw_corners(
     """
     from plotly.subplots import make_subplots
 
-    # Long titles of neighbouring figures would overlap.
-    apart = "<br>" if len(shown) > 2 else " "
-    titles = [x.title.format(apart) for x in shown]
-    figure = make_subplots(rows=1, cols=len(shown), subplot_titles=titles)
-    for column, corner in enumerate(shown, start=1):
-        _corner(figure, tools, paths, corner, column, looks)
-    finish(figure, title=title, height=540)
-    figure.update_layout(margin={"t": 100})
-    if len(shown) > 2:
-        # Room for a third line of the titles.
-        figure.update_layout(margin={"t": 130}, title={"y": 0.98, "yanchor": "top"})
-        figure.update_xaxes(nticks=6, tickangle=0)
-        figure.update_yaxes(nticks=6)
+    columns = min(len(shown), COLUMNS)
+    rows = -(-len(shown) // columns)
+    figure = make_subplots(
+        rows=rows,
+        cols=columns,
+        subplot_titles=[x.title for x in shown],
+        vertical_spacing=0.16,
+    )
+    for k, corner in enumerate(shown):
+        _corner(figure, tools, paths, corner, k, looks)
+    entries = sum(x.showlegend is not False for x in figure.data)
+    legend = LEGEND_LINE * max(entries - SHORT_LEGEND, 0)
+    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT + legend)
+    figure.update_layout(
+        margin={"t": 125},
+        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
+    )
     return figure
 
 
@@ -146,7 +155,7 @@ def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bo
     if known > shown:
         title += f": the first {shown} of {known}"
     if len(names) > 1 and not shaped:
-        title += f"; radius and error are those of the {names[0]}"
+        title += f" (r, error: {names[0]})"
     return title
 
 
@@ -249,11 +258,12 @@ def _corner(
     tools: Sequence[Tool],
     paths: Mapping[str, Replaced],
     corner: Corner,
-    column: int,
+    k: int,
     looks: Sequence[Mapping[str, Any]],
 ) -> None:
-    """Draw a corner of all paths and executions in one column of the figure."""
-    path, place = next(iter(paths.values())), {"row": 1, "col": column}
+    """Draw a corner of all paths and executions in the k-th picture of the figure, from 0."""
+    row, column = divmod(k, COLUMNS)
+    path, place = next(iter(paths.values())), {"row": row + 1, "col": column + 1}
     point, half = corner.point, corner.half
     view = _view(path.objective, corner.vertex)
     # In the plane the coordinates are those of the path, in space they are relative to the corner.
@@ -264,9 +274,7 @@ def _corner(
 
     def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
         at = seen(points)
-        curve = line(
-            at[:, 0], at[:, 1], name, colour, showlegend=column == 1, legendgroup=name, **look
-        )
+        curve = line(at[:, 0], at[:, 1], name, colour, showlegend=k == 0, legendgroup=name, **look)
         figure.add_trace(curve, **place)
 
     at = float(path.objective.breaks[corner.vertex])
@@ -274,7 +282,7 @@ def _corner(
     for tube in [x for x in paths.values() if isinstance(x, ShapedPath)][:1]:
         s, radius = tube_pieces(tube, *around)
         outline = tube_outline(seen(tube.objective(s)), radius * 1e3)
-        figure.add_trace(draw_tube(outline, showlegend=column == 1), **place)
+        figure.add_trace(draw_tube(outline, showlegend=k == 0), **place)
     draw(_between(path.objective, *around), "objective path", PATH_COLOUR, width=6, opacity=0.5)
     for (name, other), look in zip(paths.items(), cycle(looks), strict=False):
         stretch = _between(other, *other.place(np.clip(around, 0, path.objective.length)))
@@ -286,9 +294,9 @@ def _corner(
     ends = [middle - half * 1e3, middle + half * 1e3]
     figure.update_xaxes(title=names[0], range=[float(x[0]) for x in ends], **place)
     figure.update_yaxes(
-        title=names[1] if column == 1 else None,
+        title=names[1] if column == 0 else None,
         range=[float(x[1]) for x in ends],
-        scaleanchor="x" if column == 1 else f"x{column}",
+        scaleanchor=f"x{k + 1}" if k else "x",
         **place,
     )
 

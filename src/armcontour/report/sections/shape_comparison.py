@@ -152,7 +152,7 @@ def largest_distance(path: ShapedPath) -> float:
 def _off_own_part(points: FloatArray, s: FloatArray, path: ShapedPath) -> FloatArray:
     """Distances of points from the objective path near their places [m], (n,)."""
     exact = Tube.of(path.objective, 0.0)
-    return -exact.margin(points, exact.windows(s, REACH * path.tolerance))
+    return 0.0 - exact.margin(points, exact.windows(s, REACH * path.tolerance))
 
 
 def across(vectors: FloatArray, objective: Path, s: FloatArray) -> FloatArray:

@@ -101,40 +101,40 @@ def _table(found: list[ShapedContour]) -> Table:
         rows.append(
             (
                 x.label,
-                *("" if t is None else f"{t:.3f} s" for t in times),
-                f"{outcome.durations['shaped']:.3f} s",
+                *("" if t is None else f"{t:.3f}" for t in times),
+                f"{outcome.durations['shaped']:.3f}",
                 outcome.start,
                 f"{outcome.gain:.2%}",
                 f"{max(len(outcome.history) - 1, 0)}",
                 _tolerance(x.path),
-                f"{largest_distance(x.path) * 1e3:.4f} mm",
-                f"{missed.max(initial=0.0) * 1e3:.4f} mm",
+                f"{largest_distance(x.path) * 1e3:.4f}",
+                f"{missed.max(initial=0.0) * 1e3:.4f}",
             )
         )
     return Table(
         header=(
             "",
-            *STARTS,
-            "shaped",
-            "fastest start",
+            *(f"{name} [s]" for name in STARTS),
+            "shaped [s]",
+            "best start",
             "gain",
             "iterations",
-            "tolerance",
-            "distance",
-            "vertices missed",
+            "tolerance [mm]",
+            "distance [mm]",
+            "missed [mm]",
         ),
         rows=tuple(rows),
-        caption="Least time of the motion; its largest distances from objective path and vertices",
+        caption="Least times; largest distances from the objective path, and of missed vertices",
     )
 
 
 def _tolerance(path: ShapedPath) -> str:
-    """The tolerance of a shaped path as text."""
+    """The tolerance of a shaped path as text, in mm."""
     if path.line_tolerance is None or path.zone is None:
-        return f"{path.tolerance * 1e3:.4g} mm"
+        return f"{path.tolerance * 1e3:.4g}"
     return (
-        f"{path.tolerance * 1e3:.4g} mm, from {path.zone * 1e3:.4g} mm off vertices "
-        f"{path.line_tolerance * 1e3:.4g} mm"
+        f"{path.tolerance * 1e3:.4g}, from {path.zone * 1e3:.4g} off corners "
+        f"{path.line_tolerance * 1e3:.4g}"
     )
 
 

@@ -32,7 +32,7 @@ ARCS_NAME = "arcs of the same tolerance"
 MAGNIFIED = 0.12
 MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 # Number of larger magnifications to choose from.
-MORE = 3
+MORE = 2
 # Largest number of points of a magnified path, which is stored once per magnification, and of
 # pieces of a magnified tube.
 MOST_DRAWN = 800
@@ -69,7 +69,7 @@ def magnified(path: ShapedPath, variants: Mapping[str, Variant]) -> Any:
             tube_outline(centre, k * radius * 1e3),
             *((base + k * off) * 1e3 for base, off in moved),
         ]
-        at = {axis: [np.round(c[:, i], 4).tolist() for c in curves] for i, axis in enumerate("xy")}
+        at = {axis: [np.round(c[:, i], 3).tolist() for c in curves] for i, axis in enumerate("xy")}
         # All but the objective path.
         which = [0, *range(2, 2 + len(moved))]
         choices.append({"label": f"{k}×", "method": "restyle", "args": [at, which]})
