@@ -178,7 +178,22 @@ class Tube:
             reach: Distance along the objective to either side [m], a number or (n,).
         """
         at, off = np.broadcast_arrays(np.asarray(places, float), np.asarray(reach, float))
-        return self._windows(at - off, at + off)
+        return self.windows_between(at - off, at + off)
+
+    def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
+
+        Args:
+            points: The points [m], (n, dimension).
+            low: Arc lengths on the objective at which the range of each point starts [m], (n,).
+            high: Arc lengths at which the ranges end [m], (n,).
+        """
+        from armcontour.geometry._tube import nearest_in_range
+
+        ranges = np.stack([low, np.maximum(low, high)], axis=1)
+        windows = self.windows_between(ranges[:, 0], ranges[:, 1])
+        _, found = nearest_in_range(pad(points), ranges, windows, self._rows)
+        return np.asarray(np.clip(found, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
         """Room that is left to points: tolerance less distance, below 0 outside [m], (n,).
@@ -224,7 +239,7 @@ class Tube:
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
         place, around = parts[:, 1::3], parts[:, 2::3]
-        windows = self._windows((place - around).min(axis=1), (place + around).max(axis=1))
+        windows = self.windows_between((place - around).min(axis=1), (place + around).max(axis=1))
         bounds, found, where = bound_excess(
             pack(path.segments),
             segment,
@@ -237,7 +252,7 @@ class Tube:
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
-        distance, nearest = self._vertices(path, pairs, reaches)
+        distance, nearest = self.nearest_to_corners(path, pairs, reaches)
         vertices = distance - self.vertex_tolerance
         at = _interpolate(where, pairs[:, 1], pairs[:, 0])
         values = np.concatenate([found, vertices])
@@ -252,8 +267,8 @@ class Tube:
             slack=slack,
         )
 
-    def _windows(self, low: FloatArray, high: FloatArray) -> IntArray:
-        """First and last piece of ranges of arc length, (n, 2)."""
+    def windows_between(self, low: FloatArray, high: FloatArray) -> IntArray:
+        """First and last piece of ranges of arc length [m], (n, 2)."""
         last = len(self) - 1
         first = np.searchsorted(self.breaks[1:], low, side="left")
         end = np.searchsorted(self.breaks[:-1], high, side="right") - 1
@@ -288,14 +303,20 @@ class Tube:
             ends += [u, place, reach[k] + share * (reach[k + 1] - reach[k])]
         return segment, np.stack(ends, axis=1)
 
-    def _vertices(
-        self, path: Path, pairs: FloatArray, reach: FloatArray
+    def nearest_to_corners(
+        self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance of each corner from its own part of a path, and the nearest arc length [m]."""
+        """Distance of each corner from its own part of a path, and the nearest arc length [m].
+
+        Args:
+            path: The path.
+            places: As in `prove`, (n, 2).
+            reach: As in `prove`, one per place [m], (n,).
+        """
         from armcontour.geometry._tube import nearest_in_range
 
         at = self.objective.breaks[self.vertex]
-        own, along = pairs[:, 0], pairs[:, 1]
+        own, along = places[:, 0], places[:, 1]
         around = np.interp(at, own, reach)
         ends = [_interpolate(x, own, along) for x in (at - around, at + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)

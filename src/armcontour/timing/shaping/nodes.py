@@ -32,6 +32,8 @@ MARCH = 1 / 24
 HALVINGS = 24
 # Offsets stay inside the tolerance by this share of it.
 INSIDE = 1e-3
+# Places nearer than this are one [m].
+SAME = 1e-9
 # The own part of a point reaches this many tolerances along the objective, and to its neighbours.
 REACH = 3.0
 # Directions in which offsets in space are bounded.
@@ -88,7 +90,7 @@ class Nodes:
             tube: The tube of the tolerance.
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
-        windows = tube.windows(self.place, self.reach)
+        windows = self._windows(tube)
         spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
         kept = spare + self.tolerance - self.least
         near = self.vertex >= 0
@@ -108,6 +110,19 @@ class Nodes:
             found[:, j] = share * _farthest(fits, direction, self.tolerance)
         found[self.fixed] = 0.0
         return found
+
+    def _windows(self, tube: Tube) -> IntArray:
+        """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
+
+        A stretch leads from corner to corner; a node at a corner belongs to both.
+        """
+        ends = tube.objective.breaks[tube.vertex]
+        corners = np.concatenate([[-np.inf], ends, [np.inf]])
+        low = corners[np.searchsorted(ends, self.place - SAME, side="right")]
+        high = corners[np.searchsorted(ends, self.place + SAME, side="left") + 1]
+        low = np.maximum(self.place - self.reach, low + SAME)
+        high = np.minimum(self.place + self.reach, high - SAME)
+        return tube.windows_between(low, high)
 
 
 def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> FloatArray:

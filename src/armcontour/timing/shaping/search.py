@@ -13,6 +13,7 @@ from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
+from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
 from armcontour.timing.shaping.starts import PARABOLAS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
@@ -202,7 +203,8 @@ class Search:
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
-        proof = self.tube.prove(plain, drawn.places, reach)
+        drawn = replace(drawn, places=match(self.tube, plain, drawn.places, reach))
+        proof = prove(self.tube, plain, drawn.places)
         # The tool follows the curve, which is a little beside the arcs.
         beside = np.repeat(drawn.curve.spreads, 2)
         vertices = proof.vertices + drawn.curve.spreads.max()

@@ -14,6 +14,7 @@ from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_wi
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.wishes import Wishes
 
 ARCS = "arcs"
@@ -117,8 +118,8 @@ def _round_within(
     corners = objective.breaks[1:-1]
     for _ in range(MOST_ROUNDS):
         path = round_(objective, tolerance=tolerance, angular_tolerance=wishes.angular_tolerance)
-        places = _places(path)
-        proof = tube.prove(path, places, REACH * wishes.tolerance)
+        places = match(tube, path, _places(path), REACH * wishes.tolerance)
+        proof = prove(tube, path, places)
         if proof.ok:
             return path, places
         middle = (path.breaks[:-1] + path.breaks[1:]) / 2

@@ -61,8 +61,8 @@ class Wishes:
                 )
             if self.zone < self.tolerance:
                 raise InvalidInput(
-                    f"zone of {self.zone:g} m is below the tolerance of {self.tolerance:g} m, which "
-                    "reaches that far from a vertex: give at least the tolerance.",
+                    f"zone of {self.zone:g} m is below the tolerance of {self.tolerance:g} m, "
+                    "which reaches that far from a vertex: give at least the tolerance.",
                     needed=self.tolerance,
                     allowed=self.zone,
                 )
