@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import PlanarTwoLink
-from armcontour.geometry import Path, ShapedPath, Tube
+from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Job, Run, RunResult
 from armcontour.motion import Trajectory
@@ -17,12 +17,13 @@ from armcontour.timing import plan
 from armcontour.timing.shaping.starts import make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
-# Evenly spaced places along the objective path at which distances are computed.
+# Evenly spaced places at which distances are drawn, and at which the largest one is looked for.
 PLACES = 1500
-# The own part of a point reaches this many tolerances along the objective path, to either side.
+MANY_PLACES = 15_000
+# On both sides of a jump of places, places are spread over this many times its length.
+SPREAD = 2.0
+# The own part of a corner reaches this many tolerances along the objective path, to either side.
 REACH = 3.0
-# Relative excess of a distance that is a rounding error: a corner may be missed by its tolerance.
-NO_MORE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,7 +81,30 @@ def fastest_start(path: ShapedPath) -> tuple[str, float]:
 
 def variant_of(path: ShapedPath) -> Variant:
     """A shaped path as a variant of its objective path."""
-    return Variant(name="shaped path", path=path, places=path.places)
+    return Variant(name="shaped path", path=path, places=without_jumps(path.places, path.objective))
+
+
+def without_jumps(places: FloatArray, objective: Path) -> FloatArray:
+    """Places that belong together, for figures: no point belongs to several places, (m, 2) [m].
+
+    On the inside of a corner one point belongs to the places on both sides. Here it belongs to the
+    corner only, and places nearby are spread evenly.
+
+    Args:
+        places: Arc lengths on the objective path and on the path [m], (n, 2).
+        objective: The objective path.
+    """
+    jumps = np.flatnonzero((np.diff(places[:, 1]) == 0) & (np.diff(places[:, 0]) > 0))
+    kept, corners = np.ones(len(places), dtype=bool), []
+    for i in jumps:
+        low, high = places[i : i + 2, 0]
+        spread = SPREAD * (high - low)
+        kept &= (places[:, 0] <= low - spread) | (places[:, 0] >= high + spread)
+        inside = objective.breaks[(objective.breaks >= low) & (objective.breaks <= high)]
+        corners += [(x, places[i, 1]) for x in inside]
+    kept[[0, -1]] = True
+    found = np.concatenate([places[kept], np.reshape(corners, (-1, 2))])
+    return found[np.lexsort((found[:, 1], found[:, 0]))]
 
 
 def starts_of(path: ShapedPath, run: Run) -> dict[str, Variant]:
@@ -97,7 +121,7 @@ def starts_of(path: ShapedPath, run: Run) -> dict[str, Variant]:
         angular_tolerance=None if run.rounding is None else run.rounding.angular_tolerance,
     )
     return {
-        name: Variant(name=name, path=found, places=places)
+        name: Variant(name=name, path=found, places=without_jumps(places, path.objective))
         for name, (found, places) in make_starts(path.objective, tube_of(path), wishes).items()
     }
 
@@ -118,41 +142,33 @@ def time_variant(variant: Variant, contour: ShapedContour, job: Job) -> Trajecto
     )
 
 
-def distances(variant: Variant, path: ShapedPath) -> tuple[FloatArray, FloatArray]:
-    """Arc lengths on the objective path, and vectors from there to a variant's place [m].
+def distances(variant: Variant, objective: Path) -> tuple[FloatArray, FloatArray]:
+    """Arc lengths on the objective path, and vectors from there to the point that belongs to it.
 
-    Between places that were computed a place is interpolated. Where its vector is longer than the
-    tolerance it is shortened to the distance from its own part of the objective path.
+    Around a corner several points may belong to one arc length, or one point to several.
 
     Args:
         variant: The variant.
-        path: The shaped path, which has the objective path and the tolerance.
+        objective: The objective path.
 
     Returns:
-        Arc lengths, (n,), and vectors, (n, dimension).
+        Arc lengths, increasing, (n,), and vectors, (n, dimension) [m].
     """
-    objective = path.objective
-    even = np.linspace(0.0, objective.length, PLACES)
-    s = np.unique(np.concatenate([even, objective.breaks, variant.places[:, 0]]))
-    points = variant.path(variant.place(s))
-    vectors = points - objective(s)
-    length = np.linalg.norm(vectors, axis=1)
-    long = length > path.tolerance * (1 + NO_MORE)
-    vectors[long] *= (_off_own_part(points[long], s[long], path) / length[long])[:, None]
-    return s, vectors
+    own, along = variant.places.T
+    # Both advance evenly from one pair of places to the next.
+    ends = np.concatenate([[0.0], np.cumsum(np.diff(own) + np.diff(along))])
+    breaks = np.interp(objective.breaks, own, ends)
+    at = np.unique(np.concatenate([np.linspace(0.0, ends[-1], PLACES), ends, breaks]))
+    s, path = np.interp(at, ends, own), variant.path
+    points = path(np.clip(np.interp(at, ends, along), 0.0, path.length))
+    return s, points - objective(np.clip(s, 0.0, objective.length))
 
 
 def largest_distance(path: ShapedPath) -> float:
-    """Largest distance of points of a shaped path from their own parts of the objective [m]."""
-    s = np.unique(np.concatenate([np.linspace(0.0, path.length, PLACES), path.places[:, 1]]))
-    own = np.interp(s, path.places[:, 1], path.places[:, 0])
-    return float(_off_own_part(path(s), own, path).max())
-
-
-def _off_own_part(points: FloatArray, s: FloatArray, path: ShapedPath) -> FloatArray:
-    """Distances of points from the objective path near their places [m], (n,)."""
-    exact = Tube.of(path.objective, 0.0)
-    return 0.0 - exact.margin(points, exact.windows(s, REACH * path.tolerance))
+    """Largest distance of points of a shaped path from their places on the objective path [m]."""
+    s = np.union1d(np.linspace(0.0, path.length, MANY_PLACES), path.places[:, 1])
+    places = path.objective(np.interp(s, path.places[:, 1], path.places[:, 0]))
+    return float(np.linalg.norm(path(s) - places, axis=1).max())
 
 
 def across(vectors: FloatArray, objective: Path, s: FloatArray) -> FloatArray:
@@ -172,5 +188,6 @@ def sharp_vertices(objective: Path) -> FloatArray:
 def missed_vertices(path: ShapedPath) -> FloatArray:
     """Distances of the vertices at which the objective turns from their own parts of a path [m]."""
     tube = tube_of(path)
-    proof = tube.prove(path, path.places, REACH * path.tolerance)
-    return proof.vertices + tube.vertex_tolerance
+    reach = np.full(len(path.places), REACH * path.tolerance)
+    distance, _ = tube.nearest_to_corners(path, path.places, reach)
+    return distance

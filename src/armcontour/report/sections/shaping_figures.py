@@ -52,7 +52,7 @@ def magnified(path: ShapedPath, variants: Mapping[str, Variant]) -> Any:
 
     objective = path.objective
     factors, first = _magnifications(path)
-    moved = [_base_and_off(x, path, factors[-1]) for x in variants.values()]
+    moved = [_base_and_off(x, objective, factors[-1]) for x in variants.values()]
     s, radius = _few_pieces(path)
     centre = objective(s) * 1e3
     figure = go.Figure(draw_tube(tube_outline(centre, first * radius * 1e3)))
@@ -94,10 +94,10 @@ def _magnifications(path: ShapedPath) -> tuple[list[int], int]:
     return sorted({1, *MAGNIFICATIONS[at : at + 1 + MORE]}), MAGNIFICATIONS[at]
 
 
-def _base_and_off(variant: Variant, path: ShapedPath, factor: int) -> tuple[FloatArray, FloatArray]:
+def _base_and_off(variant: Variant, objective: Path, factor: int) -> tuple[FloatArray, FloatArray]:
     """Points of the objective path, and vectors to a variant [m], enough for a magnification."""
-    s, off = distances(variant, path)
-    base = path.objective(s)
+    s, off = distances(variant, objective)
+    base = objective(s)
     kept = simplify([base + factor * off], MOST_DRAWN, even=MOST_DRAWN // 2)[0]
     return base[kept], off[kept]
 
@@ -129,14 +129,14 @@ def along(path: ShapedPath, variants: Sequence[Variant], motions: Sequence[Traje
     looks = (ARCS_LOOK if rival.name == ARCS else OTHER_LOOK, SHAPED_LOOK)
     names = (f"fastest start: {rival.name}", shaped.name)
     for x, motion, name, look in zip(variants, motions, names, looks, strict=True):
-        s, vectors = distances(x, path)
+        s, vectors = distances(x, objective)
         off = across(vectors, objective, s)
         figure.add_trace(_curve(s, off, name, legendgroup=name, **look), row=1, col=1)
         places = x.origin(motion.s(motion.breaks))
         speed = motion.s(motion.breaks, 1)
         same: dict[str, Any] = {"legendgroup": name, "showlegend": False, **look}
         figure.add_trace(_curve(places, speed, name, **same), row=2, col=1)
-    s, _ = distances(shaped, path)
+    s, _ = distances(shaped, objective)
     lead = motions[0].time_at(rival.place(s)) - motions[1].time_at(shaped.place(s))
     gained = _curve(s, lead, "time gained", colour="#000000", showlegend=False)
     figure.add_trace(gained, row=3, col=1)
