@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import armcontour as ac
+from armcontour.report.sections.shape_comparison import variant_of
 
 FILE = "fig_shaping"
 
@@ -29,15 +30,25 @@ def draw() -> Figure:
     for k, name in enumerate("12"):
         _corner(places[name], k, shaped.path)
     s = np.linspace(0, job.OBJECTIVE.length, PLACES)
-    for path, motion, look in (
-        (job.ROUNDED, arcs, {"color": style.VERMILLION, "ls": "--", "label": "arcs"}),
-        (shaped.path, shaped, {"color": style.BLUE, "lw": 2, "label": "shaped path"}),
+    for path, place, motion, look in (
+        (
+            job.ROUNDED,
+            job.ROUNDED.place,
+            arcs,
+            {"color": style.VERMILLION, "ls": "--", "label": "arcs"},
+        ),
+        (
+            shaped.path,
+            variant_of(shaped.path).place,
+            shaped,
+            {"color": style.BLUE, "lw": 2, "label": "shaped path"},
+        ),
     ):
         along = job.OBJECTIVE(s, 1)
-        v = path(path.place(s)) - job.OBJECTIVE(s)
+        v = path(place(s)) - job.OBJECTIVE(s)
         off = along[:, 0] * v[:, 1] - along[:, 1] * v[:, 0]
         places["off"].plot(1e3 * s, 1e3 * off, **look)
-        speed = motion.speed_at(path.place(s))
+        speed = motion.speed_at(place(s))
         look["label"] += f": {motion.duration:.3f} s"
         places["speed"].plot(1e3 * s, 1e3 * speed, **look)
     size = 1e3 * TOLERANCE
