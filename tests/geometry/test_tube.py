@@ -243,7 +243,7 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
         places = evenly(objective, path)
     reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
     proof = Tube.of(objective, tolerance).prove(path, places, reach)
-    distance, segment = sampled_distance(path, objective, places, reach, 30)
+    distance, segment = sampled_distance(path, objective, places, reach, 20)
     excess = distance - tolerance
     assert (excess <= proof.segments[segment] + proof.slack).all()
     assert proof.found <= proof.excess

@@ -532,8 +532,8 @@ def _wishes(
     accelerations = np.full(vertices, np.nan)
     if acceleration is not None:
         accelerations = _checks.per_vertex("corner acceleration", acceleration, vertices, "m/s²")
-    if acceleration is not None and vertices:
-        _checks.positive("corner acceleration", accelerations.min(), "m/s²")
+        if vertices:
+            _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))[corner]
     enough = np.full(len(corner), np.inf)

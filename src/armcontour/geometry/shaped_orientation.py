@@ -47,10 +47,13 @@ if TYPE_CHECKING:
 
 # Twists below this are rounding errors [rad].
 NO_TWIST = 1e-12
-# Part of the angular tolerance that smooth places may use, and the range of angular tolerances that
-# this counts for [rad].
-PART = 0.1
-LEAST_ANGLE, MOST_ANGLE = 1e-3, 1e-2
+# Largest turn of an arc along which a twist is taken back by one constant rate [rad].
+MOST_TURN = 0.1
+# Shares of the angular tolerance that smooth places and blends may use, which are off at different
+# places: at the vertices, in the middle of blends, places are exact.
+PLACES, BLENDS = 0.5, 0.95
+# Smallest and largest angle by which smooth places may be off, and that without a tolerance [rad].
+LEAST_ANGLE, MOST_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 # Blends that turn too far are made shorter by this, as often as that.
 SHORTER, TRIES = 0.8, 8
 # Stretches between two knots of smooth places are halved this often at most.
@@ -165,9 +168,10 @@ def _turn(
     own = objective.orientation
     assert own is not None
     runs = _Runs.of(path, objective, pairs)
-    near = PART * float(np.clip(allowed, LEAST_ANGLE, MOST_ANGLE))
+    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
+    near = near if np.isfinite(allowed) else SMALL_ANGLE
     place = _smooth_places(runs, pairs, near)
-    cut = _cuts(path, objective, runs, pairs, allowed * (1 - PART))
+    cut = _cuts(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
         found = _lay(runs, place, cut, axis_only=own.axis_only)
         s, angles = _angles(found, own, pairs, runs.s)
@@ -340,26 +344,48 @@ def _follow(
     tangents = path.segments.at(*_on(path, s), 1)
     tilt = exp(shortest(objective.segments.at(*_on(objective, middle), 1), tangents))
     twist = np.sum(log(tilt @ own(middle) @ _turned(carried(s))) * tangents, axis=1)
+    off = 0.0
     if np.abs(twist).max() > NO_TWIST:
         # At the start there is none.
-        carried = _twist(path, carried, np.append(0.0, s), np.unwrap(np.append(0.0, twist)))
+        knots, twists = np.append(0.0, s), np.unwrap(np.append(0.0, twist))
+        carried, off = _twist(path, carried, knots, twists)
     found, angles = blend_kinks(carried, largest_cuts(carried, allowed))
-    return found, float(angles.max(initial=0.0))
+    return found, float(angles.max(initial=0.0)) + off
 
 
-def _twist(path: Path, carried: Orientation, s: FloatArray, twist: FloatArray) -> Orientation:
+def _twist(
+    path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
+) -> tuple[Orientation, float]:
     """An orientation turned about the path's tangent, linearly between arc lengths s [m].
 
-    Each piece gets the constant rate from its start to its end.
+    Each piece gets the constant rate from its start to its end; long arcs become several pieces.
+
+    Returns:
+        The orientation, and how far it is off in the middle of its pieces [rad].
     """
-    rows, i = path.segments, np.arange(len(path))
-    ends = np.interp(path.breaks, s, twist)
-    begin = exp(ends[:-1, None] * rows.tangents) @ carried.starts
-    end = exp(ends[1:, None] * rows.end_tangents) @ carried.on_piece(i, rows.lengths)
-    rates = log(end @ _turned(begin)) / rows.lengths[:, None]
-    return Orientation.even(
-        rows.lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
+    off = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
+    cuts = np.union1d(path.breaks, s[off > REPEATED_POINT])
+    whole = path.locate((cuts[:-1] + cuts[1:]) / 2)
+    first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
+    # On tiny arcs a difference of arc lengths has too few digits.
+    last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
+    count = np.ceil(path.curvatures[whole] * (last - first) / MOST_TURN).astype(np.intp).clip(1)
+    part = np.repeat(np.arange(len(count)), count)
+    k = np.arange(len(part)) - np.repeat(np.cumsum(count) - count, count)
+    i, step = whole[part], ((last - first) / count)[part]
+    u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]
+    begin, middle, end = (
+        exp(np.interp(path.breaks[i] + x, s, twist)[:, None] * path.segments.at(i, x, 1))
+        @ carried.on_piece(i, x)
+        for x in u
     )
+    lengths = u[2] - u[0]
+    rates = log(end @ _turned(begin)) / lengths[:, None]
+    found = Orientation.even(
+        lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
+    )
+    off = log(found.on_piece(np.arange(len(i)), lengths / 2) @ _turned(middle))
+    return found, float(np.linalg.norm(off, axis=1).max())
 
 
 def _on(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -24,6 +24,8 @@ GROWTH_AT_REST = 0.2
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
+# A stretch from rest to rest has at least about this many nodes.
+FEWEST = 64
 # Samples for the distances between two marks.
 SAMPLES = 129
 # Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
@@ -271,7 +273,9 @@ def _spread(
     typical = max(float(np.median(bend)), 1e-3)
     curved = bend + np.linalg.norm(path(flat, 2), axis=1)
     most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
-    most = most.reshape(at.shape)
+    rests = marks[is_rest]
+    stretch = np.diff(rests)[np.clip(np.searchsorted(rests, marks[:-1], side="right") - 1, 0, None)]
+    most = np.minimum(most.reshape(at.shape), stretch[:, None] / FEWEST)
     step = most
     for mark, way in ((0, at - low), (1, high - at)):
         rest = is_rest[mark : len(marks) - 1 + mark, None]

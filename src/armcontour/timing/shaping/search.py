@@ -15,7 +15,7 @@ from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
-from armcontour.timing.shaping.starts import PARABOLAS, Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import ARCS, PARABOLAS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least
@@ -244,8 +244,10 @@ class Search:
         return orient(path)
 
 
-def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | None:
-    """The search from parabolas; None where the arm cannot follow them, or nothing may move.
+def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
+    """Searches from parabolas and from arcs, the faster ones first.
+
+    None where the arm cannot follow them, or where nothing may move.
 
     Args:
         objective: The objective path.
@@ -254,19 +256,16 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         wishes: What is wanted.
     """
     if objective.orientation is not None and not objective.orientation.fixed:
-        return None
+        return
+    # Without a tolerance nothing may move: splines of the joints do not keep to a line.
+    if (tube.tolerance == 0).any():
+        return
     starts = make_starts(objective, tube, wishes, SHARE)
-    if PARABOLAS not in starts:
-        return None
-    path, places = starts[PARABOLAS]
-    start = timer.candidate(PARABOLAS, path, places)
-    if start is None:
-        return None
-    joint_path = timer.trace(path)
-    nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-    if nodes.fixed.all():
-        return None
-    return Search(nodes, start, tube, timer, wishes)
+    found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
+    for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
+        joint_path = timer.trace(start.path)
+        nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
+        yield Search(nodes, start, tube, timer, wishes)
 
 
 def orient(path: ShapedPath) -> ShapedPath:

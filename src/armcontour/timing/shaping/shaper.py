@@ -18,9 +18,12 @@ from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import Tracing, trace_program
-from armcontour.timing.shaping.search import make_search
+from armcontour.timing.shaping.search import make_searches
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
+
+# The search ends with the first start that saves this share of the duration.
+ENOUGH = 0.01
 
 
 @overload
@@ -227,11 +230,14 @@ def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
     durations = {x.name: x.duration for x in known}
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    search = make_search(objective, tube, timer, wishes)
-    if search is not None:
-        for _, found in zip(range(wishes.iterations), search.run(), strict=False):
+    for search in make_searches(objective, tube, timer, wishes):
+        left = wishes.iterations - len(history) + 1
+        for _, found in zip(range(left), search.run(), strict=False):
             best = min(best, found, key=lambda x: x.duration)
             history.append(best.duration)
+        # Another start mostly leads to the same shape.
+        if best.duration < (1 - ENOUGH) * first.duration:
+            break
     durations["shaped"] = best.duration
     outcome = Outcome(start=first.name, durations=durations, history=tuple(history))
     return _shaped_path(objective, best, wishes, outcome)

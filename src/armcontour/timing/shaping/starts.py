@@ -115,6 +115,7 @@ def _round_within(
     A corner whose curve would leave its zone is rounded less.
     """
     tolerance = np.full(len(objective) - 1, share * wishes.tolerance)
+    tolerance[tube.vertex - 1] = share * tube.vertex_tolerance
     corners = objective.breaks[1:-1]
     for _ in range(MOST_ROUNDS):
         path = round_(objective, tolerance=tolerance, angular_tolerance=wishes.angular_tolerance)
