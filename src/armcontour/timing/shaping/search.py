@@ -26,7 +26,7 @@ from armcontour.timing.shaping.wishes import Wishes
 FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends when this many iterations in sequence gain less than this share of the duration.
-IDLE, LEAST_GAIN = 4, 3e-6
+IDLE, LEAST_GAIN = 4, 1e-5
 # It also ends when so many in sequence leave the tube.
 MOST_TIGHTENED = 12
 # After each refusal in sequence a change is this share of what was proposed.
