@@ -22,6 +22,7 @@ NAMES = (
     "optimal",
     "overview",
     "poles",
+    "shaping",
     "space",
 )
 

@@ -336,6 +336,7 @@ def test_the_built_in_job_is_the_papers() -> None:
         "proposed",
         "optimal",
         "inverse-dynamics",
+        "shaped",
     ]
     assert job.published is not None
     assert job.published.runs["proposed"]["contour_error_rms"] == pytest.approx(0.164e-3)

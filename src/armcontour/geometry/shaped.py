@@ -27,11 +27,13 @@ class Outcome:
         durations: Least durations of all starts by their names, and of the path itself as "shaped"
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).
+        note: Why the path has the shape of a start, one clause; None if another was looked for.
     """
 
     start: str
     durations: Mapping[str, float]
     history: tuple[float, ...] = ()
+    note: str | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))

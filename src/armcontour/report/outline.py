@@ -33,13 +33,20 @@ def outline_points(program: Program) -> FloatArray:
 def finely(
     path: Path, start: float = 0.0, end: float | None = None, *, least: int = 0
 ) -> FloatArray:
-    """Points along a path: ends of segments, and chords of arcs.
+    """Points along a path: those at `fine_places`."""
+    return path(fine_places(path, start, end, least=least))
+
+
+def fine_places(
+    path: Path, start: float = 0.0, end: float | None = None, *, least: int = 0
+) -> FloatArray:
+    """Arc lengths along a path [m]: ends of segments, and chords of arcs.
 
     Args:
         path: The path.
-        start: Arc length of the first point [m].
-        end: Arc length of the last point [m]; by default the end of the path.
-        least: Number of evenly spaced points that are added if the path has fewer segments.
+        start: The first arc length [m].
+        end: The last arc length [m]; by default the end of the path.
+        least: Number of evenly spaced places that are added if the path has fewer segments.
     """
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
@@ -51,7 +58,7 @@ def finely(
         inner.append(np.linspace(0.0, path.length, least))
     places = np.union1d(path.breaks, np.concatenate(inner)) if inner else path.breaks
     kept = places[(places > start) & (places < last)]
-    return path(np.concatenate([[start], kept, [last]]))
+    return np.concatenate([[start], kept, [last]])
 
 
 def outlines(curves: Sequence[FloatArray]) -> FloatArray:

@@ -45,6 +45,7 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         sections.program(study),
         sections.paths(study),
         sections.space(study),
+        sections.shaping(study),
         sections.joint_space(study),
         sections.tool_speed(study),
         sections.bindings(study),

@@ -36,6 +36,7 @@ class Section:
         text: Introduction.
         tiles: Figures in large print, by the names of their runs.
         figures: Plotly figures.
+        choices: Groups of figures of which one is shown, by their names in a selector.
         columns: Relative widths of figures in one row; by default every figure has a row.
         tables: Tables.
         notes: Sentences at the end.
@@ -46,6 +47,7 @@ class Section:
     text: str = ""
     tiles: tuple[tuple[str, tuple[Tile, ...]], ...] = ()
     figures: tuple[Any, ...] = ()
+    choices: tuple[tuple[str, tuple[Any, ...]], ...] = ()
     columns: tuple[int, ...] = ()
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()

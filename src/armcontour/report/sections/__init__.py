@@ -16,6 +16,7 @@ from armcontour.report.sections.paths import joint_space, paths
 from armcontour.report.sections.program import program
 from armcontour.report.sections.published import published
 from armcontour.report.sections.robustness import robustness
+from armcontour.report.sections.shaping import shaping
 from armcontour.report.sections.space import space
 from armcontour.report.sections.sweep import sweep
 
@@ -33,6 +34,7 @@ __all__ = [
     "program",
     "published",
     "robustness",
+    "shaping",
     "space",
     "sweep",
     "time_stamps",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from typing import Any
@@ -9,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import Path, RoundedPath
+from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Study
 from armcontour.motion import Execution
 from armcontour.program import Program
+from armcontour.report.sections.tolerance import draw_tube, tube_outline, tube_pieces
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     PATH_COLOUR,
@@ -26,61 +30,132 @@ from armcontour.report.style import (
 ZOOM = 4.0
 # Largest number of enlarged corners.
 MOST_CORNERS = 4
+# Pictures in a row, the height of a figure with one row, and of every other row [px].
+COLUMNS = 2
+HEIGHT, MORE_HEIGHT = 540, 400
+# Entries of a legend for which there is room, and the height of another [px].
+SHORT_LEGEND, LEGEND_LINE = 6, 20
 # Number of drawn points per executed sample.
 FINER = 6
 MOST_POINTS = 800
 # Number of points of a drawn path.
 PLACES = 200
 IN_PLANE = np.eye(2)
+Replaced = RoundedPath | ShapedPath
+ROUNDED, SHAPED = "rounded", "shaped"
 # Dashes of different rounded paths.
 DASHES = ("dash", "dot", "dashdot", "longdash")
+LOOKS = tuple({"colour": "#000000", "dash": x, "width": 1.5} for x in DASHES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Corner:
+    """An enlarged corner.
+
+    Args:
+        vertex: Index of the corner among the vertices of the objective path, from 0.
+        point: The corner point [m], (dimension,).
+        half: Half width of what is shown around it [m].
+        title: Title of its picture.
+    """
+
+    vertex: int
+    point: FloatArray
+    half: float
+    title: str
 
 
 def corners(study: Study) -> list[Any]:
-    """A row of enlarged corners; empty if no run has rounded corners."""
-    from plotly.subplots import make_subplots
-
-    paths = _rounded_paths(study)
+    """A figure of enlarged corners; empty if no run has rounded or shaped corners."""
+    paths = _replaced_paths(study)
     if not paths:
         return []
-    found = next(iter(paths.values())).corners
-    rounded = np.flatnonzero(found.radius > 0)
-    shown = rounded[:MOST_CORNERS]
-    if not len(shown):
+    first = next(iter(paths.values()))
+    known = find_corners(first)
+    if not known:
         return []
-    # Long titles of neighbouring figures would overlap.
-    apart = "<br>" if len(shown) > 2 else " "
+    shown = known[:MOST_CORNERS]
+    title = _title(study, list(paths), len(shown), len(known), shaped=isinstance(first, ShapedPath))
+    return [draw_corners(shown, paths, _tools(study), title=title)]
+
+
+def find_corners(path: Replaced) -> list[Corner]:
+    """The corners that a rounded path replaces, or that a shaped path is near to, in path order."""
+    if isinstance(path, ShapedPath):
+        # In front of the first vertex there is no turn.
+        turns = np.append(0.0, path.objective.turns)
+        turned = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns < np.pi - TANGENT_TOLERANCE))
+        return [
+            Corner(
+                vertex=k,
+                point=path.objective.vertices[k],
+                half=ZOOM * path.tolerance,
+                title=f"corner {i + 1}<br>turn {np.degrees(turns[k]):.0f}°",
+            )
+            for i, k in enumerate(turned.tolist())
+            if path.tolerance > 0
+        ]
+    c = path.corners
+    return [
+        Corner(
+            vertex=int(c.vertex[k]),
+            point=c.point[k],
+            half=ZOOM * float(c.error[k]),
+            title=f"corner {k + 1}<br>r = {c.radius[k] * 1e3:.2f} mm<br>"
+            f"error {c.error[k] * 1e3:.2f} mm",
+        )
+        for k in np.flatnonzero(c.radius > 0)
+    ]
+
+
+def draw_corners(
+    shown: Sequence[Corner],
+    paths: Mapping[str, Replaced],
+    tools: Sequence[Tool] = (),
+    *,
+    title: str,
+    looks: Sequence[Mapping[str, Any]] = LOOKS,
+) -> Any:
+    """Enlarged corners, two in a row.
+
+    Args:
+        shown: The corners.
+        paths: Paths of the same objective path, by their names in the legend.
+        tools: Executed tool paths.
+        title: Title of the figure.
+        looks: Options of the lines of the paths, in turn.
+    """
+    from plotly.subplots import make_subplots
+
+    columns = min(len(shown), COLUMNS)
+    rows = -(-len(shown) // columns)
     figure = make_subplots(
-        rows=1,
-        cols=len(shown),
-        subplot_titles=[
-            f"corner {k + 1}<br>r = {found.radius[k] * 1e3:.2f} mm,{apart}"
-            f"error {found.error[k] * 1e3:.2f} mm"
-            for k in shown
-        ],
+        rows=rows,
+        cols=columns,
+        subplot_titles=[x.title for x in shown],
+        vertical_spacing=0.16,
     )
-    tools = _tools(study)
-    for column, k in enumerate(shown, start=1):
-        _corner(figure, tools, paths, int(k), column)
-    finish(figure, title=_title(study, list(paths), len(shown), len(rounded)), height=540)
-    figure.update_layout(margin={"t": 100})
-    if len(shown) > 2:
-        # Room for a third line of the titles.
-        figure.update_layout(margin={"t": 130}, title={"y": 0.98, "yanchor": "top"})
-        figure.update_xaxes(nticks=6, tickangle=0)
-        figure.update_yaxes(nticks=6)
-    return [figure]
+    for k, corner in enumerate(shown):
+        _corner(figure, tools, paths, corner, k, looks)
+    entries = sum(x.showlegend is not False for x in figure.data)
+    legend = LEGEND_LINE * max(entries - SHORT_LEGEND, 0)
+    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT + legend)
+    figure.update_layout(
+        margin={"t": 125},
+        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
+    )
+    return figure
 
 
-def _title(study: Study, names: list[str], shown: int, rounded: int) -> str:
+def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bool) -> str:
     """Title of the figure: which corners it shows, and of which run their numbers are."""
     title = "Corners enlarged"
     if len(study.job.program.contours) > 1:
         title += f", contour {_shown(study) + 1}"
-    if rounded > shown:
-        title += f": the first {shown} of {rounded}"
-    if len(names) > 1:
-        title += f"; radius and error are those of the {names[0]}"
+    if known > shown:
+        title += f": the first {shown} of {known}"
+    if len(names) > 1 and not shaped:
+        title += f" (r, error: {names[0]})"
     return title
 
 
@@ -119,34 +194,54 @@ def _tools(study: Study) -> list[Tool]:
     return found
 
 
-def rounded_programs(study: Study) -> dict[str, Program]:
-    """The different rounded programs, each by the name of the first run that has it."""
+def replaced_programs(study: Study, noun: str = "path") -> dict[str, Program]:
+    """The different programs with rounded or shaped contours, by their names in a legend.
+
+    Args:
+        study: The study.
+        noun: What is rounded or shaped.
+    """
     found: dict[str, Program] = {}
     which = _shown(study)
     for name, result in study.runs.items():
         path = result.path.contours[which].path
         known = (x.contours[which].path for x in found.values())
-        if isinstance(path, RoundedPath) and not any(_alike(path, x) for x in known):
+        if isinstance(path, Replaced) and not any(_alike(path, x) for x in known):
             found[name] = result.path
-    return found
+    kinds = {name: kind_of(x.contours[which].path) for name, x in found.items()}
+    alone = [kind for kind, count in Counter(kinds.values()).items() if count == 1]
+    return {
+        f"{kinds[x]} {noun}" + ("" if kinds[x] in alone else f" of {x}"): program
+        for x, program in found.items()
+    }
 
 
-def _rounded_paths(study: Study) -> dict[str, RoundedPath]:
-    """The different rounded paths of the contour in the figure, by their names in the legend."""
-    programs, which = rounded_programs(study), _shown(study)
-    found: dict[str, RoundedPath] = {}
-    for name, program in programs.items():
-        path = program.contours[which].path
-        assert isinstance(path, RoundedPath)
-        found[f"rounded path of {name}" if len(programs) > 1 else "rounded path"] = path
-    return found
+def replaced_paths(study: Study) -> str:
+    """Words for the paths that follow the objective path: rounded, shaped or both."""
+    which = _shown(study)
+    kinds = {kind_of(x.path.contours[which].path) for x in study.runs.values()}
+    if kinds == {ROUNDED, SHAPED}:
+        return "the rounded and the shaped path"
+    return f"the {min(kinds)} path"
+
+
+def kind_of(path: Path) -> str:
+    """A word for what became of the corners of a path."""
+    return SHAPED if isinstance(path, ShapedPath) else ROUNDED
+
+
+def _replaced_paths(study: Study) -> dict[str, Replaced]:
+    """The rounded or shaped paths of the contour in the figure, by their names in the legend."""
+    which = _shown(study)
+    found = {name: x.contours[which].path for name, x in replaced_programs(study).items()}
+    return {name: x for name, x in found.items() if isinstance(x, Replaced)}
 
 
 def _shown(study: Study) -> int:
-    """Index of the contour in the figure: the first with rounded corners."""
+    """Index of the contour in the figure: the first with rounded or shaped corners."""
     program = next(iter(study.runs.values())).path
     for i, x in enumerate(program.contours):
-        if isinstance(x.path, RoundedPath) and (x.path.corners.radius > 0).any():
+        if isinstance(x.path, Replaced) and find_corners(x.path):
             return i
     return 0
 
@@ -159,41 +254,49 @@ def _alike(first: Path, second: Path) -> bool:
 
 
 def _corner(
-    figure: Any, tools: list[Tool], paths: dict[str, RoundedPath], k: int, column: int
+    figure: Any,
+    tools: Sequence[Tool],
+    paths: Mapping[str, Replaced],
+    corner: Corner,
+    k: int,
+    looks: Sequence[Mapping[str, Any]],
 ) -> None:
-    """Draw corner k of all paths and executions in one column of the figure."""
-    path = next(iter(paths.values()))
-    found, place = path.corners, {"row": 1, "col": column}
-    corner, half = found.point[k], ZOOM * float(found.error[k])
-    view = _view(path.objective, int(found.vertex[k]))
+    """Draw a corner of all paths and executions in the k-th picture of the figure, from 0."""
+    row, column = divmod(k, COLUMNS)
+    path, place = next(iter(paths.values())), {"row": row + 1, "col": column + 1}
+    point, half = corner.point, corner.half
+    view = _view(path.objective, corner.vertex)
     # In the plane the coordinates are those of the path, in space they are relative to the corner.
-    origin = np.zeros_like(corner) if path.dimension == 2 else corner
+    origin = np.zeros_like(point) if path.dimension == 2 else point
+
+    def seen(points: FloatArray) -> FloatArray:
+        return (points - origin) @ view.T * 1e3
 
     def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
-        at = (points - origin) @ view.T * 1e3
-        curve = line(
-            at[:, 0], at[:, 1], name, colour, showlegend=column == 1, legendgroup=name, **look
-        )
+        at = seen(points)
+        curve = line(at[:, 0], at[:, 1], name, colour, showlegend=k == 0, legendgroup=name, **look)
         figure.add_trace(curve, **place)
 
-    at = float(path.objective.breaks[found.vertex[k]])
-    lines = _between(path.objective, at, at, 3 * half)
-    draw(lines, "objective path", PATH_COLOUR, width=6, opacity=0.5)
-    for (name, other), dash in zip(paths.items(), cycle(DASHES), strict=False):
-        for i in np.flatnonzero(other.corners.vertex == found.vertex[k]):
-            start, end = float(other.corners.start[i]), float(other.corners.end[i])
-            arc = _between(other, start, end, 3 * half)
-            draw(arc, name, "#000000", dash=dash, width=1.5)
+    at = float(path.objective.breaks[corner.vertex])
+    around = at - 3 * half, at + 3 * half
+    for tube in [x for x in paths.values() if isinstance(x, ShapedPath)][:1]:
+        s, radius = tube_pieces(tube, *around)
+        outline = tube_outline(seen(tube.objective(s)), radius * 1e3)
+        figure.add_trace(draw_tube(outline, showlegend=k == 0), **place)
+    draw(_between(path.objective, *around), "objective path", PATH_COLOUR, width=6, opacity=0.5)
+    for (name, other), look in zip(paths.items(), cycle(looks), strict=False):
+        stretch = _between(other, *other.place(np.clip(around, 0, path.objective.length)))
+        draw(stretch, name, **look)
     for x in tools:
-        draw(_near(x.done, x.points, corner, 3 * half), x.name, x.colour, **x.look)
-    middle = (corner - origin) @ view.T * 1e3
+        draw(_near(x.done, x.points, point, 3 * half), x.name, x.colour, **x.look)
+    middle = seen(point)
     names = ("x [mm]", "y [mm]") if path.dimension == 2 else ("along [mm]", "across [mm]")
     ends = [middle - half * 1e3, middle + half * 1e3]
     figure.update_xaxes(title=names[0], range=[float(x[0]) for x in ends], **place)
     figure.update_yaxes(
-        title=names[1] if column == 1 else None,
+        title=names[1] if column == 0 else None,
         range=[float(x[1]) for x in ends],
-        scaleanchor="x" if column == 1 else f"x{column}",
+        scaleanchor=f"x{k + 1}" if k else "x",
         **place,
     )
 
@@ -210,9 +313,9 @@ def _view(path: Path, vertex: int) -> FloatArray:
     return np.stack([before, across / np.linalg.norm(across)])
 
 
-def _between(path: Path, start: float, end: float, margin: float) -> FloatArray:
-    """Points of a path from a margin before `start` to a margin after `end`, with its vertices."""
-    low, high = max(start - margin, 0.0), min(end + margin, path.length)
+def _between(path: Path, start: float, end: float) -> FloatArray:
+    """Points of a path between two arc lengths [m], with its vertices."""
+    low, high = max(start, 0.0), min(end, path.length)
     vertices = path.breaks[(path.breaks > low) & (path.breaks < high)]
     return path(np.union1d(np.linspace(low, high, PLACES), vertices))
 

@@ -12,7 +12,7 @@ from armcontour.program import Program
 from armcontour.report.outline import outline_points, outlines, simplify
 from armcontour.report.section import Section, marked_run
 from armcontour.report.sections.along import executed_contours
-from armcontour.report.sections.corners import corners
+from armcontour.report.sections.corners import corners, replaced_paths
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 
 # Number of samples of a planned joint path, before it is simplified.
@@ -37,9 +37,10 @@ def paths(study: Study) -> Section | None:
         key="paths",
         title="Path of the tool",
         text=(
-            "The objective path, the rounded path, and the executed path of the tool in each run"
+            f"The objective path, {replaced_paths(study)}, and the executed path of the tool in "
+            "each run"
             + (" along the contours" if len(study.job.program.contours) > 1 else "")
-            + ". The enlarged corners show the gap between corner point and arc: the corner error."
+            + ". The enlarged corners show the gap between corner point and path: the corner error."
         ),
         figures=(_cartesian(study, objective * 1e3, narrow=beside), *enlarged),
         columns=COLUMNS if beside else (),

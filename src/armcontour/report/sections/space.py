@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import cycle
 from typing import Any
 
@@ -16,7 +15,7 @@ from armcontour.program import Program
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
 from armcontour.report.sections.along import executed_contours
-from armcontour.report.sections.corners import DASHES, corners, rounded_programs
+from armcontour.report.sections.corners import DASHES, corners, replaced_paths, replaced_programs
 from armcontour.report.sections.paths import objective_of
 from armcontour.report.sections.scene import (
     box,
@@ -58,7 +57,8 @@ def space(study: Study) -> Section | None:
         key="paths",
         title="Path of the tool",
         text=(
-            "The objective path, the rounded path, and the executed path of the tool in each run. "
+            f"The objective path, {replaced_paths(study)}, and the executed path of the tool in "
+            "each run. "
             "Errors can be magnified: the vector from the nearest point of the path to the tool is "
             "drawn with that factor. Sticks are the tool in the first run: its axis, and "
             "shorter its x axis where that is given."
@@ -74,7 +74,9 @@ def _path(study: Study) -> Any:
     figure = go.Figure()
     objective = outline_points(objective_of(study)) * 1e3
     figure.add_trace(line_in_space(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
-    for (name, program), dash in zip(_rounded(study).items(), cycle(DASHES), strict=False):
+    noun = "contours" if len(study.job.program.contours) > 1 else "path"
+    replaced = replaced_programs(study, noun)
+    for (name, program), dash in zip(replaced.items(), cycle(DASHES), strict=False):
         figure.add_trace(
             line_in_space(outline_points(program) * 1e3, name, "#000000", width=3, dash=dash)
         )
@@ -122,13 +124,6 @@ def _magnify(
             {"label": f"{k}×", "method": "update", "args": [_coordinates(curves), around, which]}
         )
     return larger
-
-
-def _rounded(study: Study) -> Mapping[str, Program]:
-    """The different rounded programs of all runs, by their names in the legend."""
-    what = "rounded contours" if len(study.job.program.contours) > 1 else "rounded path"
-    found = rounded_programs(study)
-    return {f"{what} of {x}" if len(found) > 1 else what: y for x, y in found.items()}
 
 
 def _error(

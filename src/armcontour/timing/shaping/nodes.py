@@ -17,17 +17,16 @@ from armcontour.timing.shaping.starts import Candidate
 # to node away from the corner. The pitch of the nodes is a factor on all distances.
 AT_CORNER = 0.045
 GROWTH = 0.12
-# The same at rests: the first distance over the largest one.
+# Distance beside a rest over what it would be without the rest.
 AT_REST = 0.12
-GROWTH_AT_REST = 0.2
 # A polygon of control points may leave its curve by this share of the tolerance.
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
 # A stretch from rest to rest has at least about this many nodes.
 FEWEST = 64
-# Samples for the distances between two marks.
-SAMPLES = 129
+# Samples for the distances between nodes: at first between two marks, then for each node.
+SAMPLES, PER_NODE = 32, 8
 # Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
 FARTHEST = 2.5
 MARCH = 1 / 24
@@ -183,6 +182,8 @@ def place_nodes(
     rest[[0, -1]] = True
     rest[1:-1] = row[1:] == row[:-1]
     place = np.interp(s, places[:, 1], places[:, 0])
+    at_corner = (mark >= 0) & (which[mark] >= 0)
+    place[at_corner] = tube.objective.breaks[tube.vertex[which[mark[at_corner]]]]
     tolerance = _tolerance_at(tube, place)
     tangents = path(s, 1)
     gap = np.diff(s)
@@ -210,7 +211,7 @@ def place_nodes(
         vertex=np.where(resting, -1, vertex),
         group=np.searchsorted((marks[1:] + marks[:-1]) / 2, s),
         times=start.trajectory.time_at(ends),
-        near=NearPath.along(joint_path, arm, branch, path, s),
+        near=NearPath.along(joint_path(s), arm, branch, path, s),
         q=joint_path(s),
     )
 
@@ -264,33 +265,53 @@ def _spread(
 
     The distance between nodes grows from `first` at a mark by GROWTH from node to node.
     """
-    share = (1 - np.cos(np.linspace(0, np.pi, SAMPLES))) / 2
-    low, high = marks[:-1, None], marks[1:, None]
-    at = low + share * (high - low)
-    flat = at.ravel()
-    own = np.maximum(_tolerance_at(tube, np.interp(flat, places[:, 1], places[:, 0])), 1e-9)
-    bend = _bend(joint_path, arm, flat)
-    typical = max(float(np.median(bend)), 1e-3)
-    curved = bend + np.linalg.norm(path(flat, 2), axis=1)
-    most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
     rests = marks[is_rest]
-    stretch = np.diff(rests)[np.clip(np.searchsorted(rests, marks[:-1], side="right") - 1, 0, None)]
-    most = np.minimum(most.reshape(at.shape), stretch[:, None] / FEWEST)
-    step = most
-    for mark, way in ((0, at - low), (1, high - at)):
-        rest = is_rest[mark : len(marks) - 1 + mark, None]
-        edge = np.minimum(first[mark : len(marks) - 1 + mark, None], most)
-        begin = np.where(rest, AT_REST * most, edge)
-        step = np.minimum(step, begin + np.where(rest, GROWTH_AT_REST, GROWTH) * way)
-    density = 1 / (pitch * step)
-    parts = (density[:, 1:] + density[:, :-1]) / 2 * np.diff(at, axis=1)
-    total = np.concatenate([np.zeros((len(at), 1)), np.cumsum(parts, axis=1)], axis=1)
-    found, index = [], []
-    for i in range(len(at)):
-        count = max(int(np.ceil(total[i, -1])), 3 if is_rest[i] or is_rest[i + 1] else 1)
-        found.append(np.interp(np.arange(count) / count * total[i, -1], total[i], at[i]))
-        index += [i] + [-1] * (count - 1)
-    return np.append(np.concatenate(found), marks[-1]), np.array([*index, len(marks) - 1])
+    at, _ = _divide(marks, marks, np.full(len(marks) - 1, SAMPLES))
+    typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
+    for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
+        own = np.maximum(_tolerance_at(tube, np.interp(at, places[:, 1], places[:, 0])), 1e-9)
+        bend = _bend(joint_path, arm, at)
+        curved = bend + np.linalg.norm(path(at, 2), axis=1)
+        step = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
+        i = np.clip(np.searchsorted(rests, at, side="right") - 1, 0, len(rests) - 2)
+        step = np.minimum(step, np.diff(rests)[i] / FEWEST)
+        k = np.searchsorted(at, marks)
+        step[k] = np.where(is_rest, AT_REST * step[k], np.minimum(first, step[k]))
+        # Neighbouring distances differ by no more than the growth.
+        step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
+        step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
+        density = 1 / (pitch * step)
+        total = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(at)))
+        least = np.where(is_rest[:-1] | is_rest[1:], 3, 1)
+        count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
+        if not parts:
+            break
+        # Samples are denser where nodes will be.
+        at, _ = _divide(total[k], marks, np.maximum(count * PER_NODE, parts), (total, at))
+    s, mark = _divide(total[k], marks, count, (total, at))
+    return s, mark
+
+
+def _divide(
+    ends: FloatArray,
+    marks: FloatArray,
+    count: IntArray,
+    along: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, IntArray]:
+    """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none.
+
+    Args:
+        ends: Values at the marks that each stretch is divided evenly in, (m,).
+        marks: Arc lengths of the marks [m], (m,).
+        count: Parts of every stretch, (m - 1,).
+        along: These values over arc lengths, where they are others.
+    """
+    stretch = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
+    value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
+    s = value if along is None else np.interp(value, *along)
+    s = np.append(np.where(number == 0, marks[stretch], s), marks[-1])
+    return s, np.append(np.where(number == 0, stretch, -1), len(marks) - 1)
 
 
 def _frames(tangents: FloatArray) -> FloatArray:

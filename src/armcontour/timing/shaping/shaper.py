@@ -20,7 +20,7 @@ from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import Tracing, trace_program
-from armcontour.timing.shaping.search import make_searches
+from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
 
@@ -284,7 +284,9 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
     durations = {x.name: x.duration for x in known}
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    for search in make_searches(objective, tube, timer, wishes):
+    note = why_not(objective, tube)
+    searches = make_searches(objective, tube, timer, wishes) if note is None else iter(())
+    for search in searches:
         left = wishes.iterations - len(history) + 1
         for _, found in zip(range(left), search.run(), strict=False):
             best = min(best, found, key=lambda x: x.duration)
@@ -294,7 +296,7 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
         if best.duration < (1 - ENOUGH) * first.duration:
             break
     durations["shaped"] = best.duration
-    outcome = Outcome(start=first.name, durations=durations, history=tuple(history))
+    outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
     tell(1.0)
     return _shaped_path(objective, best, wishes, outcome)
 

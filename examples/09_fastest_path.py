@@ -1,0 +1,36 @@
+"""The fastest path within a tolerance: the paper's job, executed, and a seam on a UR5e."""
+
+import armcontour as ac
+
+
+def compare(name, objective, arm, limits, tolerance, **options):
+    """Print the least times of arcs and of the shaped path; return the shaped motion."""
+    arcs = ac.plan(ac.round_corners(objective, tolerance=tolerance), arm, limits)
+    shaped = ac.plan(objective, arm, limits, method="shaped", tolerance=tolerance, **options)
+    outcome = shaped.path.outcome
+    print(
+        f"{name}: {shaped.duration:.3f} s, arcs take {arcs.duration:.3f} s; "
+        f"{outcome.gain:.1%} less than {outcome.start}"
+    )
+    return shaped
+
+
+arm = ac.load_arm("pmk3s")
+objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+compare("1 mm", objective, arm, limits, 1e-3)
+compare("5 mm, lines 0.1 mm", objective, arm, limits, 5e-3, line_tolerance=1e-4, zone=20e-3)
+planned = compare("5 mm", objective, arm, limits, 5e-3)
+
+servo = ac.ServoModel(kp=25.0, kv=150.0)
+taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, arm=arm)
+executed = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
+for name, path in (("shaped", planned.path), ("objective", objective)):
+    error = ac.evaluate(executed, path).contour_error
+    print(f"  executed within {error.max * 1e3:.3f} mm of the {name} path")
+
+ur5e = ac.load_arm("ur5e")
+seam = ac.Path.polyline([(0.35, -0.10, 0.15), (0.50, -0.10, 0.15), (0.50, 0.05, 0.20)])
+limits = ur5e.limits.replace(speed=0.25, joint_acceleration=8.0)
+torch = seam.pointing((0.0, 0.0, -1.0))
+compare("seam on a UR5e, 1 mm, ten iterations", torch, ur5e, limits, 1e-3, iterations=10)
