@@ -30,14 +30,15 @@ def is_long(group: IntArray) -> bool:
     return bool(group[-1] >= LONG)
 
 
-def place_cuts(group: IntArray, iteration: int) -> IntArray:
+def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
     """The first of both nodes that stay between chunks, none where the path is not long, (m,).
 
     Args:
         group: Number of the corner or rest that each node is nearest to, ascending, (n,).
         iteration: Number of the iteration.
+        whole: Whether a long path is not cut either.
     """
-    if not is_long(group):
+    if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
     cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
@@ -76,7 +77,9 @@ def solve_in_chunks(
             own_cost[0], own[0, :, : 2 * k], own[1, :, :k] = 0.0, 0.0, 0.0
         if end < n:
             own_cost[-1], own[-1, :, k:], own[-2, :, 2 * k :] = 0.0, 0.0, 0.0
-        return solve_program(own_cost, own, bounds[part], weight[part])[0]
+        x, _ = solve_program(own_cost, own, bounds[part], weight[part])
+        # A chunk without a solution stays as it is.
+        return x if np.isfinite(x).all() else np.zeros_like(x)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))

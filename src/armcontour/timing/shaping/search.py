@@ -254,7 +254,8 @@ class Search:
             np.concatenate([rows, own], axis=1),
             np.concatenate([bounds, own_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-            place_cuts(nodes.group, state.proposals),
+            # The start is no spline: nodes that stay on it may leave no solution.
+            place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1
         if not np.isfinite(x).all():
