@@ -157,63 +157,81 @@ def place_nodes(
         pitch: Factor on the distances between nodes.
     """
     path, places = start.path, start.places
-    turns = path_turns(tube)
-    at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
-    stops = np.concatenate([[0.0], path.stops, [path.length]])
-    free = ~_near(at, stops)
-    corner = np.flatnonzero(free)
-    marks = np.concatenate([stops, at[free]])
-    is_rest = np.arange(len(marks)) < len(stops)
-    order = np.argsort(marks, kind="stable")
-    marks, is_rest = marks[order], is_rest[order]
-    which = np.concatenate([np.full(len(stops), -1), corner])[order]
-    # The last entry is for rests, whose index is -1.
-    half = np.append(turns, 0.0)[which] / 2
-    own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
-    first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
-    s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
+    marks = _Marks.of(path, places, tube)
+    s, index = _spread(path, joint_path, arm, tube, places, marks, pitch)
     # A rest between two stretches has a node on either side.
-    twice = np.isin(index, np.flatnonzero(is_rest)[1:-1])
-    row = np.repeat(np.arange(len(s)), 1 + twice)
-    n = len(row)
-    s, mark = s[row], np.where(np.append(row[1:] == row[:-1], False), -1, index[row])
-    resting = np.isin(index[row], np.flatnonzero(is_rest))
-    rest = np.zeros(n + 1, dtype=bool)
-    rest[[0, -1]] = True
-    rest[1:-1] = row[1:] == row[:-1]
+    row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
+    doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
+    s, mark = s[row], np.where(doubled[1:], -1, index[row])
+    corner = np.where(mark >= 0, marks.corner[mark], -1)
     place = np.interp(s, places[:, 1], places[:, 0])
-    at_corner = (mark >= 0) & (which[mark] >= 0)
-    place[at_corner] = tube.objective.breaks[tube.vertex[which[mark[at_corner]]]]
+    place[corner >= 0] = tube.objective.breaks[tube.vertex[corner[corner >= 0]]]
     tolerance = _tolerance_at(tube, place)
-    tangents = path(s, 1)
+    resting = np.isin(index[row], np.flatnonzero(marks.rest))
     gap = np.diff(s)
     wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
-    # A tube around a line holds the hull of its control points, but for what even motion of the
-    # joints bends.
-    bend = _bend(joint_path, arm, s)
-    vertex = np.full(n, -1)
-    for i in np.flatnonzero(mark >= 0):
-        k = which[mark[i]]
-        if k >= 0:
-            vertex[max(i - 1, 0) : i + 2] = k
-    ends = np.concatenate([[s[0]], (s[1:] + s[:-1]) / 2, [s[-1]]])
+    tangents = path(s, 1)
     return Nodes(
         place=place,
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
-        sag=wide**2 * bend / 8,
+        # A tube around a line holds the hull of its control points, but for what even motion of
+        # the joints bends.
+        sag=wide**2 * _bend(joint_path, arm, s) / 8,
         tolerance=tolerance,
         least=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
-        rest=rest,
-        vertex=np.where(resting, -1, vertex),
-        group=np.searchsorted((marks[1:] + marks[:-1]) / 2, s),
-        times=start.trajectory.time_at(ends),
+        rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
+        vertex=np.where(resting, -1, _beside_corners(corner)),
+        group=np.searchsorted((marks.at[1:] + marks.at[:-1]) / 2, s),
+        times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
         near=NearPath.along(joint_path(s), arm, branch, path, s),
         q=joint_path(s),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Marks:
+    """Rests and corners of a start, m of them.
+
+    Args:
+        at: Arc lengths on the start, ascending [m], (m,).
+        rest: Whether the tool rests there, (m,).
+        corner: Index of the corner in the tube; -1 for rests, (m,).
+        first: Distance to the next nodes [m], (m,); of no meaning for rests.
+    """
+
+    at: FloatArray
+    rest: BoolArray
+    corner: IntArray
+    first: FloatArray
+
+    @classmethod
+    def of(cls, path: Path, places: FloatArray, tube: Tube) -> _Marks:
+        """The marks of a path with places in a tube."""
+        at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
+        stops = np.concatenate([[0.0], path.stops, [path.length]])
+        corner = np.flatnonzero(~_near(at, stops))
+        marks = np.concatenate([stops, at[corner]])
+        order = np.argsort(marks, kind="stable")
+        which = np.concatenate([np.full(len(stops), -1), corner])[order]
+        # The last entry is for rests, whose index is -1.
+        half = np.append(path_turns(tube), 0.0)[which] / 2
+        own = _tolerance_at(tube, np.interp(marks[order], places[:, 1], places[:, 0]))
+        first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
+        return cls(marks[order], order < len(stops), which, first)
+
+
+def _beside_corners(corner: IntArray) -> IntArray:
+    """The corner that each node is at or next to; -1 for none, (n,)."""
+    found = corner.copy()
+    at = np.flatnonzero(corner >= 0)
+    for side in (np.maximum(at - 1, 0), np.minimum(at + 1, len(corner) - 1)):
+        free = found[side] < 0
+        found[side[free]] = corner[at[free]]
+    return found
 
 
 def _least_nearby(values: FloatArray) -> FloatArray:
@@ -256,17 +274,15 @@ def _spread(
     arm: Arm,
     tube: Tube,
     places: FloatArray,
-    marks: FloatArray,
-    is_rest: BoolArray,
-    first: FloatArray,
+    marks: _Marks,
     pitch: float,
 ) -> tuple[FloatArray, IntArray]:
     """Arc lengths of nodes, and the mark at which each is; -1 for none.
 
-    The distance between nodes grows from `first` at a mark by GROWTH from node to node.
+    The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
-    rests = marks[is_rest]
-    at, _ = _divide(marks, marks, np.full(len(marks) - 1, SAMPLES))
+    rests = marks.at[marks.rest]
+    at, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
     typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
     for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
         own = np.maximum(_tolerance_at(tube, np.interp(at, places[:, 1], places[:, 0])), 1e-9)
@@ -275,20 +291,20 @@ def _spread(
         step = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
         i = np.clip(np.searchsorted(rests, at, side="right") - 1, 0, len(rests) - 2)
         step = np.minimum(step, np.diff(rests)[i] / FEWEST)
-        k = np.searchsorted(at, marks)
-        step[k] = np.where(is_rest, AT_REST * step[k], np.minimum(first, step[k]))
+        k = np.searchsorted(at, marks.at)
+        step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
         # Neighbouring distances differ by no more than the growth.
         step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
         step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
         density = 1 / (pitch * step)
         total = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(at)))
-        least = np.where(is_rest[:-1] | is_rest[1:], 3, 1)
+        least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
         count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
         if not parts:
             break
         # Samples are denser where nodes will be.
-        at, _ = _divide(total[k], marks, np.maximum(count * PER_NODE, parts), (total, at))
-    s, mark = _divide(total[k], marks, count, (total, at))
+        at, _ = _divide(total[k], marks.at, np.maximum(count * PER_NODE, parts), (total, at))
+    s, mark = _divide(total[k], marks.at, count, (total, at))
     return s, mark
 
 
