@@ -17,6 +17,9 @@ from armcontour.timing.shaping.starts import Candidate
 # to node away from the corner. The pitch of the nodes is a factor on all distances.
 AT_CORNER = 0.045
 GROWTH = 0.12
+# Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
+# of a curve, and get no nodes of their own.
+SHALLOW, DENSE = 0.15, 4.0
 # Distance beside a rest over what it would be without the rest.
 AT_REST = 0.12
 # A polygon of control points may leave its curve by this share of the tolerance.
@@ -213,12 +216,16 @@ class _Marks:
         """The marks of a path with places in a tube."""
         at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
-        corner = np.flatnonzero(~_near(at, stops))
+        turns = path_turns(tube)
+        gaps = np.diff(np.concatenate([[0.0], at, [path.length]]))
+        own = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
+        dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * own)
+        corner = np.flatnonzero(~_near(at, stops) & ~dense)
         marks = np.concatenate([stops, at[corner]])
         order = np.argsort(marks, kind="stable")
         which = np.concatenate([np.full(len(stops), -1), corner])[order]
         # The last entry is for rests, whose index is -1.
-        half = np.append(path_turns(tube), 0.0)[which] / 2
+        half = np.append(turns, 0.0)[which] / 2
         own = _tolerance_at(tube, np.interp(marks[order], places[:, 1], places[:, 0]))
         first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
         return cls(marks[order], order < len(stops), which, first)

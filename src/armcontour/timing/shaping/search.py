@@ -328,8 +328,12 @@ class Search:
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
         np.maximum.at(lacking, span, proof.segments + beside)
-        for k, excess in enumerate(vertices):
-            lacking[nodes.vertex == k] = np.maximum(lacking[nodes.vertex == k], excess)
+        at = self.tube.objective.breaks[self.tube.vertex]
+        for k in np.flatnonzero(vertices > proof.slack):
+            near = nodes.vertex == k
+            if not near.any():
+                near = np.abs(nodes.place - at[k]) == np.abs(nodes.place - at[k]).min()
+            lacking[near] = np.maximum(lacking[near], vertices[k])
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
