@@ -23,8 +23,9 @@ STOPS = "stops"
 # Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
 # them leave, to this share.
 HALVINGS, LESS = 14, 0.9
-# The tool stops at corners that cannot be rounded by this [m]: no arm resolves so small arcs.
-FINEST = 1e-8
+# The tool stops at corners that cannot be rounded by so much, or with so large a radius [m]: no arm
+# resolves so small arcs, and rounding errors would exceed limits.
+FINEST, SHARPEST = 1e-8, 1e-10
 # A point of a start belongs to the objective this many tolerances to either side of its place.
 REACH = 6.0
 
@@ -153,7 +154,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, places: FloatArray) -> IntAr
     at = tube.objective.breaks[tube.vertex]
     nearest = np.abs(place[:, None] - at).argmin(axis=1) if len(at) else np.zeros(0, dtype=np.intp)
     corners = path.corners
-    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < FINEST)]
+    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < SHARPEST)]
     far = tube.vertex[proof.vertices > proof.slack]
     return np.unique(np.concatenate([tube.vertex[nearest], far, tiny])) - 1
 
