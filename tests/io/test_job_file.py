@@ -17,7 +17,7 @@ from armcontour.cli.running import built_in_job
 from armcontour.compensation import compensator
 from armcontour.errors import InvalidInput
 from armcontour.io import json_schema, parse_job, read_job
-from armcontour.timing import planner
+from armcontour.timing import methods
 
 ROOT = FilePath(__file__).parents[2]
 GOOD = {
@@ -129,7 +129,7 @@ def test_the_plant_is_the_servo_but_for_what_it_says() -> None:
 
 def test_methods_are_those_of_the_doors() -> None:
     kinds = json_schema()["$defs"]
-    for name, known in (("Timing", planner.METHODS), ("Compensation", compensator.METHODS)):
+    for name, known in (("Timing", methods.METHODS), ("Compensation", compensator.METHODS)):
         assert kinds[f"{name}Model"]["properties"]["method"]["enum"] == list(known)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
@@ -187,9 +188,13 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
-    if not isinstance(corners, str) and corners.tolerance is None:
-        _refuse_no_speed(f"runs.{name}." if model.corners else "", corners, limits)
     _refuse_options(f"runs.{name}", model)
+    if not isinstance(corners, str):
+        key = "corners" if model.corners is None else f"runs.{name}.corners"
+        with locate_errors(f"run {name}") if model.corners is None else nullcontext():
+            corners.check(model.timing.method, key)
+        if corners.tolerance is None:
+            _refuse_no_speed(key, corners, limits)
     timing = model.timing
     experiment = _experiment(name, job.experiment, arm)
     period = job.command_interval if model.command_interval is None else model.command_interval
@@ -239,11 +244,11 @@ def _override_limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) 
         return limits.replace(**given).for_joints(arm.dof)
 
 
-def _refuse_no_speed(where: str, corners: Rounding, limits: Limits) -> None:
+def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
     """Refuse rounding without a tolerance, and without a speed and an acceleration."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
-            f"{where}corners needs tolerance, the largest corner error, or speed and acceleration."
+            f"{key} needs tolerance, the largest corner error, or speed and acceleration."
         )
 
 

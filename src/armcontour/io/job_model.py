@@ -30,9 +30,10 @@ from armcontour.io.forms import Place, Point
 from armcontour.io.keys import Given, Number
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, Rounding
+from armcontour.motion import Method
 from armcontour.program import Process
 from armcontour.servo import ServoModel
-from armcontour.timing import planner
+from armcontour.timing import methods
 
 Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
@@ -50,6 +51,16 @@ def _joint_position(value: Any) -> Any:
         except ValueError:
             pass
     parse(value, "rad")
+    return value
+
+
+def _method(value: Any) -> Any:
+    """Refuse the method that changes the path, which `corners` does in a job."""
+    if value == Method.SHAPED:
+        raise ValueError(
+            "shaped is no timing of a job: write corners: {shape: free, tolerance: 1 mm}, with "
+            "timing: {method: optimal}"
+        )
     return value
 
 
@@ -303,7 +314,7 @@ class TimingModel:
             servo. With a reserve of 0, a servo that lags cannot catch up.
     """
 
-    method: Annotated[str, Choice(planner.METHODS)] = "optimal"
+    method: Annotated[str, Choice(methods.METHODS), BeforeValidator(_method)] = "optimal"
     knots: Annotated[int, AtLeast(8)] | None = None
     intervals: Annotated[int, AtLeast(2)] | None = None
     reserve: Ratio = 0.0

@@ -186,7 +186,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
         number = _number(mark)
         return number if of is float else number | list[number]  # type: ignore[valid-type]
     if isinstance(mark, Choice):
-        return Literal[mark.known]
+        known: Any = Literal[mark.known]
+        return Annotated[(known, *marks[1:])] if marks[1:] else known
     if isinstance(mark, AtLeast):
         return Annotated[StrictInt, Field(ge=mark.least)]
     if isinstance(mark, Some):

@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
-from armcontour._quantities import Acceleration, AngularDistance, Distance, Speed
+from armcontour._quantities import (
+    Acceleration,
+    AngularDistance,
+    AtLeast,
+    Choice,
+    Distance,
+    Speed,
+)
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
-from armcontour.motion import check_interval
+from armcontour.motion import Method, check_interval
 from armcontour.program import Process, Program, prepare
 from armcontour.servo import ServoModel
 from armcontour.timing import refuse_endless
+from armcontour.timing.shaping.wishes import Wishes
 
 # A title is a line of a report.
 LONGEST_TITLE = 200
+
+
+# Shapes of corners: arcs, or whatever is the fastest within the tolerance.
+ARC, FREE = "arc", "free"
+SHAPES = (ARC, FREE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,17 +42,88 @@ class Rounding:
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
 
     Args:
+        shape: "arc" rounds corners with arcs. "free" finds, for the limits of the run, the fastest
+            path whose points are all within the tolerance of the objective, corners and lines
+            alike; it needs `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
+        line_tolerance: For the shape free, the largest distance from the objective farther than
+            `zone` from its corners [m]; by default the tolerance holds everywhere.
+        zone: For the shape free, the distance from a corner within which `tolerance` holds [m].
+        iterations: For the shape free, the largest number of steps of the search; by default 30.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
     """
 
+    shape: Annotated[str, Choice(SHAPES)] = ARC
     tolerance: Distance | None = None
+    line_tolerance: Distance | None = None
+    zone: Distance | None = None
+    iterations: Annotated[int, AtLeast(0)] | None = None
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
+
+    @property
+    def free(self) -> bool:
+        """Whether the shape is found together with the timing."""
+        return self.shape == FREE
+
+    @property
+    def with_arcs(self) -> Rounding:
+        """The same tolerance with arcs at the corners."""
+        return replace(self, shape=ARC, **dict.fromkeys(OF_FREE))
+
+    @property
+    def wishes(self) -> dict[str, Any]:
+        """Keyword arguments of `shape` for the shape free."""
+        wanted = {name: getattr(self, name) for name in ("tolerance", *OF_FREE)}
+        given = {name: x for name, x in wanted.items() if x is not None}
+        return {**given, "angular_tolerance": self.angular_tolerance}
+
+    def check(self, timing: str, key: str = "corners") -> None:
+        """Refuse values that do not go together.
+
+        Args:
+            timing: Timing method of the run.
+            key: The key of these values in messages.
+
+        Raises:
+            InvalidInput: Such values.
+        """
+        _checks.choice(f"{key}.shape", self.shape, SHAPES)
+        if not self.free:
+            for name in OF_FREE:
+                if getattr(self, name) is not None:
+                    raise InvalidInput(
+                        f"{key}.{name} is for the shape free, but the shape is {self.shape}: write "
+                        f"shape: free, or leave {name} out."
+                    )
+            return
+        if timing != Method.OPTIMAL:
+            raise InvalidInput(
+                f"{key}.shape is free, which goes with the timing method optimal, but this run has "
+                f"the method {timing}: give the run corners of its own, such as corners: "
+                "{tolerance: 1 mm}, or timing: {method: optimal}."
+            )
+        for name in ("speed", "acceleration"):
+            if getattr(self, name) is not None:
+                raise InvalidInput(
+                    f"{key}.{name} sets the radius of arcs, but the shape is free: leave {name} "
+                    "out and give tolerance, the largest distance from the objective."
+                )
+        if self.tolerance is None:
+            raise InvalidInput(
+                f"{key}.tolerance is missing: the shape free needs it, the largest distance from "
+                "the objective, such as tolerance: 1 mm."
+            )
+        with locate_errors(key):
+            Wishes(**self.wishes)
+
+
+# Keys of `Rounding` that only the shape free has.
+OF_FREE = ("line_tolerance", "zone", "iterations")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +148,8 @@ class Run:
         experiment: Options of a simulation on rigid bodies; None simulates none.
 
     Raises:
-        InvalidInput: A command interval out of range, or a time that is not above zero.
+        InvalidInput: A command interval out of range, a time that is not above zero, or a rounding
+            that is not for the timing method.
     """
 
     name: str
@@ -84,6 +169,8 @@ class Run:
 
     def __post_init__(self) -> None:
         check_interval(self.period)
+        if self.rounding is not None:
+            self.rounding.check(self.timing)
         if self.duration is not None:
             _checks.positive("duration", self.duration, "s")
         if self.until is not None:

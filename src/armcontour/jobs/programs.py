@@ -19,7 +19,14 @@ from armcontour.program import (
     prepare,
     round_corners,
 )
-from armcontour.timing import Tracing, plan, trace_program
+from armcontour.timing import (
+    Tracing,
+    intervals_of,
+    plan,
+    shape,
+    trace_program,
+    with_reserve,
+)
 
 # Automatic leads: the first length that is tried [m], and how often the length is doubled.
 FIRST_LEAD = 2e-3
@@ -29,12 +36,13 @@ LEAD_RESOLUTION = 0.05
 FINEST_LEAD = 1e-4
 
 
-def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
-    """The program of a run, prepared, before and after its corners are rounded.
+def programs_of(job: Job, this: Run, progress: Progress | None = None) -> tuple[Program, Program]:
+    """The program of a run, prepared, before and after its corners are rounded or shaped.
 
     Args:
         job: The job.
         this: The run.
+        progress: Called with the step "shaping" and the share that is done.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
@@ -48,14 +56,28 @@ def programs_of(job: Job, this: Run) -> tuple[Program, Program]:
             )
         leads = automatic_leads(job, this)
         objective = prepare(job.program, job.process, leads)
-    return objective, round_program(objective, this)
+    return objective, round_program(job, this, objective, progress)
 
 
-def round_program(program: Program, this: Run) -> Program:
-    """Round the corners of a program as a run does; a run may keep them sharp."""
+def round_program(
+    job: Job, this: Run, program: Program, progress: Progress | None = None
+) -> Program:
+    """Round or shape the corners of a program as a run does; a run may keep them sharp."""
     rounding = this.rounding
     if rounding is None:
         return program
+    if rounding.free:
+        with locate_errors("corners"):
+            return shape(
+                program,
+                job.arm,
+                with_reserve(this.limits, this.reserve),
+                branch=job.branch,
+                start=job.start,
+                intervals=this.timing_options.get("intervals", intervals_of(program)),
+                progress=progress,
+                **rounding.wishes,
+            )
     acceleration = rounding.acceleration
     if acceleration is None:
         acceleration = this.limits.centripetal_acceleration
@@ -72,11 +94,14 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
     """The shortest leads with which the tool has full speed where the process goes on and off.
 
     Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
-    velocity, full speed is the largest speed that a lead gives.
+    velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as
+    arcs here: dozens of leads are tried, and shaping takes long.
 
     Returns:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
+    if this.rounding is not None:
+        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
     process = job.process
     layers = {
         layer: {key: x for key, x in given.items() if key not in ("lead_in", "lead_out")}
@@ -122,7 +147,7 @@ def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[fl
         lead_out=own.lead_out if leads.after else None,
         up=own.up,
     )
-    alone = round_program(prepare(Program(moves=(contour,)), ends, [leads]), this)
+    alone = round_program(job, this, prepare(Program(moves=(contour,)), ends, [leads]))
     (only,) = alone.contours
     assert only.work is not None
     on, off = plan_run(job, this, alone).speed_at(only.work)

@@ -43,6 +43,8 @@ from armcontour.timing import (
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:4]
 EXPERIMENT = "experiment"
+# Takes the place of rounding where corners have the shape free.
+SHAPING = "shaping"
 # Share of the motion above which a command interval is reported as coarse.
 COARSE = 0.1
 Result = TypeVar("Result", bound="RunPlan")
@@ -70,7 +72,8 @@ class RunPlan:
     Args:
         run: The run.
         objective: The program with sharp corners; a path becomes a program.
-        path: The program that the tool follows: with rounded corners, if the run rounds corners.
+        path: The program that the tool follows: with rounded or shaped corners, if the run rounds
+            corners.
         trajectory: The realizable trajectory.
         taught: The taught data.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
@@ -245,9 +248,10 @@ def _do_runs(
 
 def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     """Names of the steps of a run, in order."""
-    if not simulated:
-        return TEACHING
-    return STEPS if this.experiment is None else (*STEPS, EXPERIMENT)
+    steps = STEPS if simulated else TEACHING
+    if this.rounding is not None and this.rounding.free:
+        steps = (SHAPING, *steps[1:])
+    return steps if this.experiment is None or not simulated else (*steps, EXPERIMENT)
 
 
 def path_of(job: Job, this: Run) -> Path:
@@ -344,14 +348,14 @@ def _trace(
     """The program of a run before and after rounding, and the joint paths of its moves.
 
     Runs with the same path and limits share one tracing, because tracing with redundant degrees of
-    freedom takes seconds. Leads of automatic length depend on the timing, so that such runs share
-    nothing.
+    freedom takes seconds, and shaping too. Leads of automatic length depend on the timing, so that
+    such runs share nothing.
     """
     for x in earlier:
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
             return x.objective, x.path, x.traced
-    progress(Step(("rounding",)))
-    objective, path = programs_of(job, this)
+    progress(Step((steps_of(this)[0],)))
+    objective, path = programs_of(job, this, progress)
     progress(Step(("tracing",)))
     return objective, path, trace_run(job, this, path, progress)
 
@@ -369,6 +373,10 @@ def same_plan(first: RunResult, second: RunResult) -> bool:
 
 def traced_alike(first: Run, second: Run) -> bool:
     """Whether two runs have the same path and limits, and so the same joint path."""
+    shaped = first.rounding is not None and first.rounding.free
+    if shaped and (first.reserve, first.timing_options) != (second.reserve, second.timing_options):
+        # The shape depends on what the plan leaves to the servo, and on its grid.
+        return False
     return first.rounding == second.rounding and all(
         np.array_equal(getattr(first.limits, x.name), getattr(second.limits, x.name))
         for x in fields(Limits)
