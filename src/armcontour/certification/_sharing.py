@@ -6,6 +6,7 @@ given back to the shape.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.programs import programs_of, round_program
+from armcontour.jobs.programs import programs_of, round_program, trace_run
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.box import Box
@@ -93,8 +94,10 @@ class Sharing:
 
     def __post_init__(self) -> None:
         self._programs = self._shape(self.with_shape_of(0.0))
-        parts = [shape_part(x.path) for x in self.largest.contours]
-        self.shares = self.goal.tolerance is not None and max(parts) > 0
+        rounding = self.this.rounding
+        free = rounding is not None and rounding.free
+        bent = free or any(shape_part(x.path) > 0 for x in self.largest.contours)
+        self.shares = self.goal.tolerance is not None and bent
 
     @property
     def largest(self) -> Program:
@@ -113,13 +116,15 @@ class Sharing:
         if not self.shares:
             budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
             assert budget is not None
+            self._refuse_slower(())
             return self._reshape(self._search(budget, self.this))
-        tightest = self._tightest
-        shares = SERVO_SHARES if goal.servo is None else (goal.servo / tightest,)
+        budgets = [x * self._tightest for x in SERVO_SHARES]
+        if goal.servo is not None:
+            budgets = [goal.servo]
+        self._refuse_slower(budgets)
         best: Found | None = None
-        for share in shares:
-            budget = share * tightest
-            last = share == shares[-1] and best is None
+        for budget in budgets:
+            last = budget == budgets[-1] and best is None
             found = self._search(budget) if last else self._try(budget)
             if best is not None and (found is None or found.duration >= best.duration):
                 break
@@ -128,6 +133,22 @@ class Sharing:
                 break
         assert best is not None  # the search with the last share raises if it fails
         return self._reshape(self._give_rest_to_shape(best))
+
+    def _refuse_slower(self, budgets: Sequence[float]) -> None:
+        """Refuse a run whose fastest plans are slower than the deadline, whatever the budget [m].
+
+        Raises:
+            Slower: They are.
+        """
+        if not np.isfinite(self.deadline):
+            return
+        robot = robot_of(self.job, self.this, self.goal)
+        least = np.inf
+        for program in (self.largest, *(self._shape(self.with_shape_of(x))[1] for x in budgets)):
+            traced = trace_run(self.job, self.this, program)
+            least = min(least, plan_fastest(robot, program, traced).duration)
+        if least >= self.deadline:
+            raise Slower(least)
 
     def _give_rest_to_shape(self, found: Found) -> Found:
         """Give the unused tolerance of the servo to the shape, if the plan gets faster."""
@@ -166,7 +187,6 @@ class Sharing:
 
         Raises:
             NotRealizable: No plan keeps the goal.
-            Slower: All plans are slower than the deadline.
         """
         this = self.with_shape_of(budget) if this is None else this
         objective, program = self._shape(this, limits)
@@ -183,10 +203,6 @@ class Sharing:
             program=program,
             progress=self.progress,
         )
-        if np.isfinite(self.deadline):
-            least = plan_fastest(robot, program, assembly.traced).duration
-            if least >= self.deadline:
-                raise Slower(least)
         try:
             return Found(this, budget, assembly.whole())
         finally:

@@ -182,17 +182,12 @@ class Assembly:
             allowed=outside.allowed,
         )
 
-    @property
-    def traced(self) -> Tracing:
-        """The traced program."""
-        if self._traced is None:
-            self._traced = trace_run(self.job, self.robot.run, self.program)
-        return self._traced
-
     def _assemble(self) -> Whole:
         """Plan all moves that have no plan yet, and execute the whole program."""
         self._used = 0
-        trajectory = time_program(self.traced, self)
+        if self._traced is None:
+            self._traced = trace_run(self.job, self.robot.run, self.program)
+        trajectory = time_program(self._traced, self)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
         taught, execution, judged, checked = self._execute(trajectory, contours)
@@ -208,7 +203,7 @@ class Assembly:
             check=checked,
             contours=contours,
             rapids=tuple(x for x in self._done if isinstance(x, Derated)),
-            traced=self.traced,
+            traced=self._traced,
         )
 
     def _execute(
