@@ -208,6 +208,7 @@ _ON_BODIES = {
         "armature": 0.0,
     },
 }
+_FREE = {"shape": "free", "line_tolerance": 1e-4, "zone": 5e-3, "iterations": 2}
 _INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
 _FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.0, "settled": 1.5}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
@@ -251,6 +252,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
     _with(PLANE, runs={"one": {"timing": {"method": "mac", "knots": 50, "intervals": None}}}),
     _with(PLANE, runs={"one": {"compensation": {"poles": [-100.0, -100.0, -150.0]}}}),
+    _with(PLANE, corners=_FREE),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
     _with(PLANE, limits={"joint_deceleration": 0.7, "joint_acceleration": 0.7}),
     _with(PLANE, limits={"joint_jerk": 100.0}, ignore_jerk=True),
@@ -390,6 +392,8 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--turn": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
     "--speed": ("# m/s", "# mm/s"),
     "--tolerance": ("# m", "# mm"),
+    "--line-tolerance": ("# m", "# mm"),
+    "--zone": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
     "--from-s": ("# m", "# mm"),
     "--tool": ("1: # m", "1: # mm"),
@@ -405,7 +409,8 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--export", "--format",
+    "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--corner-shape", "--export",
+    "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--out", "--output", "--package", "--path", "--plant", "--run", "--skip", "--taught",
     "--template", "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",

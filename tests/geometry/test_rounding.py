@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.geometry import corner_error, count_full_stops
+from armcontour.geometry import Outcome, corner_error, count_full_stops
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
@@ -239,6 +241,24 @@ def test_full_stops_are_counted_by_their_reasons():
     )
     assert count_full_stops(turning) == {"tool orientation": 1}
     assert count_full_stops(bridge()) == {"rounding off": 2}
+
+
+def test_full_stops_of_a_shaped_path_say_why_they_are():
+    lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
+    for own, found in (
+        (np.nan, {"faster than a curve": 2, "turn-back": 1}),
+        (0.0, {"faster than a curve": 1, "tolerance zero": 1, "turn-back": 1}),
+    ):
+        tolerances = np.array([own, np.nan, np.nan, np.nan])
+        objective = ac.Path(segments=dataclasses.replace(lines, tolerances=tolerances))
+        stopping = ac.ShapedPath(
+            segments=lines,
+            objective=objective,
+            places=[[0.0, 0.0], [objective.length, objective.length]],
+            tolerance=0.01,
+            outcome=Outcome(start="stops", durations={"stops": 1.0, "shaped": 1.0}),
+        )
+        assert count_full_stops(stopping) == found
 
 
 def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():

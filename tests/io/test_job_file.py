@@ -17,6 +17,7 @@ from armcontour.cli.running import built_in_job
 from armcontour.compensation import compensator
 from armcontour.errors import InvalidInput
 from armcontour.io import json_schema, parse_job, read_job
+from armcontour.jobs import Rounding
 from armcontour.timing import methods
 
 ROOT = FilePath(__file__).parents[2]
@@ -159,6 +160,25 @@ def test_lines_and_arcs() -> None:
         ("corners", {}, "corners needs tolerance, the largest corner error, or speed and acceler"),
         ("runs.one.corners", {"acceleration": 1}, "runs.one.corners needs tolerance"),
         ("corners", "round", "corners: must be a mapping of keys or sharp, not 'round'.$"),
+        ("corners", {"shape": "round"}, "corners.shape: must be arc or free, not 'round'.$"),
+        ("corners", {"zone": "2 mm"}, "run one: corners.zone is for the shape free"),
+        ("corners.tolerance", "-2 mm", "corners.tolerance: must not be negative, but is -2 mm.$"),
+        ("corners.iterations", 1.5, "corners.iterations: must be a whole number, not 1.5.$"),
+        (
+            "runs.one.corners",
+            {"shape": "free", "tolerance": "1 mm"},
+            "runs.one.corners.shape is free, which .* but this run has the method mac: ",
+        ),
+        (
+            "runs.one",
+            {"corners": {"shape": "free"}},
+            "runs.one.corners.tolerance is missing: the shape free needs it, ",
+        ),
+        (
+            "runs.one.timing.method",
+            "shaped",
+            r"timing.method: shaped is no timing of a job: write corners: {shape: free, toler",
+        ),
         ("runs.one", [], r"runs.one: must be a mapping of keys, not \[\].$"),
         ("runs.one.timing.method", "fast", "runs.one.timing.method: must be optimal, mac or conv"),
         (
@@ -212,7 +232,7 @@ def test_lines_and_arcs() -> None:
         ("servo.kp", [25, 20, 10], "servo: servo gain kp has 3 values, but the arm has 2"),
         ("servo.kp", 0, "servo.kp: must be above zero, but is 0 1/s"),
         ("servo.interpolation", "quartic", "servo.interpolation"),
-        ("servo.dead_time", "-1 ms", "servo.dead_time: must not be negative, but is -0.001 s"),
+        ("servo.dead_time", "-1 ms", "servo.dead_time: must not be negative, but is -1 ms"),
         ("servo.order", "first", "leave its gain kv out"),
         ("runs", {}, "runs: needs at least one entry, but has 0.$"),
         ("runs", {"../up": {}}, "runs.../up: a name must be letters, digits, - and _, 64 at most"),
@@ -253,6 +273,17 @@ def test_a_bad_job_is_refused_in_one_sentence(place: str, value: object, words: 
 def test_a_file_that_is_no_job(text: str, words: str) -> None:
     with pytest.raises(InvalidInput, match=words):
         parse_job(text)
+
+
+def test_corners_of_the_shape_free() -> None:
+    corners = {"shape": "free", "tolerance": "5 mm", "line_tolerance": "0.1 mm", "zone": "20 mm"}
+    found = parse_job(with_change("runs.one", {"corners": {**corners, "iterations": 7}})).runs[0]
+    assert found.timing == "optimal" and found.rounding == Rounding(
+        shape="free", tolerance=5e-3, line_tolerance=1e-4, zone=0.02, iterations=7
+    )
+    assert parse_job(with_change("corners", {"tolerance": "5 mm"})).runs[0].rounding == Rounding(
+        tolerance=5e-3
+    )
 
 
 def test_numbers_with_an_exponent_are_numbers() -> None:
@@ -323,7 +354,7 @@ def test_an_unknown_key_is_named_whatever_it_looks_like(key: str) -> None:
     [
         (
             {"points": [[0, 0], [0, "1e308 m"]]},
-            r"path.points \(item 2, item 2\): must be between .* 1e\+12 m, but is 1e\+308 m",
+            r"path.points \(item 2, item 2\): must be between .* 1e\+12 m, but is 1e308 m",
         ),
         ({"spline": {"points": [[0, 0], [0, 1], [2e6, 1]]}}, r"path.spline.points \(item 3\) has"),
         ({"start": [-1e11, 0], "segments": [{"to": [0, 1]}]}, "path.start has a coordinate"),

@@ -14,7 +14,7 @@ from armcontour.geometry import Path
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
 from armcontour.io.job_overrides import JobOverrides
-from armcontour.jobs import Run
+from armcontour.jobs import Rounding, Run
 
 POINTS = [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]
 JOB: dict[str, Any] = {
@@ -72,6 +72,53 @@ def test_a_tolerance_goes_before_others_but_rounds_no_sharp_corner() -> None:
     assert slow is not None and slow.speed == 0.03
     # A job with sharp corners is rounded, where its runs do not say otherwise.
     assert tolerance(runs(JobOverrides(corner_tolerance=2e-4), corners="sharp")["plain"]) == 2e-4
+
+
+def test_a_shape_goes_to_every_run_that_can_have_it() -> None:
+    values = {"corner_shape": "free", "line_tolerance": 1e-4, "zone": 0.01, "iterations": 4}
+    of_job = {**JOB["runs"], "paper": {"timing": {"method": "mac"}}}
+    of_job.pop("slow")
+    found = runs(JobOverrides(**values), runs=of_job)
+    free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.01, "iterations": 4}
+    own = found["own"].rounding
+    assert own == Rounding(tolerance=1e-3, **free)
+    plain = found["plain"].rounding
+    assert plain is not None and plain.free and plain.tolerance == 2e-3
+    assert plain.angular_tolerance == pytest.approx(np.radians(1))
+    assert found["sharp"].rounding is None
+    paper = found["paper"].rounding
+    assert paper is not None and not paper.free and paper.zone is None
+    # Without corners of the job there are those of --tolerance.
+    both = JobOverrides(corner_shape="free", corner_tolerance=3e-4)
+    assert runs(both, corners="sharp", runs=of_job)["plain"].rounding == Rounding(
+        shape="free", tolerance=3e-4
+    )
+
+
+def test_a_free_shape_becomes_arcs_again() -> None:
+    free = {"shape": "free", "tolerance": "1 mm", "line_tolerance": "0.1 mm", "zone": "9 mm"}
+    found = runs(JobOverrides(corner_shape="arc"), runs={"one": {"corners": free}})
+    assert found["one"].rounding == Rounding(tolerance=1e-3)
+    same = runs(JobOverrides(corner_shape="free"), runs={"one": {"corners": free}})["one"].rounding
+    assert same is not None and same.free and same.zone == pytest.approx(9e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"corner_shape": "round"}, "--corner-shape must be one of arc, free, not 'round'"),
+        ({"corner_shape": "free"}, "runs.slow.corners.speed sets the radius of arcs"),
+        ({"zone": 0.01}, "runs.lifted.corners.zone is for the shape free"),
+    ],
+)
+def test_a_shape_that_does_not_fit_is_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidInput, match=words):
+        runs(JobOverrides(**values))
+
+
+def test_a_shape_for_no_run_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="No run rounds corners with the timing optimal"):
+        runs(JobOverrides(corner_shape="free"), corners="sharp", runs={"one": {}})
 
 
 def test_memory_and_where_to_resume() -> None:

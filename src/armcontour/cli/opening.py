@@ -44,6 +44,10 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         tools=read_tools(x.tool),
         speed=read_option("--speed", x.speed, kinds.Speed),
         corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
+        corner_shape=x.corner_shape,
+        line_tolerance=read_option("--line-tolerance", x.line_tolerance, kinds.Distance),
+        zone=read_option("--zone", x.zone, kinds.Distance),
+        iterations=x.iterations,
         from_s=read_option("--from-s", x.from_s, kinds.Distance),
         memory=read_option("--memory", x.memory, kinds.Memory),
     )

@@ -156,6 +156,30 @@ class JobOptions(DrawingOptions):
     tolerance: Annotated[
         str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
     ] = None
+    corner_shape: Annotated[
+        str | None,
+        typer.Option(
+            "--corner-shape",
+            help="Shape of corners: arc, or free for the fastest path within the tolerance; for "
+            "runs with the timing optimal.",
+        ),
+    ] = None
+    line_tolerance: Annotated[
+        str | None,
+        typer.Option(
+            "--line-tolerance", help="For the shape free: tolerance outside --zone, '0.1 mm'."
+        ),
+    ] = None
+    zone: Annotated[
+        str | None,
+        typer.Option("--zone", help="For the shape free: distance around corners, '20 mm'."),
+    ] = None
+    iterations: Annotated[
+        int | None,
+        typer.Option(
+            "--iterations", min=0, help="For the shape free: most steps of the search, such as 10."
+        ),
+    ] = None
     from_s: Annotated[
         str | None,
         typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),

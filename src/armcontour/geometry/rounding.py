@@ -31,6 +31,7 @@ from armcontour.geometry.rounded_orientation import (
     round_orientation,
 )
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.shaped import ShapedPath
 
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is left
 # out [m].
@@ -46,6 +47,7 @@ NO_ANGLE = "angular tolerance zero"
 OUT_OF_PLANE = "tangent followed out of its plane"
 NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
+NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
 
 
@@ -185,21 +187,35 @@ def round_corners(
 def count_full_stops(path: Path) -> dict[str, int]:
     """How many full stops a path has inside, by their reasons.
 
-    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded, and
-    "tool orientation" where only the orientation or its rate jumps.
+    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
+    "faster than a curve" for those of a shaped path, and "tool orientation" where only the
+    orientation or its rate jumps.
 
     Args:
-        path: The path, rounded or not.
+        path: The path, rounded, shaped, or neither.
     """
     if isinstance(path, RoundedPath):
         reasons = [x for x in path.corners.reason.tolist() if x is not None]
     else:
-        turns = path.turns[path.turns > TANGENT_TOLERANCE]
-        reasons = [
-            TURN_BACK if back else NOT_ROUNDED for back in np.pi - turns <= TANGENT_TOLERANCE
-        ]
+        sharp = path.turns > TANGENT_TOLERANCE
+        back = np.pi - path.turns <= TANGENT_TOLERANCE
+        why = np.full(len(sharp), NOT_ROUNDED, dtype=object)
+        if isinstance(path, ShapedPath):
+            why[:] = NOT_FASTER
+            why[_allowed_at_vertices(path) == 0] = NO_TOLERANCE
+        reasons = np.where(back, TURN_BACK, why)[sharp].tolist()
     reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
     return dict(sorted(Counter(reasons).items()))
+
+
+def _allowed_at_vertices(path: ShapedPath) -> FloatArray:
+    """Tolerance at the objective's vertex nearest to each vertex of a shaped path [m], (n,)."""
+    objective = path.objective
+    s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
+    middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
+    vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
+    own = np.append(objective.tolerances, np.nan)
+    return np.asarray(np.fmin(np.fmin(own[vertex - 1], own[vertex]), path.tolerance))
 
 
 def blend_vertices(

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from armcontour import _checks
+from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel, SkipModel
 from armcontour.jobs import Rounding
+from armcontour.jobs.job import ARC, OF_FREE, SHAPES
+from armcontour.motion import Method
 from armcontour.program import Process
 
 
@@ -31,6 +35,12 @@ class JobOverrides:
             too.
         corner_tolerance: Largest corner error where the drawing gives none [m]; replaces the
             tolerance of runs, too. Runs without rounding keep sharp corners.
+        corner_shape: Shape of the corners of all runs with the timing optimal that round corners,
+            "arc" or "free".
+        line_tolerance: Largest distance from the objective farther than `zone` from corners, for
+            the shape free [m].
+        zone: Distance from a corner within which the tolerance holds, for the shape free [m].
+        iterations: Largest number of steps of the search for the shape free.
         from_s: Position at which to resume, as arc length over all contours [m].
         memory: Largest memory of the calculation [bytes].
     """
@@ -48,6 +58,10 @@ class JobOverrides:
     tools: dict[int, float] | None = None
     speed: float | None = None
     corner_tolerance: float | None = None
+    corner_shape: str | None = None
+    line_tolerance: float | None = None
+    zone: float | None = None
+    iterations: int | None = None
     from_s: float | None = None
     memory: float | None = None
 
@@ -73,6 +87,7 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
     if x.corner_tolerance is not None:
         own = model.corners if isinstance(model.corners, Rounding) else Rounding()
         changes["corners"] = replace(own, tolerance=x.corner_tolerance)
+    changes["runs"] = _shaped(changes["runs"], changes.get("corners", model.corners), x)
     if x.from_s is not None:
         changes["process"] = replace(model.process or Process(), from_s=x.from_s)
     if x.memory is not None:
@@ -88,6 +103,38 @@ def _run(run: RunModel, x: JobOverrides) -> RunModel:
     if x.corner_tolerance is None or not isinstance(own, Rounding) or own.tolerance is None:
         return run
     return replace(run, corners=replace(own, tolerance=x.corner_tolerance))
+
+
+def _shaped(
+    runs: dict[str, RunModel], corners: Rounding | str, x: JobOverrides
+) -> dict[str, RunModel]:
+    """The runs with another shape of the corners, for those that can have it.
+
+    Args:
+        runs: The runs by their names, with other values replaced already.
+        corners: The corners of the job, for runs without corners of their own.
+        x: The values to replace.
+
+    Raises:
+        InvalidInput: No run rounds corners with the timing optimal.
+    """
+    wanted = {name: getattr(x, name) for name in OF_FREE if getattr(x, name) is not None}
+    if x.corner_shape is None and not wanted:
+        return runs
+    if x.corner_shape is not None:
+        wanted["shape"] = _checks.choice("--corner-shape", x.corner_shape, SHAPES)
+    found = {}
+    for name, run in runs.items():
+        own = corners if run.corners is None else run.corners
+        if run.timing.method == Method.OPTIMAL and isinstance(own, Rounding):
+            base = own.with_arcs if x.corner_shape == ARC else own
+            found[name] = replace(run, corners=replace(base, **wanted))
+    if not found:
+        raise InvalidInput(
+            "No run rounds corners with the timing optimal, so that none takes another shape of "
+            "the corners: give --tolerance, or corners to a run with that timing."
+        )
+    return {**runs, **found}
 
 
 def _path(path: PathModel, x: JobOverrides) -> PathModel:

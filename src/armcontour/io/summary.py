@@ -13,8 +13,8 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.arms.chain import Chain
 from armcontour.evaluation import ErrorProfile, Evaluation
-from armcontour.geometry import Corners, RoundedPath
-from armcontour.jobs import ExperimentResult, Job, RunPlan, RunResult, Study
+from armcontour.geometry import Corners, Outcome, RoundedPath, ShapedPath
+from armcontour.jobs import ExperimentResult, Job, Run, RunPlan, RunResult, Shaped, Study
 from armcontour.jobs.quantities import (
     Torques,
     angular_speed,
@@ -70,6 +70,12 @@ UNITS = {
     "coulomb": "N m",
     "joint_stiffness": "N m/rad",
     "joint_damping": "N m s/rad",
+    "durations": "s",
+    "gain": "share of the duration",
+    "tolerance": "m",
+    "line_tolerance": "m",
+    "zone": "m",
+    "angular_tolerance": "rad",
 }
 
 
@@ -171,7 +177,20 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
     if isinstance(single_path, RoundedPath):
         found["corners"] = _corners(single_path.corners)
         _count_left_out(found, corners=len(single_path.corners))
+    if plan.shaped is not None:
+        found["shaping"] = _shaping(plan.shaped, plan.run)
     return found
+
+
+def _shaping(shaped: Shaped, this: Run) -> dict[str, Any]:
+    """Data of what shaping the contours of a run gained."""
+    return {
+        "starts": shaped.starts,
+        "durations": shaped.durations,
+        "gain": shaped.gain,
+        "iterations": shaped.iterations,
+        "wanted": None if this.rounding is None else this.rounding.wishes,
+    }
 
 
 def _corners(c: Corners) -> list[dict[str, Any]]:
@@ -261,6 +280,8 @@ def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
         move: dict[str, Any] = {"kind": x.kind, "t": x.t, "s": x.s}
         if x.kind == "contour":
             contour = next(contours)
+            if isinstance(contour.path, ShapedPath):
+                move |= {"shaping": _outcome(contour.path.outcome)}
             move |= {
                 "name": contour.name,
                 "layer": contour.layer,
@@ -275,6 +296,16 @@ def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
             {"name": x.name, "value": x.value, "t": x.t, "due": x.due, "s": x.s, "point": x.point}
             for x in plan.trajectory.events
         ],
+    }
+
+
+def _outcome(x: Outcome) -> dict[str, Any]:
+    """Data of how the shape of one contour was found."""
+    return {
+        "start": x.start,
+        "durations": x.durations,
+        "gain": x.gain,
+        "iterations": max(len(x.history) - 1, 0),
     }
 
 

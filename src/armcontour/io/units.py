@@ -124,11 +124,11 @@ def read_quantity(value: Any, kind: Quantity) -> float:
         "not negative": (found < 0, "not be negative"),
         "negative": (found >= 0, "be below zero"),
     }[kind.sign]
+    written = value.strip() if isinstance(value, str) else f"{found:g} {kind.unit}"
     if outside:
-        raise ValueError(f"must {words}, but is {found:g} {kind.unit}")
+        raise ValueError(f"must {words}, but is {written}")
     if abs(found) > LARGEST:
         raise ValueError(
-            f"must be between -{LARGEST:g} and {LARGEST:g} {kind.unit}, but is {found:g} "
-            f"{kind.unit}"
+            f"must be between -{LARGEST:g} and {LARGEST:g} {kind.unit}, but is {written}"
         )
     return found

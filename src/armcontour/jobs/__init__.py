@@ -5,6 +5,7 @@ from armcontour.jobs.experiment import Experiment, build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Published, Rounding, Run
 from armcontour.jobs.programs import programs_of
+from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.study import (
     STEPS,
     ExperimentResult,
@@ -31,6 +32,7 @@ __all__ = [
     "Run",
     "RunPlan",
     "RunResult",
+    "Shaped",
     "Study",
     "analog_outputs",
     "build_plant",

@@ -118,6 +118,14 @@ class Rounding:
                 f"{key}.tolerance is missing: the shape free needs it, the largest distance from "
                 "the objective, such as tolerance: 1 mm."
             )
+        if self.line_tolerance is not None and self.line_tolerance > self.tolerance:
+            raise InvalidInput(
+                f"{key}.line_tolerance of {self.line_tolerance * 1e3:.6g} mm is above "
+                f"{key}.tolerance of {self.tolerance * 1e3:.6g} mm: lines may not be less exact "
+                f"than corners, so give at most {self.tolerance * 1e3:.6g} mm.",
+                needed=self.line_tolerance,
+                allowed=self.tolerance,
+            )
         with locate_errors(key):
             Wishes(**self.wishes)
 

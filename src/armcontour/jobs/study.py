@@ -21,6 +21,7 @@ from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
+from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.slow_ends import slow_ends
 from armcontour.jobs.weak_points import (
     INVERSE_DYNAMICS,
@@ -113,6 +114,17 @@ class RunPlan:
         what = "1 full stop" if count == 1 else f"{count} full stops"
         why = ", ".join(f"{n} {reason}" for reason, n in found.items())
         return f"Run {self.run.name}: {what} inside contours ({why})."
+
+    @property
+    def shaped(self) -> Shaped | None:
+        """How the shape of all contours was found; None if the run shapes none."""
+        return Shaped.of(self.path)
+
+    @property
+    def shape_note(self) -> str | None:
+        """A sentence on what shaping gained; None if the run shapes no contour."""
+        found = self.shaped
+        return None if found is None else f"Run {self.run.name}: {found}."
 
     @property
     def warnings(self) -> tuple[str, ...]:
