@@ -1,6 +1,7 @@
 """Path geometry, without robot and time: lines and arcs, nearest points, rounded corners."""
 
 from armcontour.frames import angle_between
+from armcontour.geometry.corner_curves import corner_error
 from armcontour.geometry.nearest import Projection
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
@@ -8,12 +9,12 @@ from armcontour.geometry.primitives import Arc, Demand, Line
 from armcontour.geometry.rounding import (
     Corners,
     RoundedPath,
-    corner_error,
     count_full_stops,
     round_corners,
+    round_with_parabolas,
 )
 from armcontour.geometry.segments import Segments
-from armcontour.geometry.shaped import Outcome, ShapedPath
+from armcontour.geometry.shaped import Outcome, ShapedPath, SmoothCurve
 
 __all__ = [
     "Arc",
@@ -27,8 +28,10 @@ __all__ = [
     "RoundedPath",
     "Segments",
     "ShapedPath",
+    "SmoothCurve",
     "angle_between",
     "corner_error",
     "count_full_stops",
     "round_corners",
+    "round_with_parabolas",
 ]

@@ -9,13 +9,12 @@ docs/concepts/rounding.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import biarcs, dot, length
-from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments
+from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_demand
 
 # A search for a tangent length may end this fraction below it; halving alone comes there from a
 # nanometre to a kilometre in fewer than a third of these steps.
@@ -106,12 +105,7 @@ def make_blends(before: Segments, after: Segments, t: FloatArray) -> Blends:
         first, second = biarcs(p0, t0, p1, t1, share)
         error = _distance(first, second)
     bend = np.maximum(_inward(first, inward), _inward(second, inward))
-    # The arc replaces parts of both segments, so the lower speed and tolerance apply to it.
-    demand: dict[str, Any] = {
-        "speeds": np.fmin(before.speeds, after.speeds),
-        "tolerances": np.fmin(before.tolerances, after.tolerances),
-        "tags": before.tags.copy(),
-    }
+    demand = share_demand(before, after)
     return Blends(
         first=first.replace(starts=first.starts + corner, **demand),
         second=second.replace(starts=second.starts + corner, **demand),

@@ -263,7 +263,7 @@ class Path:
         Raises:
             InvalidInput: An arc length is outside the path.
         """
-        at = _check_arc_length(s, self.length)
+        at = check_arc_length(s, self.length)
         i = self.locate(at, side=side)
         return self.segments.at(i, at - self.breaks[i], order)
 
@@ -345,7 +345,7 @@ class Path:
         return dataclasses.replace(orientation, breaks=snapped)
 
 
-def _check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
+def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
     """Arc lengths clipped to the path, after refusing those outside by more than rounding errors.
 
     Raises:

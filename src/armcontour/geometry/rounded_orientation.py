@@ -42,7 +42,7 @@ def find_kinks(path: Path) -> IntArray:
     return np.flatnonzero(orientation.kinks > 0)
 
 
-def largest_tangent(path: Path, vertex: IntArray, half: FloatArray, allowed: float) -> FloatArray:
+def largest_tangent(path: Path, vertex: IntArray, ratio: FloatArray, allowed: float) -> FloatArray:
     """Largest tangent lengths that keep the angular tolerance in the middle of each corner.
 
     With tangent length t, the middle is `exp(k b) exp(-k a) R` with `k = t (1/2 - arc / 8 t)`.
@@ -50,14 +50,14 @@ def largest_tangent(path: Path, vertex: IntArray, half: FloatArray, allowed: flo
     Args:
         path: The objective path.
         vertex: Indices of the vertices, (k,).
-        half: Half of the turn at each vertex [rad], (k,).
+        ratio: Length of the curve at each vertex over its tangent length, at most 2, (k,).
         allowed: Largest angle between the orientation and its value at the vertex [rad].
 
     Returns:
         Tangent lengths [m], (k,); infinite if the rate does not jump or the orientation follows
         the tangent.
     """
-    return np.asarray(largest_blend(path, vertex, allowed) / (0.5 - _arc_ratio(half) / 8))
+    return np.asarray(largest_blend(path, vertex, allowed) / (0.5 - ratio / 8))
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
@@ -184,12 +184,6 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
             free = np.where(root > 0, 2 * allowed / root, np.where(bend > 0, 0.0, np.inf))
             found = np.maximum(found, free)
     return np.asarray(found)
-
-
-def _arc_ratio(half: FloatArray) -> FloatArray:
-    """Length of a corner's arc over its tangent length, from half of the turn [rad]."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(half > 0, 2 * half / np.tan(half), 2.0))
 
 
 def _blend(

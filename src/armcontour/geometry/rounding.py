@@ -1,10 +1,11 @@
-"""Corner rounding: replaces the corners of a path by arcs within a corner error, (10)-(16).
+"""Corner rounding: replaces corners by arcs within a corner error, (10)-(16), or by parabolas.
 
 The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3:
 `gap = r (1 - cos h) / cos h` for radius r and half the turn h. Elsewhere two other lengths are
 called tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent
 length, `r tan h`, which is the part of each line that the arc replaces. Beside an arc a corner is
-replaced by two tangent arcs (blends.py). See docs/concepts/rounding.md.
+replaced by two tangent arcs (blends.py); parabolas are in corner_curves.py. See
+docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
+from armcontour.geometry.corner_curves import ARC, PARABOLA, CornerCurve
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
     find_kinks,
@@ -176,12 +178,31 @@ def round_corners(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
             "Python arguments of round_corners, in a job keys of corners."
         )
-    turn = path.turns
-    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
-    kinked = np.setdiff1d(find_kinks(path), corner)
-    angle = _angular_tolerance(path, angular_tolerance, kinked)
-    wishes = _wishes(path, corner, turn[corner] / 2, (tolerance, speed, acceleration))
-    return _round(path, wishes, kinked, angle)
+    return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, ARC)
+
+
+def round_with_parabolas(
+    path: Path, *, tolerance: npt.ArrayLike, angular_tolerance: float | None = None
+) -> RoundedPath:
+    """Replace every corner between two lines by a parabola, drawn as tangent arcs.
+
+    This is a shape for a tool whose acceleration is limited, and that is slower in the middle of a
+    corner: a parabola is longer than the arc with the same corner error, and bends less at its
+    ends. Stops, room and tolerances are those of `round_corners`, and so are corners beside arcs
+    and the tool orientation. In `corners`, `radius` is the smallest one, in the middle. A corner
+    at which it would be less than a nanometre stays sharp: "no room".
+
+    Args:
+        path: The objective path.
+        tolerance: Largest corner error [m], a number or (vertices,); every point of a parabola is
+            within it of one of both lines.
+        angular_tolerance: As in `round_corners` [rad].
+
+    Raises:
+        InvalidInput: A tolerance is negative, the number of values is wrong, or the orientation
+            needs an angular tolerance.
+    """
+    return _round_all(path, (tolerance, None, None), angular_tolerance, PARABOLA)
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
@@ -232,7 +253,7 @@ def blend_vertices(
         tolerance: Largest distance of each vertex from the new path [m], (n,).
     """
     half = turn / 2
-    radius = _largest_radius(tolerance, half)
+    radius = ARC.largest_radius(tolerance, half)
     wishes = _Wishes(
         corner=vertex,
         half=half,
@@ -241,6 +262,8 @@ def blend_vertices(
         radius=radius,
         acceleration=np.full(len(vertex), np.nan),
         most=np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2,
+        curve=ARC,
+        long=ARC.length(half),
     )
     return _round(path, wishes, np.zeros(0, dtype=np.intp), np.inf)
 
@@ -254,9 +277,11 @@ class _Wishes:
         half: Half of the turn at each corner [rad], (n,).
         error: Largest corner error [m], (n,).
         enough: Radius that is large enough for the corner speed [m], infinite without one, (n,).
-        radius: Radius of an arc between two lines by case I or case II [m], (n,).
+        radius: Smallest radius of the curve between two lines by case I or case II [m], (n,).
         acceleration: Centripetal acceleration of the corner speed [m/s²], (n,).
         most: Largest tangent lengths [m], (n,).
+        curve: The curve that replaces corners between two lines.
+        long: Length of that curve over its smallest radius, (n,).
     """
 
     corner: IntArray
@@ -266,6 +291,8 @@ class _Wishes:
     radius: FloatArray
     acceleration: FloatArray
     most: FloatArray
+    curve: CornerCurve
+    long: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -289,6 +316,21 @@ class _Found:
     shrunk: BoolArray
     bent: BoolArray
     blends: Blends
+
+
+def _round_all(
+    path: Path,
+    given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
+    angular_tolerance: float | None,
+    curve: CornerCurve,
+) -> RoundedPath:
+    """The path with all corners replaced; tolerance, speed and acceleration are given."""
+    turn = path.turns
+    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
+    kinked = np.setdiff1d(find_kinks(path), corner)
+    angle = _angular_tolerance(path, angular_tolerance, kinked)
+    wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
+    return _round(path, wishes, kinked, angle)
 
 
 def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> RoundedPath:
@@ -315,10 +357,10 @@ def _rounded_corners(
     """How corners are rounded with given tangent lengths [m], where others were wanted, (n,)."""
     corner, half = wishes.corner, wishes.half
     bent = _beside_arcs(path, corner)
-    between = wishes.radius * np.tan(half)
-    shrunk = (tangent < between * (1 - 1e-12)) & (wanted > 0)
-    radius = np.where(tangent > 0, np.where(shrunk, tangent / np.tan(half), wishes.radius), 0.0)
-    length, error = radius * 2 * half, corner_error(radius, half)
+    stretch = wishes.curve.stretch(half)
+    shrunk = (tangent < wishes.radius * stretch * (1 - 1e-12)) & (wanted > 0)
+    radius = np.where(tangent > 0, np.where(shrunk, tangent / stretch, wishes.radius), 0.0)
+    length, error = radius * wishes.long, wishes.curve.error(radius, half)
     drawn = bent & (tangent > 0)
     blends = make_blends(
         path.segments[corner[drawn]], path.segments[corner[drawn] + 1], tangent[drawn]
@@ -348,7 +390,7 @@ def _stop_reasons(
     """Why the tool stops at each corner; None where it does not, (n,)."""
     reasons = np.full(len(wishes.corner), NO_ROOM, dtype=object)
     if angle == 0:
-        reasons[largest_tangent(path, wishes.corner, wishes.half, angle) == 0] = NO_ANGLE
+        reasons[largest_tangent(path, wishes.corner, _length_ratio(wishes), angle) == 0] = NO_ANGLE
     reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
     if path.orientation is not None and path.orientation.follows:
         reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
@@ -418,23 +460,30 @@ def _tangent_lengths(
     """
     corner, half = wishes.corner, wishes.half
     bent = _beside_arcs(path, corner)
-    wanted = np.minimum(wishes.radius * np.tan(half), largest_tangent(path, corner, half, angle))
+    allowed = largest_tangent(path, corner, _length_ratio(wishes), angle)
+    wanted = np.minimum(wishes.radius * wishes.curve.stretch(half), allowed)
     if bent.any():
         wanted[bent] = _wanted_blends(path, wishes, bent, angle)
     wanted = np.minimum(wanted, wishes.most)
     # Arcs smaller than the resolution of a point are dropped; at a turn of 180° no radius is left.
-    wanted[wanted <= REPEATED_POINT] = 0.0
+    shortest = np.where(bent, REPEATED_POINT, wishes.curve.shortest(half))
+    wanted[wanted <= shortest] = 0.0
     wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
     # Blends of the orientation alone share the segments with the corners' arcs.
     which = np.concatenate([corner, kinked])
-    blends = largest_tangent(path, kinked, np.zeros(len(kinked)), angle)
+    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle)
     order = np.argsort(which)
     tangents = np.empty(len(which))
     tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
     # A very short segment between two corners can leave an arc below that resolution, too.
     tangent = tangents[: len(corner)]
-    tangent[tangent <= REPEATED_POINT / 4] = 0.0
+    tangent[tangent <= shortest / 4] = 0.0
     return tangents, wanted
+
+
+def _length_ratio(wishes: _Wishes) -> FloatArray:
+    """Length of the curve of each corner between two lines over its tangent length, (n,)."""
+    return np.asarray(wishes.long / wishes.curve.stretch(wishes.half))
 
 
 def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -> FloatArray:
@@ -459,6 +508,7 @@ def _wishes(
     corner: IntArray,
     half: FloatArray,
     given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
+    curve: CornerCurve,
 ) -> _Wishes:
     """What is wanted of the corners, by case I or case II.
 
@@ -467,6 +517,7 @@ def _wishes(
         corner: Segments after which there is a corner, (n,).
         half: Half of the turn at each corner [rad], (n,).
         given: Tolerance, speed and acceleration as in `round_corners`.
+        curve: The curve that replaces corners between two lines.
 
     Raises:
         InvalidInput: A value is negative or not a number, or their number is wrong.
@@ -488,9 +539,11 @@ def _wishes(
         half=half,
         error=allowed,
         enough=enough,
-        radius=np.minimum(_largest_radius(allowed, half), enough),
+        radius=np.minimum(curve.largest_radius(allowed, half), enough),
         acceleration=accelerations[corner],
         most=np.full(len(corner), np.inf),
+        curve=curve,
+        long=curve.length(half),
     )
 
 
@@ -547,21 +600,6 @@ def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> flo
             "corners.angular_tolerance; 0 stops there)."
         )
     return np.inf
-
-
-def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
-    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`.
-
-    Args:
-        radius: Radius r of the arc [m].
-        half_turn: Half h of the angle between the lines [rad].
-    """
-    return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
-
-
-def _largest_radius(error: FloatArray, half: FloatArray) -> FloatArray:
-    """Radius with the corner error `error`, (11) [m], without cancellation at small turns."""
-    return np.asarray(error * np.cos(half) / (2 * np.sin(half / 2) ** 2))
 
 
 def _per_vertex(
@@ -624,13 +662,16 @@ def _replace_corners(
     kept = _cut(path.segments, cut)
     plain = (found.radius > 0) & ~found.bent
     blended = corner[(found.radius > 0) & found.bent]
-    arcs = _arcs(path, corner[plain], wishes.half[plain], found.radius[plain], found.tangent[plain])
+    before = corner[plain]
+    curves, row = wishes.curve.draw(
+        path.segments[before], path.segments[before + 1], found.radius[plain], wishes.half[plain]
+    )
     # Each segment, and the arcs after it.
-    tables = [kept, arcs]
+    tables = [kept, curves]
     if len(blended):
         tables += [found.blends.first, found.blends.second]
     table = Segments.join(tables)
-    source = np.concatenate([np.arange(n), corner[plain], blended, blended])
+    source = np.concatenate([np.arange(n), before[row], blended, blended])
     # A remainder of an arc is left out only if the tangent jumps by no more than a rounding error.
     used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
     used[n:] = True
@@ -650,21 +691,3 @@ def _cut(rows: Segments, cut: FloatArray) -> Segments:
         return shorter
     i, begin = np.flatnonzero(later), cut[:-1][later]
     return shorter.put(later, rows.cut(i, begin, rows.lengths[later] - cut[1:][later]))
-
-
-def _arcs(
-    path: Path, corner: IntArray, half: FloatArray, radius: FloatArray, tangent: FloatArray
-) -> Segments:
-    """Arcs between two lines each, by half of their turn [rad], radius and tangent length [m]."""
-    before, after = path.segments[corner], path.segments[corner + 1]
-    across = np.sum(before.tangents * after.tangents, axis=1, keepdims=True)
-    normals = after.tangents - across * before.tangents
-    return before.replace(
-        starts=after.starts - tangent[:, None] * before.tangents,
-        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        curvatures=1 / radius,
-        lengths=radius * 2 * half,
-        # The arc replaces parts of both lines, so the lower speed and tolerance apply to it.
-        speeds=np.fmin(before.speeds, after.speeds),
-        tolerances=np.fmin(before.tolerances, after.tolerances),
-    )

@@ -293,6 +293,20 @@ class Segments:
             )
 
 
+def share_demand(before: Segments, after: Segments) -> dict[str, Any]:
+    """Columns of segments that replace parts of two others: the lower speeds and tolerances.
+
+    Args:
+        before: The segments before them, whose tags they take.
+        after: The segments after them.
+    """
+    return {
+        "speeds": np.fmin(before.speeds, after.speeds),
+        "tolerances": np.fmin(before.tolerances, after.tolerances),
+        "tags": before.tags.copy(),
+    }
+
+
 def close_up(
     starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
 ) -> tuple[FloatArray, BoolArray]:

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import evaluate
 from armcontour.errors import InvalidInput
-from armcontour.geometry.path import Path
+from armcontour.geometry.path import Path, check_arc_length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,6 +42,34 @@ class Outcome:
         return 1 - self.durations["shaped"] / min(starts)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SmoothCurve:
+    """A curve of quintics over arc length, which a chain of arcs follows closely.
+
+    Its curvature varies along each quintic, and jumps between quintics only where the shape wants
+    a jump. The arcs, whose curvatures are constant, would jump everywhere.
+
+    Args:
+        breaks: Arc lengths of the ends of the quintics [m], (n + 1,).
+        coefficients: Coefficients of the quintics [m], (n, 6, dimension), as `quintic` gives them.
+        spread: Largest distance of the arcs from the curve [m].
+    """
+
+    breaks: FloatArray
+    coefficients: FloatArray
+    spread: float
+
+    def __post_init__(self) -> None:
+        for name in ("breaks", "coefficients"):
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+
+    def on_piece(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
+        """Points or derivatives on quintics `i` at arc lengths `s` [m], (n, dimension)."""
+        width = self.breaks[i + 1] - self.breaks[i]
+        u = np.clip(s - self.breaks[i], 0.0, width)
+        return evaluate(self.coefficients[i], width, u, order)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShapedPath(Path):
     """A path whose shape was found together with its timing, within a tolerance of its objective.
@@ -54,6 +83,7 @@ class ShapedPath(Path):
             are no zones.
         zone: Distance from a vertex, along the objective, within which `tolerance` holds [m].
         outcome: How the shape was found.
+        curve: The curve that the tool follows; None if it is the lines and arcs themselves.
 
     Raises:
         InvalidInput: The places do not increase from start to end of both paths.
@@ -65,9 +95,13 @@ class ShapedPath(Path):
     line_tolerance: float | None = None
     zone: float | None = None
     outcome: Outcome = field(repr=False)
+    curve: SmoothCurve | None = field(default=None, repr=False)
+    _piece: IntArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        none = np.zeros(0, dtype=np.intp)
+        object.__setattr__(self, "_piece", none if self.curve is None else self._pieces(self.curve))
         places = _checks.lock_floats(self.places)
         object.__setattr__(self, "places", places)
         ends = np.array([[0.0, 0.0], [self.objective.length, self.length]])
@@ -76,6 +110,31 @@ class ShapedPath(Path):
             raise InvalidInput("The places of a shaped path must lead from its start to its end.")
         if (np.diff(places, axis=0) < 0).any():
             raise InvalidInput("The places of a shaped path must not decrease.")
+
+    def _pieces(self, curve: SmoothCurve) -> IntArray:
+        """The quintic that each segment belongs to, (n,)."""
+        middle = (self.breaks[:-1] + self.breaks[1:]) / 2
+        return np.clip(np.searchsorted(curve.breaks, middle) - 1, 0, len(curve.breaks) - 2)
+
+    def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
+        """Point or derivative of the curve that the tool follows, as of any path."""
+        if self.curve is None:
+            return super().__call__(s, order, side=side)
+        at = check_arc_length(s, self.length)
+        i = self.locate(at, side=side)
+        return self.on_segment(i, at - self.breaks[i], order)
+
+    def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
+        """Point or derivative at distance `u` [m] from the start of segment `i`, of the curve.
+
+        Args:
+            i: Indices of segments, (n,).
+            u: Distances from the starts of these segments [m], (n,).
+            order: Order of the derivative, 0 for the point.
+        """
+        if self.curve is None:
+            return super().on_segment(i, u, order)
+        return self.curve.on_piece(self._piece[i], self.breaks[i] + u, order)
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths on this path that correspond to arc lengths on the objective path [m].

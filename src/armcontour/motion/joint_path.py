@@ -9,11 +9,10 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
-# Rounding error of joint positions from inverse kinematics, relative to 1 rad or to their size.
-ROUNDING = 2e-15
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
 # Largest jump of a position at a break; no robot resolves it [rad].
@@ -228,13 +227,7 @@ class JointPath:
             order: Order of the derivative, 0 for the position.
         """
         width = self.breaks[i + 1] - self.breaks[i]
-        x = (s - self.breaks[i]) / width
-        c = self.coefficients[i]
-        result = np.zeros(np.shape(x) + (self.dof,))
-        for k in range(5, order - 1, -1):
-            factor = float(np.prod(np.arange(k, k - order, -1)))
-            result = result * x[..., None] + factor * c[..., k, :]
-        return np.asarray(result / width[..., None] ** order)
+        return evaluate(self.coefficients[i], width, s - self.breaks[i], order)
 
     def motion(self, i: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, (n, dof) each.
@@ -254,38 +247,3 @@ class JointPath:
             first = first * x + value
             value = value * x + c[..., k, :]
         return value, first / width, second / width**2
-
-
-def quintic(
-    width: FloatArray,
-    begin: tuple[FloatArray, FloatArray, FloatArray],
-    end: tuple[FloatArray, FloatArray, FloatArray],
-    play: float = 0.0,
-) -> FloatArray:
-    """Coefficients of quintics with given values and derivatives at both ends of intervals.
-
-    Args:
-        width: Lengths of the intervals, (n,).
-        begin: Value, first and second derivative at the start of each interval, (n, dof) each.
-        end: Value, first and second derivative at the end of each interval, (n, dof) each.
-        play: Rounding error of the widths, which are differences of arc lengths.
-
-    Returns:
-        Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
-    """
-    h = width[:, None]
-    a0, a1, a2 = begin[0], begin[1] * h, begin[2] * h**2 / 2
-    value = end[0] - a0 - a1 - a2
-    slope = end[1] * h - a1 - 2 * a2
-    bend = end[2] * h**2 - 2 * a2
-    a3 = 10 * value - 4 * slope + bend / 2
-    a4 = -15 * value + 7 * slope - bend
-    a5 = 6 * value - 3 * slope + bend / 2
-    # On a very short interval `value` consists of rounding errors of positions, which the
-    # derivatives of the quintic would magnify. The quartic with the given derivatives then ends at
-    # the given value up to rounding errors, and is used instead.
-    cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
-    rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0])) + play * np.abs(begin[1])
-    short = np.abs(value - cubic - quartic) <= rounding
-    a3, a4, a5 = (np.where(short, x, y) for x, y in ((cubic, a3), (quartic, a4), (0.0, a5)))
-    return np.stack([a0, a1, a2, a3, a4, a5], axis=1)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
 from armcontour.timing.constraints._rows import ROUNDING
@@ -27,35 +27,82 @@ from armcontour.timing.grid import Grid
 
 # Samples of the tool motion per piece of the joint path.
 PLACES = 9
+# A piece is even if its curvature varies by less than this share.
+EVEN = 1e-3
+# Curvatures below this are those of lines [1/m].
+FLAT = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ToolMetric:
-    """Tool motion at ds = 1 on each piece of the joint path: upper bounds, (pieces,).
+    """Tool motion at ds = 1 along a joint path: upper bounds on each piece, (pieces,).
 
     Args:
+        joint_path: The joint path.
+        arm: The arm.
         speed: Tool speed [-].
         curvature: Acceleration at right angles to the motion [1/m].
         stretch: Acceleration along the motion [1/m].
+        uneven: Whether the curvature varies along a piece, so that intervals are measured one by
+            one.
     """
 
+    joint_path: JointPath
+    arm: Arm
     speed: FloatArray
     curvature: FloatArray
     stretch: FloatArray
+    uneven: BoolArray
 
     @classmethod
     def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics."""
-        pieces = len(joint_path.breaks) - 1
-        share = np.linspace(0, 1, PLACES)[:, None]
-        s = joint_path.breaks[:-1] + share * np.diff(joint_path.breaks)
-        i = np.broadcast_to(np.arange(pieces), s.shape).ravel()
-        velocity, acceleration = arm.tool_motion(*joint_path.motion(i, s.ravel()))
-        speed = np.linalg.norm(velocity, axis=1)
-        direction = velocity / speed[:, None]
-        along = np.sum(acceleration * direction, axis=1)
-        across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
-        return cls(*(_bound(x.reshape(s.shape)) for x in (speed, across, np.abs(along))))
+        breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
+        s = breaks[:-1] + np.linspace(0, 1, PLACES)[:, None] * np.diff(breaks)
+        speed, across, along = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
+        most = across.max(axis=0)
+        return cls(
+            joint_path=joint_path,
+            arm=arm,
+            speed=_bound(speed),
+            curvature=_bound(across),
+            stretch=_bound(along),
+            uneven=(most > FLAT) & (most - across.min(axis=0) > EVEN * most),
+        )
+
+    def curvature_on(self, grid: Grid) -> FloatArray:
+        """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n).
+
+        If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
+        times x is at most a on all of the interval. Where the curvature is linear, too, with the
+        ratio r of its ends, its product with x is larger than at the ends by up to the factor
+        (1 + r)² / 4r. Another factor bounds how far the curvature is from linear: twice its
+        distance in the middle.
+        """
+        found = np.stack([self.curvature[grid.piece]] * 2)
+        i = np.flatnonzero(self.uneven[grid.piece])
+        if len(i):
+            low, high = grid.s[i], grid.s[i + 1]
+            s = np.stack([low, (low + high) / 2, high])
+            pieces = np.broadcast_to(grid.piece[i], s.shape)
+            _, (begin, middle, end), _ = _measure(self.joint_path, self.arm, pieces, s)
+            begin, end = np.maximum(begin, FLAT), np.maximum(end, FLAT)
+            product = (begin + end) ** 2 / (4 * begin * end)
+            bent = 1 + 2 * np.abs(2 * middle / (begin + end) - 1)
+            found[:, i] = np.minimum(np.stack([begin, end]) * product * bent, found[:, i])
+        return found
+
+
+def _measure(
+    joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Speed, curvature and stretch at arc lengths on pieces of a joint path, each as `s`."""
+    velocity, acceleration = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
+    speed = np.linalg.norm(velocity, axis=1)
+    direction = velocity / speed[:, None]
+    along = np.sum(acceleration * direction, axis=1)
+    across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
+    return speed.reshape(s.shape), across.reshape(s.shape), np.abs(along).reshape(s.shape)
 
 
 def _bound(values: FloatArray) -> FloatArray:
@@ -102,10 +149,14 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
-        """The bound of each piece, which holds on the whole interval."""
+        """The bound at both ends, less what skew adds to x between them."""
         with np.errstate(divide="ignore"):
-            ceiling = self.limit / self.metric.curvature
-        return Ceiling(np.broadcast_to(ceiling[grid.piece], (2, len(grid))))
+            ceiling = self.limit / self.metric.curvature_on(grid)
+        if bounds is not None:
+            uneven = self.metric.uneven[grid.piece]
+            sag = np.abs(bounds.skew) * grid.width**2 / 4
+            ceiling = np.where(uneven, np.maximum(ceiling - sag, 0.0), ceiling)
+        return Ceiling(ceiling)
 
 
 class ToolAcceleration(Constraint):

@@ -1,0 +1,62 @@
+"""Quintics between places with given values and derivatives, in joint space or tool space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+
+# Rounding error of positions from inverse kinematics, relative to 1 or to their size.
+ROUNDING = 2e-15
+
+
+def quintic(
+    width: FloatArray,
+    begin: tuple[FloatArray, FloatArray, FloatArray],
+    end: tuple[FloatArray, FloatArray, FloatArray],
+    play: float = 0.0,
+) -> FloatArray:
+    """Coefficients of quintics with given values and derivatives at both ends of intervals.
+
+    Args:
+        width: Lengths of the intervals, (n,).
+        begin: Value, first and second derivative at the start of each interval, (n, dof) each.
+        end: Value, first and second derivative at the end of each interval, (n, dof) each.
+        play: Rounding error of the widths, which are differences of arc lengths.
+
+    Returns:
+        Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
+    """
+    h = width[:, None]
+    a0, a1, a2 = begin[0], begin[1] * h, begin[2] * h**2 / 2
+    value = end[0] - a0 - a1 - a2
+    slope = end[1] * h - a1 - 2 * a2
+    bend = end[2] * h**2 - 2 * a2
+    a3 = 10 * value - 4 * slope + bend / 2
+    a4 = -15 * value + 7 * slope - bend
+    a5 = 6 * value - 3 * slope + bend / 2
+    # On a very short interval `value` consists of rounding errors of positions, which the
+    # derivatives of the quintic would magnify. The quartic with the given derivatives then ends at
+    # the given value up to rounding errors, and is used instead.
+    cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
+    rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0])) + play * np.abs(begin[1])
+    short = np.abs(value - cubic - quartic) <= rounding
+    a3, a4, a5 = (np.where(short, x, y) for x, y in ((cubic, a3), (quartic, a4), (0.0, a5)))
+    return np.stack([a0, a1, a2, a3, a4, a5], axis=1)
+
+
+def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:
+    """Values of polynomials of degree 5, or their derivatives, (n, values).
+
+    Args:
+        coefficients: Coefficients of powers of x = u / width, (n, 6, values).
+        width: Lengths of the intervals, (n,).
+        u: Distances from the starts of the intervals, (n,).
+        order: Order of the derivative, 0 for the value.
+    """
+    x = u / width
+    result = np.zeros(np.shape(x) + (coefficients.shape[-1],))
+    for k in range(5, order - 1, -1):
+        factor = float(np.prod(np.arange(k, k - order, -1)))
+        result = result * x[..., None] + factor * coefficients[..., k, :]
+    return np.asarray(result / width[..., None] ** order)

@@ -1,0 +1,153 @@
+"""The tool path that a spline of the joints draws, as tangent arcs with a smooth curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import quintic
+from armcontour.arms import Arm
+from armcontour.geometry import Path, Segments, SmoothCurve
+from armcontour.geometry.biarcs import biarcs
+from armcontour.timing.shaping.rows import Spline
+
+# A span is cut into parts in which the joint velocity changes by this share of itself.
+CHANGE = 0.1
+MOST_PARTS = 8
+# Places at which arcs are compared with the curve, over each quintic.
+PLACES = np.linspace(0.1, 0.9, 9)
+# The largest distance that is found there, times this, bounds the distance in between.
+SURE = 1.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawn:
+    """A tool path that was drawn by a spline.
+
+    Args:
+        segments: The arcs.
+        curve: The curve that the tool follows.
+        places: Arc lengths on the objective and on the path that belong together [m], (m, 2).
+        knots: Arc lengths of the knots of the spline [m], (n + 1,).
+    """
+
+    segments: Segments
+    curve: SmoothCurve
+    places: FloatArray
+    knots: FloatArray
+
+
+def draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray) -> Drawn:
+    """The tool path of a spline.
+
+    Args:
+        spline: The spline.
+        arm: The arm.
+        objective: The objective path.
+        place: Arc lengths on the objective at the control points [m], (n,).
+    """
+    span, share, last = _parts(spline)
+    begin = _points(spline, arm, span, share[:, 0])
+    end = _points(spline, arm, span, share[:, 1])
+    rests = np.flatnonzero(last & spline.rest[span + 1])
+    # Ends meet to the last digit, but where the tool stops the tangent may jump.
+    points = np.concatenate([begin[0], end[0][-1:]])
+    out = begin[1]
+    into = np.concatenate([begin[1][1:], end[1][-1:]])
+    into[rests] = end[1][rests]
+    first, second = biarcs(points[:-1], out, points[1:], into)
+    order = np.arange(2 * len(span)).reshape(2, -1).T.ravel()
+    ends = _place_knots(spline, place)
+    at = ends[span] + share * (ends[span + 1] - ends[span])[:, None]
+    segments = _with_columns(Segments.join([first, second])[order], objective, at)
+    breaks = segments.breaks[::2]
+    coefficients = quintic(np.diff(breaks), (begin[0], out, begin[2]), (points[1:], into, end[2]))
+    curve = SmoothCurve(
+        breaks=breaks, coefficients=coefficients, spread=_spread(segments, breaks, coefficients)
+    )
+    places = np.stack([np.append(at[:, 0], at[-1, 1]), breaks], axis=1)
+    places[[0, -1], 0] = 0.0, objective.length
+    places[:, 0] = np.maximum.accumulate(places[:, 0])
+    knots = np.append(breaks[np.searchsorted(span, np.arange(len(spline.q)))], breaks[-1])
+    return Drawn(segments=segments, curve=curve, places=places, knots=knots)
+
+
+def _parts(spline: Spline) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Parts of all spans: the span of each, its start and end over the span, whether it is last."""
+    e = np.linalg.norm(spline.velocities, axis=1)
+    change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
+    slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
+    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
+    # Beside a rest a span is straight in joint space.
+    count[spline.rest[1:] | spline.rest[:-1]] = 1
+    span = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count)
+    share = np.stack([number, number + 1], axis=1) / count[span][:, None]
+    return span, share, number + 1 == count[span]
+
+
+def _points(
+    spline: Spline, arm: Arm, span: IntArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points, tangents and their derivatives along the arc length, (m, dimension) each.
+
+    Args:
+        spline: The spline.
+        arm: The arm.
+        span: Span of each point, (m,).
+        share: Time since the start of the span, over the span time, (m,).
+    """
+    e, knots, h = spline.velocities, spline.knots, spline.h
+    a = (np.diff(e, axis=0) / h[:, None])[span]
+    t = (share * h[span])[:, None]
+    q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
+    # Beside a rest the direction is that of the other end, and any even speed will do.
+    for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
+        beside = side[span]
+        dq[beside], a[beside] = other[span][beside], 0.0
+    velocity, acceleration = arm.tool_motion(q, dq, a)
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    tangent = velocity / speed
+    along = np.sum(acceleration * tangent, axis=1, keepdims=True)
+    return arm.forward(q), tangent, (acceleration - along * tangent) / speed**2
+
+
+def _place_knots(spline: Spline, place: FloatArray) -> FloatArray:
+    """Arc lengths on the objective at the knots [m], (n + 1,)."""
+    h = spline.h
+    inner = (h[1:] * place[:-1] + h[:-1] * place[1:]) / (h[1:] + h[:-1])
+    return np.concatenate([place[:1], inner, place[-1:]])
+
+
+def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segments:
+    """The arcs with assigned velocities, tolerances and tags of their parts of the objective."""
+    last = len(objective) - 1
+    first = np.clip(np.searchsorted(objective.breaks, places[:, 0], side="right") - 1, 0, last)
+    end = np.clip(np.searchsorted(objective.breaks, places[:, 1], side="left") - 1, first, last)
+    columns = {}
+    for name in ("speeds", "tolerances"):
+        values = getattr(objective, name)
+        found = values[first]
+        if not np.isnan(values).all():
+            # A part that lies along several segments takes the least of their values.
+            for k in range(1, int((end - first).max(initial=0)) + 1):
+                found = np.fmin(found, values[np.minimum(first + k, end)])
+        columns[name] = np.repeat(found, 2)
+    columns["tags"] = np.repeat(objective.segments.tags[first], 2)
+    return arcs.replace(**columns)
+
+
+def _spread(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -> float:
+    """Largest distance of arcs from the curve [m]."""
+    width = np.diff(breaks)
+    powers = PLACES[:, None] ** np.arange(6)
+    points = np.einsum("pk,nkd->npd", powers, coefficients)
+    u = PLACES * width[:, None]
+    half = segments.lengths[::2][:, None]
+    second = u > half
+    row = 2 * np.arange(len(width))[:, None] + second
+    on = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
+    off = np.linalg.norm(on.reshape(points.shape) - points, axis=2)
+    return float(SURE * off.max())

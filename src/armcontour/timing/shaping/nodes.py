@@ -1,0 +1,277 @@
+"""Nodes along a start, and how far the control points may leave them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.arms import Arm
+from armcontour.geometry import Path, Tube
+from armcontour.motion import JointPath
+from armcontour.timing.shaping.kinematics import NearPath
+from armcontour.timing.shaping.starts import Candidate
+
+# Distance between nodes at a corner that turns by 90°, over the tolerance, and its growth from node
+# to node away from the corner. The pitch of the nodes is a factor on all distances.
+AT_CORNER = 0.045
+GROWTH = 0.12
+# The same at rests: the first distance over the largest one.
+AT_REST = 0.12
+GROWTH_AT_REST = 0.2
+# A polygon of control points may leave its curve by this share of the tolerance.
+SAG = 0.03
+# Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
+LONGEST = 0.027
+# Samples for the distances between two marks.
+SAMPLES = 129
+# Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
+FARTHEST = 2.5
+MARCH = 1 / 24
+HALVINGS = 24
+# Offsets stay inside the tolerance by this share of it.
+INSIDE = 1e-3
+# The own part of a point reaches this many tolerances along the objective, and to its neighbours.
+REACH = 3.0
+# Vertices that turn by more than this keep control points near them [rad].
+SHARP = np.radians(10)
+# Directions in which offsets in space are bounded.
+SIDES = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nodes:
+    """The n nodes along a start.
+
+    Args:
+        place: Arc lengths on the objective [m], (n,).
+        points: Points on the start [m], (n, dimension).
+        frames: Directions of the offsets as columns, (n, dimension, k).
+        sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
+        sag: How far the curve may lie from the polygon of the control points [m], (n,).
+        tolerance: Tolerance at each node [m], (n,).
+        reach: Reach of the own part of each node along the objective [m], (n,).
+        fixed: Whether the control point stays on the start, (n,).
+        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
+        vertex: Index of the corner, in the tube, that each node has to stay near; -1 for none.
+        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        times: Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,).
+        near: Inverse kinematics near the start.
+        q: Joint positions at the nodes [rad], (n, dof).
+    """
+
+    place: FloatArray
+    points: FloatArray
+    frames: FloatArray
+    sides: FloatArray
+    sag: FloatArray
+    tolerance: FloatArray
+    reach: FloatArray
+    fixed: BoolArray
+    rest: BoolArray
+    vertex: IntArray
+    group: IntArray
+    times: FloatArray
+    near: NearPath
+    q: FloatArray
+
+    def __len__(self) -> int:
+        """Number of nodes."""
+        return len(self.place)
+
+    def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
+        """Largest offsets along every side, (n, m), in metres.
+
+        Args:
+            tube: The tube of the tolerance.
+            inside: Share of the tolerance that offsets stay inside by, (n,).
+        """
+        windows = tube.windows(self.place, self.reach)
+        kept = inside * self.tolerance + np.minimum(self.sag, 0.3 * self.tolerance)
+        near = self.vertex >= 0
+        corners = tube.objective.vertices[tube.vertex[np.maximum(self.vertex, 0)]]
+        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - kept, np.inf)
+
+        def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
+            points = self.points + offset[:, None] * direction
+            off = np.linalg.norm(points - corners, axis=1)
+            return np.asarray((tube.margin(points, windows) >= kept) & (off <= allowed))
+
+        found = np.zeros((len(self), len(self.sides)))
+        # An inscribed polygon: between its sides' directions the tube is not looked at.
+        share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
+        for j, side in enumerate(self.sides):
+            direction = self.frames @ side
+            found[:, j] = share * _farthest(fits, direction, self.tolerance)
+        found[self.fixed] = 0.0
+        return found
+
+
+def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> FloatArray:
+    """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
+    assert callable(fits)
+    low, alive = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
+    for share in np.arange(MARCH, FARTHEST, MARCH):
+        alive &= fits(share * tolerance, direction)
+        if not alive.any():
+            break
+        low = np.where(alive, share * tolerance, low)
+    high = low + MARCH * tolerance
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        good = fits(middle, direction)
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    return low
+
+
+def place_nodes(
+    start: Candidate, joint_path: JointPath, tube: Tube, arm: Arm, branch: str | None, pitch: float
+) -> Nodes:
+    """Nodes along a start, dense at corners and rests.
+
+    Args:
+        start: The start, with its timing.
+        joint_path: Its joint path.
+        tube: The tube of the tolerance.
+        arm: The arm.
+        branch: For an arm in the plane, the branch of its inverse kinematics.
+        pitch: Factor on the distances between nodes.
+    """
+    path, places = start.path, start.places
+    turns = path_turns(tube)
+    at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
+    stops = np.concatenate([[0.0], path.stops, [path.length]])
+    free = ~_near(at, stops)
+    corner = np.flatnonzero(free)
+    marks = np.concatenate([stops, at[free]])
+    is_rest = np.arange(len(marks)) < len(stops)
+    order = np.argsort(marks, kind="stable")
+    marks, is_rest = marks[order], is_rest[order]
+    which = np.concatenate([np.full(len(stops), -1), corner])[order]
+    half = np.where(which >= 0, turns[np.maximum(which, 0)] / 2, 0.0)
+    own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
+    first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
+    s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
+    # A rest between two stretches has a node on either side.
+    twice = np.isin(index, np.flatnonzero(is_rest)[1:-1])
+    row = np.repeat(np.arange(len(s)), 1 + twice)
+    n = len(row)
+    s, mark = s[row], np.where(np.append(row[1:] == row[:-1], False), -1, index[row])
+    resting = np.isin(index[row], np.flatnonzero(is_rest))
+    rest = np.zeros(n + 1, dtype=bool)
+    rest[[0, -1]] = True
+    rest[1:-1] = row[1:] == row[:-1]
+    place = np.interp(s, places[:, 1], places[:, 0])
+    tolerance = _tolerance_at(tube, place)
+    tangents = path(s, 1)
+    gap = np.diff(s)
+    wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
+    bend = _bend(path, joint_path, arm, s)
+    vertex = np.full(n, -1)
+    for i in np.flatnonzero(mark >= 0):
+        k = which[mark[i]]
+        if k >= 0 and turns[k] > SHARP:
+            vertex[max(i - 1, 0) : i + 2] = k
+    ends = np.concatenate([[s[0]], (s[1:] + s[:-1]) / 2, [s[-1]]])
+    return Nodes(
+        place=place,
+        points=path(s),
+        frames=_frames(tangents),
+        sides=_sides(tangents.shape[1] - 1),
+        sag=wide**2 * bend / 8,
+        tolerance=tolerance,
+        reach=REACH * tolerance + 2 * wide,
+        fixed=resting | (tolerance == 0),
+        rest=rest,
+        vertex=np.where(resting, -1, vertex),
+        group=np.searchsorted((marks[1:] + marks[:-1]) / 2, s),
+        times=start.trajectory.time_at(ends),
+        near=NearPath.along(joint_path, arm, branch, path, s),
+        q=joint_path(s),
+    )
+
+
+def path_turns(tube: Tube) -> FloatArray:
+    """Turns of the objective at its corners [rad], (k,)."""
+    return np.asarray(tube.objective.turns[tube.vertex - 1])
+
+
+def _near(at: FloatArray, others: FloatArray) -> BoolArray:
+    """Whether each of several arc lengths is one of others."""
+    i = np.clip(np.searchsorted(others, at), 1, len(others) - 1)
+    return np.asarray(np.minimum(np.abs(at - others[i - 1]), np.abs(at - others[i])) < 1e-9)
+
+
+def _tolerance_at(tube: Tube, place: FloatArray) -> FloatArray:
+    """Tolerance at places on the objective; the smaller one where it changes [m], (n,)."""
+    last = len(tube) - 1
+    before = np.clip(np.searchsorted(tube.breaks, place, side="left") - 1, 0, last)
+    after = np.clip(np.searchsorted(tube.breaks, place, side="right") - 1, 0, last)
+    return np.asarray(np.minimum(tube.tolerance[before], tube.tolerance[after]))
+
+
+def _bend(path: Path, joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
+    """Curvature of the start, and of the tool's path when all joints move evenly [1/m], (n,)."""
+    slope = joint_path(s, 1)
+    even = np.einsum("nij,nj->ni", arm.jacobian_rate(joint_path(s), slope), slope)
+    return np.asarray(np.linalg.norm(path(s, 2), axis=1) + np.linalg.norm(even, axis=1))
+
+
+def _spread(
+    path: Path,
+    joint_path: JointPath,
+    arm: Arm,
+    tube: Tube,
+    places: FloatArray,
+    marks: FloatArray,
+    is_rest: BoolArray,
+    first: FloatArray,
+    pitch: float,
+) -> tuple[FloatArray, IntArray]:
+    """Arc lengths of nodes, and the mark at which each is; -1 for none.
+
+    The distance between nodes grows from `first` at a mark by GROWTH from node to node.
+    """
+    share = (1 - np.cos(np.linspace(0, np.pi, SAMPLES))) / 2
+    low, high = marks[:-1, None], marks[1:, None]
+    at = low + share * (high - low)
+    flat = at.ravel()
+    own = np.maximum(_tolerance_at(tube, np.interp(flat, places[:, 1], places[:, 0])), 1e-9)
+    bend = _bend(path, joint_path, arm, flat)
+    typical = max(float(np.median(bend)), 1e-3)
+    most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(bend, 1e-6)), LONGEST / typical)
+    most = most.reshape(at.shape)
+    step = most
+    for mark, way in ((0, at - low), (1, high - at)):
+        rest = is_rest[mark : len(marks) - 1 + mark, None]
+        edge = np.minimum(first[mark : len(marks) - 1 + mark, None], most)
+        begin = np.where(rest, AT_REST * most, edge)
+        step = np.minimum(step, begin + np.where(rest, GROWTH_AT_REST, GROWTH) * way)
+    density = 1 / (pitch * step)
+    parts = (density[:, 1:] + density[:, :-1]) / 2 * np.diff(at, axis=1)
+    total = np.concatenate([np.zeros((len(at), 1)), np.cumsum(parts, axis=1)], axis=1)
+    found, index = [], []
+    for i in range(len(at)):
+        count = max(int(np.ceil(total[i, -1])), 3 if is_rest[i] or is_rest[i + 1] else 1)
+        found.append(np.interp(np.arange(count) / count * total[i, -1], total[i], at[i]))
+        index += [i] + [-1] * (count - 1)
+    return np.append(np.concatenate(found), marks[-1]), np.array([*index, len(marks) - 1])
+
+
+def _frames(tangents: FloatArray) -> FloatArray:
+    """Unit vectors at right angles to tangents as columns, (n, dimension, dimension - 1)."""
+    if tangents.shape[1] == 2:
+        return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
+    least = np.eye(3)[np.argmin(np.abs(tangents), axis=1)]
+    first = np.cross(tangents, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(tangents, first)], axis=2)
+
+
+def _sides(k: int) -> FloatArray:
+    """Directions in which offsets are bounded, (m, k)."""
+    if k == 1:
+        return np.array([[1.0], [-1.0]])
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)

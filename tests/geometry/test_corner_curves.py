@@ -1,0 +1,178 @@
+"""Corners as parabolas: closed forms of one corner, room, stops, orientation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.geometry import count_full_stops, round_with_parabolas
+
+TURNS = [1e-7, 0.01, 0.5, np.pi / 2, 2.5, 3.1]
+
+
+def corner(turn, leg=10.0):
+    """One corner at the origin between two legs."""
+    return ac.Path.polyline([(-leg, 0), (0, 0), (leg * np.cos(turn), leg * np.sin(turn))])
+
+
+def bezier(path, length, n=2001):
+    """Points of the quadratic Bézier curve across the corner of a path of two lines."""
+    a, v, b = path.vertices
+    p0, p2 = v - length * path.tangents[0], v + length * path.tangents[1]
+    t = np.linspace(0, 1, n)[:, None]
+    return (1 - t) ** 2 * p0 + 2 * t * (1 - t) * v + t**2 * p2
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_the_arcs_follow_the_parabola(turn):
+    error = min(0.005, turn)
+    path = corner(turn)
+    rounded = round_with_parabolas(path, tolerance=error)
+    c, half = rounded.corners, turn / 2
+    leg = min(2 * error / np.sin(half), 10.0)
+    assert c.tangent[0] == pytest.approx(leg, rel=1e-9)
+    assert c.error[0] == pytest.approx(leg * np.sin(half) / 2, rel=1e-9)
+    assert c.radius[0] == pytest.approx(leg * np.cos(half) ** 2 / np.sin(half), rel=1e-7)
+    assert rounded.project(bezier(path, leg)).distance.max() < 3e-4 * c.error[0] + 1e-15
+    assert rounded.project([(0.0, 0.0)]).distance[0] == pytest.approx(c.error[0], rel=1e-9)
+    assert len(rounded.stops) == 0
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_no_point_is_farther_from_the_lines_than_the_apex(turn):
+    path = corner(turn)
+    rounded = round_with_parabolas(path, tolerance=0.005)
+    c = rounded.corners
+    far = path.project(rounded(np.linspace(c.start[0], c.end[0], 4001))).distance.max()
+    assert far <= c.error[0] * np.cos(turn / 2) + 1e-14
+
+
+@pytest.mark.parametrize("turn", [0.5, np.pi / 2, 3.0])
+def test_it_is_symmetric_and_bends_evenly(turn):
+    rounded = round_with_parabolas(corner(turn), tolerance=0.005)
+    bends, lengths = rounded.curvatures[1:-1], rounded.lengths[1:-1]
+    np.testing.assert_allclose(bends, bends[::-1], rtol=1e-12)
+    np.testing.assert_allclose(lengths, lengths[::-1], rtol=1e-12)
+    assert np.exp(np.abs(np.diff(np.log(bends))).max()) < 1.7
+    assert bends.max() * rounded.corners.radius[0] == pytest.approx(1.0, rel=2e-3)
+
+
+def test_it_is_the_path_of_constant_acceleration():
+    # Between two lines, from one velocity to another of the same size at a constant acceleration.
+    turn, error, speed = 1.2, 0.01, 0.3
+    path = corner(turn)
+    leg = 2 * error / np.sin(turn / 2)
+    before, after = path.tangents
+    time = 2 * leg / speed
+    t = np.linspace(0, time, 501)[:, None]
+    motion = -leg * before + speed * before * t + (after - before) * speed / time * t**2 / 2
+    rounded = round_with_parabolas(path, tolerance=error)
+    assert rounded.project(motion).distance.max() < 3e-4 * error
+
+
+def test_the_plane_and_space_are_alike():
+    flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
+    plane = round_with_parabolas(ac.Path.polyline(flat), tolerance=5e-3)
+    space = round_with_parabolas(ac.Path.polyline(flat @ basis.T), tolerance=5e-3)
+    s = np.linspace(0, plane.length, 301)
+    np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
+
+
+def test_short_lines_shrink_parabolas_as_they_shrink_arcs():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (2, 0.01)])
+    c = round_with_parabolas(path, tolerance=0.1).corners
+    np.testing.assert_allclose(c.tangent, 0.005, rtol=1e-12)
+    assert c.shrunk.all() and (c.error < 0.1).all()
+    uneven = round_with_parabolas(path, tolerance=[1e-3, 0.1]).corners
+    legs = 2e-3 / np.sin(np.pi / 4)
+    np.testing.assert_allclose(uneven.tangent, [legs, 0.01 - legs], rtol=1e-12)
+
+
+def test_stops_are_those_of_arcs():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 1), (2, 3)])
+    tolerance = [0.0, 0.01, 0.01, 0.01]
+    parabolas = round_with_parabolas(path, tolerance=tolerance)
+    arcs = ac.round_corners(path, tolerance=tolerance)
+    assert parabolas.corners.reason.tolist() == arcs.corners.reason.tolist()
+    assert parabolas.corners.reason.tolist() == ["tolerance zero", None, "turn-back", None]
+    assert count_full_stops(parabolas) == {"tolerance zero": 1, "turn-back": 1}
+
+
+def test_a_parabola_too_tight_to_draw_stays_a_corner():
+    sharp = round_with_parabolas(corner(np.pi - 5e-4), tolerance=0.005)
+    assert sharp.corners.reason.tolist() == ["no room"] and len(sharp) == 2
+    wide = round_with_parabolas(corner(np.pi - 1e-3), tolerance=0.005)
+    assert wide.corners.reason.tolist() == [None]
+
+
+def test_corners_beside_arcs_are_those_of_round_corners():
+    arc = ac.Arc.through((0, 0), (1, 0.3), (2, 0))
+    path = ac.Path.from_segments([arc, ac.Line(start=(2, 0), end=(3, 0))])
+    parabola = round_with_parabolas(path, tolerance=0.01)
+    same = ac.round_corners(path, tolerance=0.01)
+    np.testing.assert_array_equal(parabola.starts, same.starts)
+    np.testing.assert_array_equal(parabola.corners.error, same.corners.error)
+
+
+def test_demands_are_those_of_the_lines():
+    demand = [ac.Demand(speed=v, tolerance=t, tag="x") for v, t in ((0.2, 1e-3), (0.1, None))]
+    path = ac.Path.from_segments(
+        [
+            ac.Line(start=(0, 0), end=(1, 0), demand=demand[0]),
+            ac.Line(start=(1, 0), end=(1, 1), demand=demand[1]),
+        ]
+    )
+    rounded = round_with_parabolas(path, tolerance=0.1)
+    assert rounded.corners.error[0] == pytest.approx(1e-3)
+    assert rounded.speeds[0] == 0.2 and (rounded.speeds[1:] == 0.1).all()
+    assert set(rounded.tags) == {"x"} and (rounded.tolerances[:-1] == 1e-3).all()
+
+
+def test_the_places_of_corners_are_their_middles():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
+    rounded = round_with_parabolas(path, tolerance=[0.02, 0.05])
+    places = rounded.place(path.breaks)
+    off = np.linalg.norm(rounded(places) - path.vertices, axis=1)
+    np.testing.assert_allclose(off, [0, 0.02, 0.05, 0], atol=1e-12)
+
+
+def test_a_turning_tool_keeps_its_angular_tolerance_and_does_not_stop():
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)])
+    path = path.pointing([(0, 0, -1), (0, 1, -1), (1, 0, -1), (1, 0, 0)])
+    rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
+    c = rounded.corners
+    assert len(rounded.stops) == 0 and (c.angular_error <= 0.02 * (1 + 1e-9)).all()
+    assert c.angular_error.max() == pytest.approx(0.02, rel=1e-3)
+    assert (c.error < 0.05).all()
+
+
+def test_a_tool_that_follows_the_tangent_follows_the_parabola():
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)]).following_tangent((0, 0, 1))
+    rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
+    s = np.linspace(0, rounded.length, 2001)
+    along = rounded.orientation(s)[:, :, 0]
+    off = np.arccos(np.clip(np.sum(along * rounded(s, 1), axis=1), -1, 1))
+    assert len(rounded.stops) == 0 and off.max() <= 0.02
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]))
+def test_random_polylines_keep_both_sides_of_the_tolerance(seed, dimension):
+    rng = np.random.default_rng(seed)
+    points = np.cumsum(rng.normal(size=(6, dimension)) * 10.0 ** rng.uniform(-3, 0), axis=0)
+    path = ac.Path.polyline(points)
+    tolerance = rng.choice([0.0, 1e-4, 1e-2], size=4)
+    rounded = round_with_parabolas(path, tolerance=tolerance)
+    c = rounded.corners
+    assert (c.error <= tolerance * (1 + 1e-12)).all()
+    # Own lines only: what a crossing line would hide.
+    for i in np.flatnonzero(~c.stopped):
+        own = ac.Path.polyline(points[i : i + 3])
+        s = np.linspace(c.start[i], c.end[i], 301)
+        assert own.project(rounded(s)).distance.max() <= c.error[i] + 1e-13
+        gap = np.linalg.norm(rounded((c.start[i] + c.end[i]) / 2) - c.point[i])
+        assert gap == pytest.approx(c.error[i], rel=1e-9)
+    assert len(rounded.stops) == c.stopped.sum()
