@@ -265,6 +265,33 @@ def each_not_negative(name: str, values: npt.ArrayLike, unit: str = "") -> Float
     return found
 
 
+def per_vertex(
+    name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
+) -> FloatArray:
+    """Numbers that are not negative, one per vertex between segments, (vertices,).
+
+    Args:
+        name: Name of the quantity, for messages.
+        values: One number for all, one per vertex, or None for infinity.
+        vertices: Number of vertices between segments.
+        unit: Their unit, for messages.
+
+    Raises:
+        InvalidInput: A value is negative or not a number, or their number is wrong.
+    """
+    if values is None:
+        return np.full(vertices, np.inf)
+    array = numbers(name, values, unit)
+    if array.ndim and array.shape != (vertices,):
+        raise InvalidInput(
+            f"{name} has {array.size} values, but the path has {vertices} vertices between "
+            f"segments: give one value for all or {vertices}."
+        )
+    if array.size and (array < 0).any():
+        raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
+    return np.broadcast_to(array, (vertices,)).copy()
+
+
 def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
     """Return one number for all joints, or one number per joint, as a new (dof,) array.
 

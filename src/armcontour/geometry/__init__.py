@@ -15,6 +15,7 @@ from armcontour.geometry.rounding import (
 )
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.shaped import Outcome, ShapedPath, SmoothCurve
+from armcontour.geometry.tube import Proof, Tube
 
 __all__ = [
     "Arc",
@@ -25,10 +26,12 @@ __all__ = [
     "Outcome",
     "Path",
     "Projection",
+    "Proof",
     "RoundedPath",
     "Segments",
     "ShapedPath",
     "SmoothCurve",
+    "Tube",
     "angle_between",
     "corner_error",
     "count_full_stops",

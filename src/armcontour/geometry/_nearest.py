@@ -21,7 +21,7 @@ def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -
 
 
 @compiled()
-def _offsets(k: float, u: float) -> tuple[float, float]:
+def offsets(k: float, u: float) -> tuple[float, float]:
     """Tangential and normal coordinates of the point at distance u along a segment.
 
     Args:
@@ -37,9 +37,9 @@ def _offsets(k: float, u: float) -> tuple[float, float]:
 
 
 @compiled()
-def _point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
+def point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
     """Squared distance from `p` to the point at distance `u` along segment `g`."""
-    along, across = _offsets(g[9], u)
+    along, across = offsets(g[9], u)
     total = 0.0
     for axis in range(3):
         gap = p[axis] - g[axis] - along * g[3 + axis] - across * g[6 + axis]
@@ -48,8 +48,15 @@ def _point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
 
 
 @compiled()
-def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
-    """Squared distance to segment `g`, and the distance along it of the nearest point."""
+def nearest_within(p: FloatArray, g: FloatArray, low: float, high: float) -> tuple[float, float]:
+    """Squared distance to a part of segment `g`, and the distance along it of the nearest point.
+
+    Args:
+        p: The point, padded to space [m], (3,).
+        g: The segment's row of `pack`, (12,).
+        low: Distance along the segment at which the part starts [m].
+        high: Distance along the segment at which the part ends [m].
+    """
     along = 0.0
     across = 0.0
     for axis in range(3):
@@ -57,26 +64,29 @@ def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
         along += gap * g[3 + axis]
         across += gap * g[6 + axis]
     k = g[9]
-    length = g[10]
     if k == 0.0:
-        u = min(max(along, 0.0), length)
+        u = min(max(along, low), high)
         x = p[0] - g[0] - u * g[3]
         y = p[1] - g[1] - u * g[4]
         z = p[2] - g[2] - u * g[5]
         return x * x + y * y + z * z, u
     # The angle around the centre, in a form that stays accurate for a very large radius.
-    angle = math.atan2(k * along, 1 - k * across)
-    u = angle / k
-    if 0.0 <= u <= length:
-        return _point_distance2(p, g, u), u
-    if u < 0.0 and u + 2 * math.pi / k <= length:
+    u = math.atan2(k * along, 1 - k * across) / k
+    if u < low and u + 2 * math.pi / k <= high:
         u += 2 * math.pi / k
-        return _point_distance2(p, g, u), u
-    at_start = _point_distance2(p, g, 0.0)
-    at_end = _point_distance2(p, g, length)
-    if at_end < at_start:
-        return at_end, length
-    return at_start, 0.0
+    if low <= u <= high:
+        return point_distance2(p, g, u), u
+    at_low = point_distance2(p, g, low)
+    at_high = point_distance2(p, g, high)
+    if at_high < at_low:
+        return at_high, high
+    return at_low, low
+
+
+@compiled()
+def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
+    """Squared distance to segment `g`, and the distance along it of the nearest point."""
+    return nearest_within(p, g, 0.0, g[10])
 
 
 @compiled()
@@ -148,7 +158,7 @@ def search_tree(
 @compiled()
 def _plane_point(g: FloatArray, u: float) -> tuple[float, float]:
     """The point at distance u along segment g, in the plane."""
-    along, across = _offsets(g[9], u)
+    along, across = offsets(g[9], u)
     return g[0] + along * g[3] + across * g[6], g[1] + along * g[4] + across * g[7]
 
 

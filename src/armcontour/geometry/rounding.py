@@ -524,9 +524,11 @@ def _wishes(
     """
     tolerance, speed, acceleration = given
     vertices = len(path) - 1
-    allowed = _per_vertex("corner error tolerance", tolerance, vertices, "m", np.inf)
-    slowest = _per_vertex("corner speed", speed, vertices, "m/s", np.inf)
-    accelerations = _per_vertex("corner acceleration", acceleration, vertices, "m/s²", np.nan)
+    allowed = _checks.per_vertex("corner error tolerance", tolerance, vertices, "m")
+    slowest = _checks.per_vertex("corner speed", speed, vertices, "m/s")
+    accelerations = np.full(vertices, np.nan)
+    if acceleration is not None:
+        accelerations = _checks.per_vertex("corner acceleration", acceleration, vertices, "m/s²")
     if acceleration is not None and vertices:
         _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
@@ -600,27 +602,6 @@ def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> flo
             "corners.angular_tolerance; 0 stops there)."
         )
     return np.inf
-
-
-def _per_vertex(
-    name: str, values: npt.ArrayLike | None, vertices: int, unit: str, default: float
-) -> FloatArray:
-    """One value per vertex, from one for all, one per vertex, or None for the default.
-
-    Raises:
-        InvalidInput: A value is negative or not a number, or their number is wrong.
-    """
-    if values is None:
-        return np.full(vertices, default)
-    array = _checks.numbers(name, values, unit)
-    if array.ndim and array.shape != (vertices,):
-        raise InvalidInput(
-            f"{name} has {array.size} values, but the path has {vertices} vertices between "
-            f"segments: give one value for all or {vertices}."
-        )
-    if array.size and (array < 0).any():
-        raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
-    return np.broadcast_to(array, (vertices,)).copy()
 
 
 def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArray:

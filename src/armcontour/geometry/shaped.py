@@ -52,15 +52,15 @@ class SmoothCurve:
     Args:
         breaks: Arc lengths of the ends of the quintics [m], (n + 1,).
         coefficients: Coefficients of the quintics [m], (n, 6, dimension), as `quintic` gives them.
-        spread: Largest distance of the arcs from the curve [m].
+        spreads: Largest distance of the arcs from each quintic [m], (n,).
     """
 
     breaks: FloatArray
     coefficients: FloatArray
-    spread: float
+    spreads: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("breaks", "coefficients"):
+        for name in ("breaks", "coefficients", "spreads"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def on_piece(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
@@ -102,14 +102,8 @@ class ShapedPath(Path):
         super().__post_init__()
         none = np.zeros(0, dtype=np.intp)
         object.__setattr__(self, "_piece", none if self.curve is None else self._pieces(self.curve))
-        places = _checks.lock_floats(self.places)
+        places = check_places(self.places, self.objective, self)
         object.__setattr__(self, "places", places)
-        ends = np.array([[0.0, 0.0], [self.objective.length, self.length]])
-        near = 1e-9 * (1 + ends[1])
-        if places.ndim != 2 or (np.abs(places[[0, -1]] - ends) > near).any():
-            raise InvalidInput("The places of a shaped path must lead from its start to its end.")
-        if (np.diff(places, axis=0) < 0).any():
-            raise InvalidInput("The places of a shaped path must not decrease.")
 
     def _pieces(self, curve: SmoothCurve) -> IntArray:
         """The quintic that each segment belongs to, (n,)."""
@@ -144,3 +138,24 @@ class ShapedPath(Path):
         """
         found = np.interp(np.asarray(s, dtype=np.float64), self.places[:, 0], self.places[:, 1])
         return np.asarray(np.clip(found, 0.0, self.length))
+
+
+def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
+    """Places that belong together, locked, after a check that they lead along both paths.
+
+    Args:
+        places: Arc lengths on the objective and on the path [m], (n, 2).
+        objective: The objective path.
+        path: A path that was made from it.
+
+    Raises:
+        InvalidInput: The places do not increase from start to end of both paths.
+    """
+    found = _checks.lock_floats(places)
+    ends = np.array([[0.0, 0.0], [objective.length, path.length]])
+    near = 1e-9 * (1 + ends[1])
+    if found.ndim != 2 or (np.abs(found[[0, -1]] - ends) > near).any():
+        raise InvalidInput("The places of a shaped path must lead from its start to its end.")
+    if (np.diff(found, axis=0) < 0).any():
+        raise InvalidInput("The places of a shaped path must not decrease.")
+    return found

@@ -16,6 +16,10 @@ from armcontour.timing.shaping.rows import Spline
 # A span is cut into parts in which the joint velocity changes by this share of itself.
 CHANGE = 0.1
 MOST_PARTS = 8
+# Spans whose arcs are farther from the curve than this share of the tolerance, or than this
+# distance where the tolerance is small [m], are drawn in more parts.
+NEAR, NEAREST = 1e-4, 1e-10
+MOST_ROUNDS = 4
 # Places at which arcs are compared with the curve, over each quintic.
 PLACES = np.linspace(0.1, 0.9, 9)
 # The largest distance that is found there, times this, bounds the distance in between.
@@ -39,7 +43,9 @@ class Drawn:
     knots: FloatArray
 
 
-def draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray) -> Drawn:
+def draw(
+    spline: Spline, arm: Arm, objective: Path, place: FloatArray, tolerance: FloatArray
+) -> Drawn:
     """The tool path of a spline.
 
     Args:
@@ -47,11 +53,30 @@ def draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray) -> Drawn:
         arm: The arm.
         objective: The objective path.
         place: Arc lengths on the objective at the control points [m], (n,).
+        tolerance: Tolerance at the control points [m], (n,); the arcs are a small part of this from
+            the curve.
     """
-    span, share, last = _parts(spline)
+    count = _count_parts(spline)
+    for _ in range(MOST_ROUNDS):
+        drawn = _draw(spline, arm, objective, place, count)
+        far = np.maximum.reduceat(drawn.curve.spreads, np.cumsum(count) - count)
+        rough = far > np.maximum(NEAR * tolerance, NEAREST)
+        if not rough.any():
+            break
+        # The distance falls with the cube of the length.
+        more = np.ceil(np.cbrt(far / np.maximum(NEAR * tolerance, NEAREST)))
+        count = np.where(rough, count * np.clip(more, 2, MOST_PARTS), count).astype(np.intp)
+    return drawn
+
+
+def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: IntArray) -> Drawn:
+    """The tool path of a spline whose spans are drawn in several parts each, (n,)."""
+    span = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count)
+    share = np.stack([number, number + 1], axis=1) / count[span][:, None]
     begin = _points(spline, arm, span, share[:, 0])
     end = _points(spline, arm, span, share[:, 1])
-    rests = np.flatnonzero(last & spline.rest[span + 1])
+    rests = np.flatnonzero((number + 1 == count[span]) & spline.rest[span + 1])
     # Ends meet to the last digit, but where the tool stops the tangent may jump.
     points = np.concatenate([begin[0], end[0][-1:]])
     out = begin[1]
@@ -60,12 +85,12 @@ def draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray) -> Drawn:
     first, second = biarcs(points[:-1], out, points[1:], into)
     order = np.arange(2 * len(span)).reshape(2, -1).T.ravel()
     ends = _place_knots(spline, place)
-    at = ends[span] + share * (ends[span + 1] - ends[span])[:, None]
+    at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
     segments = _with_columns(Segments.join([first, second])[order], objective, at)
     breaks = segments.breaks[::2]
     coefficients = quintic(np.diff(breaks), (begin[0], out, begin[2]), (points[1:], into, end[2]))
     curve = SmoothCurve(
-        breaks=breaks, coefficients=coefficients, spread=_spread(segments, breaks, coefficients)
+        breaks=breaks, coefficients=coefficients, spreads=_spreads(segments, breaks, coefficients)
     )
     places = np.stack([np.append(at[:, 0], at[-1, 1]), breaks], axis=1)
     places[[0, -1], 0] = 0.0, objective.length
@@ -74,18 +99,15 @@ def draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray) -> Drawn:
     return Drawn(segments=segments, curve=curve, places=places, knots=knots)
 
 
-def _parts(spline: Spline) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Parts of all spans: the span of each, its start and end over the span, whether it is last."""
+def _count_parts(spline: Spline) -> IntArray:
+    """How many parts to draw each span in, so that speeds change little along a part, (n,)."""
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
     count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
     # Beside a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
-    span = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count)
-    share = np.stack([number, number + 1], axis=1) / count[span][:, None]
-    return span, share, number + 1 == count[span]
+    return count
 
 
 def _points(
@@ -139,8 +161,8 @@ def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segmen
     return arcs.replace(**columns)
 
 
-def _spread(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -> float:
-    """Largest distance of arcs from the curve [m]."""
+def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Largest distance of the arcs from each quintic [m], (n,)."""
     width = np.diff(breaks)
     powers = PLACES[:, None] ** np.arange(6)
     points = np.einsum("pk,nkd->npd", powers, coefficients)
@@ -150,4 +172,4 @@ def _spread(segments: Segments, breaks: FloatArray, coefficients: FloatArray) ->
     row = 2 * np.arange(len(width))[:, None] + second
     on = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
     off = np.linalg.norm(on.reshape(points.shape) - points, axis=2)
-    return float(SURE * off.max())
+    return np.asarray(SURE * off.max(axis=1))

@@ -34,8 +34,6 @@ HALVINGS = 24
 INSIDE = 1e-3
 # The own part of a point reaches this many tolerances along the objective, and to its neighbours.
 REACH = 3.0
-# Vertices that turn by more than this keep control points near them [rad].
-SHARP = np.radians(10)
 # Directions in which offsets in space are bounded.
 SIDES = 12
 
@@ -167,11 +165,13 @@ def place_nodes(
     tangents = path(s, 1)
     gap = np.diff(s)
     wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
-    bend = _bend(path, joint_path, arm, s)
+    # A tube around a line holds the hull of its control points, but for what even motion of the
+    # joints bends.
+    bend = _bend(joint_path, arm, s)
     vertex = np.full(n, -1)
     for i in np.flatnonzero(mark >= 0):
         k = which[mark[i]]
-        if k >= 0 and turns[k] > SHARP:
+        if k >= 0:
             vertex[max(i - 1, 0) : i + 2] = k
     ends = np.concatenate([[s[0]], (s[1:] + s[:-1]) / 2, [s[-1]]])
     return Nodes(
@@ -211,11 +211,11 @@ def _tolerance_at(tube: Tube, place: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(tube.tolerance[before], tube.tolerance[after]))
 
 
-def _bend(path: Path, joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
-    """Curvature of the start, and of the tool's path when all joints move evenly [1/m], (n,)."""
+def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
+    """Curvature of the tool's path when all joints move evenly [1/m], (n,)."""
     slope = joint_path(s, 1)
     even = np.einsum("nij,nj->ni", arm.jacobian_rate(joint_path(s), slope), slope)
-    return np.asarray(np.linalg.norm(path(s, 2), axis=1) + np.linalg.norm(even, axis=1))
+    return np.asarray(np.linalg.norm(even, axis=1))
 
 
 def _spread(
@@ -238,9 +238,10 @@ def _spread(
     at = low + share * (high - low)
     flat = at.ravel()
     own = np.maximum(_tolerance_at(tube, np.interp(flat, places[:, 1], places[:, 0])), 1e-9)
-    bend = _bend(path, joint_path, arm, flat)
+    bend = _bend(joint_path, arm, flat)
     typical = max(float(np.median(bend)), 1e-3)
-    most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(bend, 1e-6)), LONGEST / typical)
+    curved = bend + np.linalg.norm(path(flat, 2), axis=1)
+    most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
     most = most.reshape(at.shape)
     step = most
     for mark, way in ((0, at - low), (1, high - at)):

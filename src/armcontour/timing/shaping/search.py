@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,15 +12,15 @@ from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
-from armcontour.timing.shaping.nodes import INSIDE, Nodes
+from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
-from armcontour.timing.shaping.starts import Candidate, Timer
+from armcontour.timing.shaping.starts import PARABOLAS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least
 # to these. Where an iteration is refused the limit shrinks, where it pays the limit grows.
-FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-4
-SHRINK, GROW = 1 / 3, 1.5
+FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
+SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends when this many iterations in sequence gain less than this share of the duration.
 IDLE, LEAST_GAIN = 4, 3e-6
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
@@ -28,6 +28,8 @@ WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
 SPARE = 1.5
 SHAPED = "shaped"
+# The search starts from parabolas within this share of the tolerance.
+SHARE = 0.7
 
 
 @dataclass(slots=True)
@@ -113,14 +115,15 @@ class Search:
         now = np.bincount(nodes.group, state.h, groups)
         then = np.bincount(nodes.group, times, groups)
         slower = then > now
-        if found.duration < state.best.duration:
+        # The first spline only has to be: it may be slower than the start that it is drawn from.
+        if state.best is self.start or found.duration < state.best.duration:
             state.best, state.offsets, state.h = found, offsets, times
-            factor = np.where(slower, SHRINK, GROW)
+            factor = np.where(slower, EASE, GROW)
         else:
             # Neighbours of a corner share its lines.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
-        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST / 10, MOST_TRUST)
+        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
@@ -185,19 +188,24 @@ class Search:
     def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
         nodes, state = self.nodes, self.state
-        drawn = draw(self._spline(offsets, h), self.timer.arm, self.tube.objective, nodes.place)
+        spline = self._spline(offsets, h)
+        objective = self.tube.objective
+        drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
         proof = self.tube.prove(plain, drawn.places, reach)
-        spare = drawn.curve.spread + proof.slack
-        if proof.excess + spare <= proof.slack:
+        # The tool follows the curve, which is a little beside the arcs.
+        beside = np.repeat(drawn.curve.spreads, 2)
+        vertices = proof.vertices + drawn.curve.spreads.max()
+        excess = max(float((proof.segments + beside).max()), float(vertices.max(initial=-np.inf)))
+        if excess <= proof.slack:
             return drawn
         lacking = np.zeros(len(nodes))
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
-        np.maximum.at(lacking, span, proof.segments + spare)
-        for k, excess in enumerate(proof.vertices + spare):
+        np.maximum.at(lacking, span, proof.segments + beside)
+        for k, excess in enumerate(vertices):
             lacking[nodes.vertex == k] = np.maximum(lacking[nodes.vertex == k], excess)
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
@@ -222,6 +230,26 @@ class Search:
             curve=drawn.curve,
         )
         return orient(path)
+
+
+def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | None:
+    """The search from parabolas; None where the arm cannot follow them, or nothing may move.
+
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
+        timer: Times the shapes.
+        wishes: What is wanted.
+    """
+    path, places = make_starts(objective, wishes, SHARE)[PARABOLAS]
+    start = timer.candidate(PARABOLAS, path, places)
+    if start is None:
+        return None
+    joint_path = timer.trace(path)
+    nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
+    if nodes.fixed.all():
+        return None
+    return Search(nodes, start, tube, timer, wishes)
 
 
 def orient(path: ShapedPath) -> ShapedPath:

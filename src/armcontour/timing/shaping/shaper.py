@@ -11,9 +11,10 @@ import numpy.typing as npt
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import locate_errors
-from armcontour.geometry import Outcome, Path, ShapedPath
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.program import Contour, Program, contour_called, put_on_path
 from armcontour.timing.program_tracing import trace_program
+from armcontour.timing.shaping.search import make_search
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
 
@@ -133,17 +134,33 @@ def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManage
 
 def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
     """The shaped path of one contour."""
-    starts = {
-        name: timer.candidate(name, path, places)
-        for name, (path, places) in make_starts(objective, wishes).items()
-    }
-    known = [x for x in starts.values() if x is not None]
+    known = _time_starts(objective, timer, wishes)
     if not known:
         # Raises what is wrong with the objective.
         timer.time(timer.trace(objective))
-    best = min(known, key=lambda x: x.duration)
-    durations = {x.name: x.duration for x in known} | {"shaped": best.duration}
-    return _shaped_path(objective, best, wishes, Outcome(start=best.name, durations=durations))
+    durations = {x.name: x.duration for x in known}
+    first = min(known, key=lambda x: x.duration)
+    best, history = first, [first.duration]
+    tube = Tube.of(
+        objective, wishes.tolerance, line_tolerance=wishes.line_tolerance, zone=wishes.zone
+    )
+    search = make_search(objective, tube, timer, wishes)
+    if search is not None:
+        for _, found in zip(range(wishes.iterations), search.run(), strict=False):
+            best = min(best, found, key=lambda x: x.duration)
+            history.append(best.duration)
+    durations["shaped"] = best.duration
+    outcome = Outcome(start=first.name, durations=durations, history=tuple(history))
+    return _shaped_path(objective, best, wishes, outcome)
+
+
+def _time_starts(objective: Path, timer: Timer, wishes: Wishes) -> list[Candidate]:
+    """The starts with their timings, without those that the arm cannot follow."""
+    found = [
+        timer.candidate(name, path, places)
+        for name, (path, places) in make_starts(objective, wishes).items()
+    ]
+    return [x for x in found if x is not None]
 
 
 def _shaped_path(objective: Path, best: Candidate, wishes: Wishes, outcome: Outcome) -> ShapedPath:
@@ -158,4 +175,5 @@ def _shaped_path(objective: Path, best: Candidate, wishes: Wishes, outcome: Outc
         line_tolerance=wishes.line_tolerance,
         zone=wishes.zone,
         outcome=outcome,
+        curve=best.path.curve if isinstance(best.path, ShapedPath) else None,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ArmContourError
-from armcontour.geometry import Path, RoundedPath, round_corners
+from armcontour.geometry import Path, RoundedPath, round_corners, round_with_parabolas
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
@@ -77,19 +77,25 @@ class Timer:
         return Candidate(name=name, path=path, places=places, trajectory=trajectory)
 
 
-def make_starts(objective: Path, wishes: Wishes) -> dict[str, tuple[Path, FloatArray]]:
+def make_starts(
+    objective: Path, wishes: Wishes, share: float = 1.0
+) -> dict[str, tuple[Path, FloatArray]]:
     """The starts by their names, each with its places on the objective.
 
     Args:
         objective: The objective path.
         wishes: What is wanted of the shaped path.
+        share: Share of the tolerance that corners are rounded to.
     """
     whole = np.array([[0.0, 0.0], [objective.length, objective.length]])
     found: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, whole)}
-    arcs = round_corners(
-        objective, tolerance=wishes.tolerance, angular_tolerance=wishes.angular_tolerance
-    )
-    found[ARCS] = (arcs, _places(arcs))
+    for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
+        rounded = round_(
+            objective,
+            tolerance=share * wishes.tolerance,
+            angular_tolerance=wishes.angular_tolerance,
+        )
+        found[name] = (rounded, _places(rounded))
     return found
 
 

@@ -1,0 +1,314 @@
+"""The tube around an objective path, and the proof that another path stays in it.
+
+A path keeps its tolerance if each of its points is within the tolerance of its own part of the
+objective, which is the objective within `reach` of the point's place, and if each corner of the
+objective is within the tolerance of its own part of the path. Own parts, and not the nearest point
+of all, so that no path hops to a line that crosses or to a neighbouring pass.
+
+The proof. A part of a path segment with curvature k and length l, and a part of an objective piece
+with curvature k' and length l', are both passed evenly while t runs from 0 to 1. The difference D
+of their points has D'' = k l² n - k' l'² n', where n and n' are the unit normals. The linear
+interpolation of D misses it by |D''| / 8 at most, so that
+
+    |D(t)| <= max(|D(0)|, |D(1)|) + max |D''| / 8
+    |D''|  <= |k l² - k' l'²| + min(k l², k' l'²) max |n - n'|
+
+and |n - n'|, at most 2, exceeds its values at the ends by no more than ((k l)² + (k' l')²) / 8, or
+2 k' l' |b - b'| with the axes b and b' about which the tangents turn. The ends of the objective's
+part are the nearest points of the path part's ends within reach of their places; all matched points
+are then within reach, because places and reach change evenly along the part. So this bounds the
+distance of every point from its own part, and parts of the path are halved until the bound shows
+that the tolerance is kept for one piece, or until a point is found at which no piece keeps it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.geometry.nearest import pack, pad
+from armcontour.geometry.path import Path
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.shaped import check_places
+
+# Rounding errors of distances and places, in metres plus the same fraction of the path's size:
+# tolerances and reach may be exceeded by this.
+SLACK = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proof:
+    """What is proven of a path in a tube; distances are less the tolerance there, above 0 outside.
+
+    Args:
+        excess: Bound of the largest value over all points of the path and corners of the objective
+            [m]; at most `slack` if the path keeps its tolerance.
+        found: The largest value that was found at a point or corner [m]; not above `excess`.
+        place: Arc length on the objective of that point or corner [m].
+        s: Arc length on the path of that point, or of the point nearest to that corner [m].
+        segments: Bounds over the points of each segment of the path [m], (n,).
+        vertices: Values of the corners of the objective [m], (k,).
+        slack: Rounding error that the bounds may have [m].
+    """
+
+    excess: float
+    found: float
+    place: float
+    s: float
+    segments: FloatArray
+    vertices: FloatArray
+    slack: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the path is proven to keep its tolerance everywhere."""
+        return bool(self.excess <= self.slack)
+
+    @property
+    def violated(self) -> bool:
+        """Whether a point or corner was found outside. If neither, the proof is not conclusive."""
+        return bool(self.found > self.slack)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tube:
+    """All points within a tolerance of an objective path, piece by piece.
+
+    Args:
+        objective: The objective path.
+        segments: Its pieces, m lines and arcs.
+        breaks: Arc lengths of their ends on the objective [m], (m + 1,).
+        tolerance: Largest distance from each piece [m], (m,).
+        vertex: Indices of the corners of the objective among its vertices, from 0, (k,).
+        vertex_tolerance: Largest distance of each corner from the path [m], (k,).
+    """
+
+    objective: Path
+    segments: Segments
+    breaks: FloatArray
+    tolerance: FloatArray
+    vertex: IntArray
+    vertex_tolerance: FloatArray
+    _rows: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("breaks", "tolerance", "vertex_tolerance"):
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+        object.__setattr__(self, "vertex", _checks.lock_copy(self.vertex))
+        rows = pack(self.segments)
+        rows[:, 11] = self.breaks[:-1]
+        object.__setattr__(self, "_rows", _checks.lock_floats(rows))
+
+    @classmethod
+    def of(
+        cls,
+        objective: Path,
+        tolerance: npt.ArrayLike,
+        *,
+        line_tolerance: float | None = None,
+        zone: float | None = None,
+    ) -> Tube:
+        """The tube around an objective path.
+
+        Tolerances of the objective's own segments cap those of their pieces and corners.
+
+        Args:
+            objective: The objective path.
+            tolerance: Largest distance [m]: one number, or one per vertex between segments, each of
+                which holds up to the middle to the next vertex.
+            line_tolerance: Largest distance outside the zones of the corners [m]; by default the
+                same.
+            zone: Distance from a corner along the objective within which the tolerance of the
+                nearest corner holds [m].
+
+        Raises:
+            InvalidInput: A tolerance is negative or not a number, their number is wrong, or only
+                one of line tolerance and zone is given.
+        """
+        _check_zone(line_tolerance, zone)
+        values = _checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
+        corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
+        # The vertices around which their tolerances hold.
+        centre = np.arange(len(values)) if zone is None else corner
+        at = objective.breaks[1:-1][centre]
+        middles = (at[1:] + at[:-1]) / 2
+        cuts = [middles] if np.ndim(tolerance) else []
+        cuts += [] if zone is None else [at - zone, at + zone]
+        segments, breaks, source = _cut(objective, np.concatenate([*cuts, at[:0]]))
+        found = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
+        middle = (breaks[1:] + breaks[:-1]) / 2
+        near = np.searchsorted(middles, middle)
+        if len(at):
+            found = values[centre][near]
+        if zone is not None and line_tolerance is not None:
+            outside = np.abs(middle - at[near]) > zone if len(at) else np.full(len(found), True)
+            found = np.where(outside, line_tolerance, found)
+        own = np.where(np.isnan(objective.tolerances), np.inf, objective.tolerances)
+        return cls(
+            objective=objective,
+            segments=segments,
+            breaks=breaks,
+            tolerance=np.minimum(found, own[source]),
+            vertex=corner + 1,
+            vertex_tolerance=np.minimum(values, np.minimum(own[:-1], own[1:]))[corner],
+        )
+
+    def __len__(self) -> int:
+        """Number of pieces."""
+        return len(self.segments)
+
+    def windows(self, places: npt.ArrayLike, reach: npt.ArrayLike) -> IntArray:
+        """First and last piece within reach of places on the objective, (n, 2).
+
+        Args:
+            places: Arc lengths on the objective [m], (n,).
+            reach: Distance along the objective to either side [m], a number or (n,).
+        """
+        at, off = np.broadcast_arrays(np.asarray(places, float), np.asarray(reach, float))
+        return self._windows(at - off, at + off)
+
+    def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
+        """Room that is left to points: tolerance less distance, below 0 outside [m], (n,).
+
+        Args:
+            points: The points [m], (n, dimension).
+            windows: First and last piece of each point's own part, as from `windows`, (n, 2); the
+                piece counts that leaves the most room.
+        """
+        from armcontour.geometry._tube import find_room
+
+        return np.asarray(find_room(pad(points), windows, self._rows, self.tolerance))
+
+    def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
+        """Bound the distances of all points of a path, and of the objective's corners from it.
+
+        The bounds are rigorous but for rounding errors, see `Proof.slack`.
+
+        Args:
+            path: The path.
+            places: Arc lengths on the objective and on the path that belong together [m], from the
+                start to the end, neither decreasing, (n, 2); linear in between.
+            reach: How far a point's own part reaches to either side of its place along the
+                objective [m]: a number, or one per place, (n,), linear in between.
+
+        Raises:
+            InvalidInput: The places do not lead along both paths, or the path has another
+                dimension than the objective.
+        """
+        from armcontour.geometry._tube import bound_excess
+
+        if path.dimension != self.objective.dimension:
+            raise InvalidInput(
+                f"The path has {path.dimension} coordinates, its objective has "
+                f"{self.objective.dimension}."
+            )
+        pairs = check_places(places, self.objective, path)
+        size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
+        slack = SLACK * (1 + float(size))
+        # A place that rounding puts behind the end of its piece still belongs to it.
+        reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
+        segment, parts = self._parts(path, pairs, reaches)
+        place, around = parts[:, 1::3], parts[:, 2::3]
+        windows = self._windows((place - around).min(axis=1), (place + around).max(axis=1))
+        bounds, found, where = bound_excess(
+            pack(path.segments), segment, parts, windows, self._rows, self.tolerance, slack
+        )
+        segments = np.full(len(path), -np.inf)
+        np.maximum.at(segments, segment, bounds)
+        distance, nearest = self._vertices(path, pairs, reaches)
+        vertices = distance - self.vertex_tolerance
+        at = _interpolate(where, pairs[:, 1], pairs[:, 0])
+        values = np.concatenate([found, vertices])
+        worst = int(np.argmax(values))
+        return Proof(
+            excess=float(max(segments.max(), vertices.max(initial=-np.inf))),
+            found=float(values[worst]),
+            place=float(np.append(at, self.objective.breaks[self.vertex])[worst]),
+            s=float(np.append(where, nearest)[worst]),
+            segments=segments,
+            vertices=vertices,
+            slack=slack,
+        )
+
+    def _windows(self, low: FloatArray, high: FloatArray) -> IntArray:
+        """First and last piece of ranges of arc length, (n, 2)."""
+        last = len(self) - 1
+        first = np.searchsorted(self.breaks[1:], low, side="left")
+        end = np.searchsorted(self.breaks[:-1], high, side="right") - 1
+        return np.stack([np.clip(first, 0, last), np.clip(end, 0, last)], axis=1)
+
+    def _parts(
+        self, path: Path, pairs: FloatArray, reach: FloatArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Parts of a path along which places and reach are linear and leave no piece.
+
+        Args:
+            path: The path.
+            pairs: Arc lengths on the objective and on the path that belong together [m], (n, 2).
+            reach: Reach at these places [m], (n,).
+
+        Returns:
+            The segment of each part, and its ends as `bound_excess` takes them.
+        """
+        own, along = pairs[:, 0], pairs[:, 1]
+        crossed = np.interp(self.breaks, own, along)
+        cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
+        low, high = cuts[:-1], cuts[1:]
+        middle = (low + high) / 2
+        segment = path.locate(middle)
+        # Where the place jumps, each part takes the value on its own side.
+        k = np.clip(np.searchsorted(along, middle, side="right") - 1, 0, len(along) - 2)
+        ends = []
+        for s in (low, high):
+            share = np.clip((s - along[k]) / (along[k + 1] - along[k]), 0.0, 1.0)
+            u = np.clip(s - path.breaks[segment], 0.0, path.lengths[segment])
+            place = np.clip(own[k] + share * (own[k + 1] - own[k]), 0.0, self.breaks[-1])
+            ends += [u, place, reach[k] + share * (reach[k + 1] - reach[k])]
+        return segment, np.stack(ends, axis=1)
+
+    def _vertices(
+        self, path: Path, pairs: FloatArray, reach: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distance of each corner from its own part of a path, and the nearest arc length [m]."""
+        from armcontour.geometry._tube import nearest_in_range
+
+        at = self.objective.breaks[self.vertex]
+        own, along = pairs[:, 0], pairs[:, 1]
+        around = np.interp(at, own, reach)
+        ends = [_interpolate(x, own, along) for x in (at - around, at + around)]
+        windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
+        points = pad(self.objective.vertices[self.vertex])
+        return nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))
+
+
+def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Piecewise linear interpolation."""
+    return np.asarray(np.interp(at, x, y))
+
+
+def _check_zone(line_tolerance: float | None, zone: float | None) -> None:
+    """Refuse a line tolerance or zone that is no length, or that is given alone.
+
+    Raises:
+        InvalidInput: As said.
+    """
+    if (line_tolerance is None) != (zone is None):
+        raise InvalidInput("A tube needs both line_tolerance and zone, or neither.")
+    if line_tolerance is not None and zone is not None:
+        _checks.not_negative("line_tolerance", line_tolerance, "m")
+        _checks.positive("zone", zone, "m")
+
+
+def _cut(path: Path, cuts: FloatArray) -> tuple[Segments, FloatArray, IntArray]:
+    """Pieces of a path cut at its breaks and at arc lengths, their ends, and their segments."""
+    inside = cuts[(cuts > 0) & (cuts < path.length)]
+    near = np.abs(path.breaks[np.stack([path.locate(inside), path.locate(inside) + 1])] - inside)
+    breaks = np.unique(np.concatenate([path.breaks, inside[near.min(axis=0) > REPEATED_POINT]]))
+    source = path.locate((breaks[:-1] + breaks[1:]) / 2)
+    begin, end = breaks[:-1] - path.breaks[source], breaks[1:] - path.breaks[source]
+    return path.segments.cut(source, np.maximum(begin, 0.0), end), breaks, source

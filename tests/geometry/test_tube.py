@@ -1,0 +1,298 @@
+"""The tube around a path: its pieces, room in it, and proofs against dense samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Segments, Tube, _tube, round_with_parabolas
+from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.nearest import pack
+
+CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
+
+
+def places_of(rounded):
+    """Arc lengths on the objective and on its rounded path that belong together."""
+    c = rounded.corners
+    at = rounded.objective.breaks[c.vertex]
+    s = np.unique(
+        np.concatenate([[0.0], at - c.tangent, at, at + c.tangent, [rounded.objective.length]])
+    )
+    return np.stack([s, np.maximum.accumulate(rounded.place(s))], axis=1)
+
+
+def evenly(objective, path):
+    """Places in proportion to arc length."""
+    return np.array([(0.0, 0.0), (objective.length, path.length)])
+
+
+def distance_from_lines(points, vertices):
+    """Distance of each point from each line between vertices, by hand, (points, lines)."""
+    a, b = vertices[:-1], vertices[1:]
+    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    gap = points[:, None] - a
+    t = np.clip(np.einsum("ijk,jk->ij", gap, along), 0, np.linalg.norm(b - a, axis=1))
+    return np.linalg.norm(gap - t[..., None] * along, axis=2)
+
+
+def sampled_distance(path, objective, places, reach, n=400):
+    """Distances of points of a path from their own parts of the objective, and their segments."""
+    s = np.linspace(0, path.length, n)
+    at = np.interp(s, places[:, 1], places[:, 0])
+    found = []
+    for point, a in zip(path(s), at, strict=True):
+        part = cut_path(objective, max(a - reach, 0.0), min(a + reach, objective.length))
+        found.append(part.project([point]).distance[0])
+    return np.array(found), path.locate(s)
+
+
+def test_one_tolerance_needs_no_cut():
+    path = ac.Path.polyline(CORNER)
+    tube = Tube.of(path, 2e-3)
+    np.testing.assert_array_equal(tube.breaks, path.breaks)
+    np.testing.assert_array_equal(tube.tolerance, [2e-3, 2e-3])
+    assert tube.vertex.tolist() == [1] and tube.vertex_tolerance.tolist() == [2e-3]
+
+
+def test_zones_lie_around_corners_only():
+    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.2, 0), (0.2, 0.1)])
+    tube = Tube.of(path, 5e-3, line_tolerance=1e-4, zone=0.02)
+    np.testing.assert_allclose(tube.breaks, [0, 0.1, 0.18, 0.2, 0.22, 0.3], atol=1e-15)
+    np.testing.assert_array_equal(tube.tolerance, [1e-4, 1e-4, 5e-3, 5e-3, 1e-4])
+    np.testing.assert_array_equal(tube.vertex, [2])
+
+
+def test_zones_reach_over_short_lines_and_end_with_the_path():
+    path = ac.Path.polyline([(0, 0), (0.01, 0), (0.01, 0.01), (0.3, 0.01)])
+    tube = Tube.of(path, 5e-3, line_tolerance=0.0, zone=0.05)
+    np.testing.assert_allclose(tube.breaks, [0, 0.01, 0.02, 0.06, 0.07, 0.31], atol=1e-15)
+    np.testing.assert_array_equal(tube.tolerance, [5e-3, 5e-3, 5e-3, 5e-3, 0.0])
+
+
+def test_each_vertex_has_its_tolerance_up_to_the_middle():
+    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)])
+    tube = Tube.of(path, [1e-3, 2e-3])
+    np.testing.assert_allclose(tube.breaks, [0, 0.1, 0.15, 0.2, 0.3], atol=1e-15)
+    np.testing.assert_array_equal(tube.tolerance, [1e-3, 1e-3, 2e-3, 2e-3])
+    np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 2e-3])
+
+
+def test_the_paths_own_tolerances_cap_both_sides():
+    lines = [
+        ac.Line(start=a, end=b, demand=ac.Demand(tolerance=t))
+        for a, b, t in [((0, 0), (1, 0), None), ((1, 0), (1, 1), 1e-3), ((1, 1), (0, 1), 4e-3)]
+    ]
+    tube = Tube.of(ac.Path.from_segments(lines), 5e-3)
+    np.testing.assert_array_equal(tube.tolerance, [5e-3, 1e-3, 4e-3])
+    np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 1e-3])
+
+
+def test_a_path_without_corners_has_the_line_tolerance():
+    line = ac.Path.polyline([(0, 0), (1, 0)])
+    assert Tube.of(line, 1e-3).tolerance.tolist() == [1e-3]
+    assert Tube.of(line, 1e-3, line_tolerance=1e-4, zone=0.1).tolerance.tolist() == [1e-4]
+
+
+def test_windows_hold_the_pieces_within_reach():
+    path = ac.Path.polyline([(0, 0), (1, 0), (2, 1), (3, 1)])
+    tube = Tube.of(path, 1e-3)
+    found = tube.windows([0.5, 0.95, 1.5, path.length], [0.1, 0.1, 9.0, 0.5])
+    np.testing.assert_array_equal(found, [(0, 0), (0, 1), (0, 2), (2, 2)])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_room_is_that_of_the_best_piece_of_the_window(dimension):
+    rng = np.random.default_rng(1)
+    vertices = rng.normal(size=(9, dimension))
+    tolerance = rng.uniform(0, 1, size=7)
+    path = ac.Path.polyline(vertices)
+    tube = Tube.of(path, tolerance)
+    points = rng.normal(size=(50, dimension))
+    windows = np.sort(rng.integers(0, len(tube), size=(50, 2)), axis=1)
+    room = tube.tolerance - distance_from_lines(points, np.vstack([path(tube.breaks)]))
+    expected = [room[i, a : b + 1].max() for i, (a, b) in enumerate(windows)]
+    np.testing.assert_allclose(tube.margin(points, windows), expected, atol=1e-14)
+
+
+def test_stopping_at_every_vertex_keeps_tolerance_zero():
+    for points in (CORNER, [(0, 0, 0), (1, 0.3, 0.2), (0.01, 0.3, 0.1)]):
+        path = ac.Path.polyline(points)
+        proof = Tube.of(path, 0.0).prove(path, evenly(path, path), 0.0)
+        assert proof.ok and abs(proof.excess) < 1e-15
+
+
+@pytest.mark.parametrize("turn", [0.3, np.pi / 2, 3.0])
+@pytest.mark.parametrize("shape", [ac.round_corners, round_with_parabolas])
+def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
+    path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
+    rounded = shape(path, tolerance=5e-3)
+    just, less = (
+        Tube.of(path, 5e-3 * x).prove(rounded, places_of(rounded), 0.5) for x in (1, 1 - 1e-6)
+    )
+    assert just.ok and abs(just.excess) < just.slack
+    assert just.segments.max() < 0
+    assert less.violated and less.found == pytest.approx(5e-9, rel=1e-5)
+    assert less.place == pytest.approx(1.0)
+
+
+def test_lines_bind_between_corners():
+    # A detour of 1 mm in the middle of a line, 0.3 m from the corner.
+    path = ac.Path.polyline([(0, 0), (0.6, 0), (0.6, 0.6)])
+    detour = ac.Path.polyline([(0, 0), (0.3, 1e-3), (0.6, 0), (0.6, 0.6)])
+    places = evenly(path, detour)
+    for line_tolerance, ok in ((1e-3, True), (0.999e-3, False)):
+        tube = Tube.of(path, 5e-3, line_tolerance=line_tolerance, zone=0.1)
+        proof = tube.prove(detour, places, 0.01)
+        assert proof.ok is ok and proof.violated is not ok
+    assert proof.found == pytest.approx(1e-6) and proof.s == pytest.approx(0.3, abs=1e-5)
+    assert proof.place == pytest.approx(0.3, abs=1e-5)
+
+
+def test_a_hop_to_the_neighbouring_pass_is_no_way():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.004), (0, 0.004)])
+    short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
+    assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021
+    proof = Tube.of(path, 0.005).prove(short, evenly(path, short), 0.02)
+    assert proof.violated
+    # Even if the places leave the rest of the path out, its corners are missed.
+    jumps = [(0, 0), (0.502, 0.502), (1.502, 0.502), (2.004, 1.004)]
+    jump = Tube.of(path, 0.005).prove(short, np.array(jumps), 0.02)
+    np.testing.assert_allclose(jump.vertices, 0.5 - 0.005, rtol=1e-4)
+    assert jump.violated and jump.segments.max() < 0
+
+
+def test_a_crossing_is_not_a_way_to_turn_off():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, -1)])
+    # At the crossing (0.5, 0) it takes the other line.
+    turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])
+    assert path.project(turned(np.linspace(0, turned.length, 101))).distance.max() < 1e-12
+    assert Tube.of(path, 0.01).prove(turned, evenly(path, turned), 0.05).violated
+    same = Tube.of(path, 0.01).prove(path, evenly(path, path), 0.05)
+    assert same.ok and same.segments.max() == pytest.approx(-0.01)
+
+
+def test_arcs_on_arcs_keep_tolerance_zero():
+    points = np.random.default_rng(3).normal(size=(8, 3))
+    path = ac.Path.spline(points, tolerance=1e-3)
+    proof = Tube.of(path, 0.0).prove(path, evenly(path, path), 0.0)
+    assert proof.ok
+    # Cut at other places, too.
+    cuts = np.linspace(0, path.length, 30)
+    parts = [cut_path(path, a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    again = join_paths(parts)
+    assert Tube.of(path, 0.0).prove(again, evenly(path, again), 0.0).ok
+    assert Tube.of(again, 0.0).prove(path, evenly(again, path), 0.0).ok
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_circles_side_by_side_are_bound_to_a_millionth(dimension):
+    def circle(radius):
+        start, center = np.zeros(dimension), np.zeros(dimension)
+        start[0] = radius
+        plane = {"normal": (0, 0, 1)} if dimension == 3 else {}
+        arc = ac.Arc(start=start, center=center, angle=1.9 * np.pi, **plane)
+        return ac.Path.from_segments([arc])
+
+    path, near = circle(0.05), circle(0.051)
+    wide, narrow = (
+        Tube.of(path, 1e-3 * x).prove(near, evenly(path, near), 1e-3) for x in (1 + 1e-6, 1 - 1e-6)
+    )
+    assert wide.ok and not narrow.ok and narrow.violated
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.booleans())
+def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
+    rng = np.random.default_rng(seed)
+    points = np.cumsum(rng.normal(size=(5, dimension)), axis=0)
+    objective = ac.Path.polyline(points)
+    path = round_with_parabolas(objective, tolerance=0.3)
+    places = places_of(path)
+    if bent:
+        # Arcs around arcs, and places that are not the best ones.
+        objective = ac.Path.spline(points, tolerance=1e-2)
+        path = ac.Path.spline(points, tolerance=rng.choice([0.1, 0.02]))
+        places = evenly(objective, path)
+    reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
+    proof = Tube.of(objective, tolerance).prove(path, places, reach)
+    distance, segment = sampled_distance(path, objective, places, reach, 30)
+    excess = distance - tolerance
+    assert (excess <= proof.segments[segment] + proof.slack).all()
+    assert proof.found <= proof.excess
+    # Whatever is not proven was found outside, but within the millionth that is left open.
+    assert proof.ok or proof.violated or proof.excess < 2e-6 * tolerance
+    if not proof.ok and len(proof.vertices) and proof.vertices.max() < proof.found:
+        at = path([proof.s])
+        part = cut_path(
+            objective, max(proof.place - reach, 0), min(proof.place + reach, objective.length)
+        )
+        assert part.project(at).distance[0] - tolerance == pytest.approx(proof.found, abs=1e-9)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
+    rng = np.random.default_rng(7)
+    t = np.linspace(0, 1, 101)
+    nearest = np.inf
+    for _ in range(300):
+        # Two arcs from near points in near directions, with any normals, curvatures and senses.
+        frames = [
+            np.linalg.qr(np.eye(dimension) + rng.normal(size=(dimension,) * 2) * x)[0]
+            for x in (0.3, rng.choice([0.0, 0.01, 1.0]))
+        ]
+        frames[1] = frames[0] @ frames[1] * rng.choice([-1, 1])
+        segments = Segments(
+            starts=rng.normal(size=(2, dimension)) * 0.01,
+            tangents=np.stack([x[:, 0] for x in frames]),
+            normals=np.stack([x[:, 1] for x in frames]),
+            curvatures=rng.choice([0.1, 1.0, 1.1], size=2),
+            lengths=np.full(2, 2.0),
+        )
+        u, v = rng.uniform(0, 0.5, size=2), rng.uniform(0, 0.5, size=2)
+        rows = pack(segments)
+        bulge = _tube.bulge(rows[0], *u, rows[1], *v)
+        p = segments.at(np.zeros(101, int), u[0] + (u[1] - u[0]) * t)
+        q = segments.at(np.ones(101, int), v[0] + (v[1] - v[0]) * t)
+        line = (p - q)[:1] + t[:, None] * ((p - q)[-1:] - (p - q)[:1])
+        off = np.linalg.norm(p - q - line, axis=1).max()
+        assert off <= bulge * (1 + 1e-9) + 1e-15
+        nearest = min(nearest, bulge - off)
+    assert nearest < 1e-6
+
+
+def test_the_vertices_are_those_of_a_dense_sample():
+    rng = np.random.default_rng(5)
+    path = ac.Path.polyline(np.cumsum(rng.normal(size=(8, 3)), axis=0))
+    rounded = ac.round_corners(path, tolerance=0.2)
+    places = places_of(rounded)
+    proof = Tube.of(path, 0.1).prove(rounded, places, 0.5)
+    at = path.breaks[1:-1]
+    for i, s in enumerate(at):
+        low, high = np.interp([s - 0.5, s + 0.5], places[:, 0], places[:, 1])
+        gaps = np.linalg.norm(rounded(np.linspace(low, high, 20001)) - path(s), axis=1)
+        assert proof.vertices[i] == pytest.approx(gaps.min() - 0.1, abs=1e-7)
+
+
+def test_reach_may_change_along_the_path():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (0, 0.01)])
+    places = np.array([(0, 0), (0.5, 0.5), (1.01, 1.01), (2.01, 2.01)])
+    assert Tube.of(path, 0.0).prove(path, places, [0, 0.1, 0.2, 0]).ok
+
+
+def test_what_is_refused():
+    path = ac.Path.polyline(CORNER)
+    with pytest.raises(InvalidInput, match="both line_tolerance and zone"):
+        Tube.of(path, 1e-3, zone=0.1)
+    with pytest.raises(InvalidInput, match="tolerance must not be negative"):
+        Tube.of(path, -1e-3)
+    with pytest.raises(InvalidInput, match="2 values, but the path has 1 vertices"):
+        Tube.of(path, [1e-3, 1e-3])
+    space = ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
+    with pytest.raises(InvalidInput, match="3 coordinates, its objective has 2"):
+        Tube.of(path, 1e-3).prove(space, evenly(path, space), 0.1)
+    with pytest.raises(InvalidInput, match="must lead from its start to its end"):
+        Tube.of(path, 1e-3).prove(path, [(0, 0), (0.1, 0.1)], 0.1)
