@@ -204,4 +204,9 @@ def test_the_arms_limits_are_the_default(arm):
 
 
 def test_only_optimal_plans_can_be_explained(mac, arm, limits, refuses):
-    refuses(lambda: explain(mac, arm, limits), ac.InvalidInput, "method optimal", "not of mac")
+    refuses(
+        lambda: explain(mac, arm, limits),
+        ac.InvalidInput,
+        "methods optimal and shaped",
+        "not of mac",
+    )

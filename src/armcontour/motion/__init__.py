@@ -1,8 +1,9 @@
 """Motions as values: joint paths, trajectories, taught data, executions."""
 
+from armcontour._quintics import quintic
 from armcontour.motion.bounding import largest_shares
 from armcontour.motion.execution import Execution
-from armcontour.motion.joint_path import JointPath, quintic
+from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import (
     LapLaw,
     Law,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks, _memory
+from armcontour._checks import FloatArray
 from armcontour._progress import Progress
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
@@ -28,7 +29,7 @@ from armcontour.timing.methods import (
 )
 from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program
-from armcontour.timing.shaping import shape
+from armcontour.timing.shaping import Shaping, Wishes
 from armcontour.tracing import refuse_out_of_range
 
 # Limits that a reserve reduces.
@@ -106,7 +107,7 @@ def plan(
     if duration is not None:
         _refuse_duration(duration, method, options, smoothed=bool(windows))
     if method == Method.SHAPED:
-        path = _shape(path, timing, branch, start, progress)
+        path, start = _shape(path, timing, branch, start, progress)
     traced = _trace(path, arm, bounds, branch, start)
     if isinstance(traced, Tracing):
         timing = replace(timing, options=_fit_options(traced.program, method, options))
@@ -126,8 +127,8 @@ def _shape(
     branch: str | None,
     start: npt.ArrayLike | None,
     progress: Progress | None,
-) -> Path | Program:
-    """The shaped path or program, for the method "shaped".
+) -> tuple[Program, FloatArray | None]:
+    """The shaped program and its start, for the method "shaped".
 
     Raises:
         InvalidInput: A path that is traced already, no tolerance, or as `shape`.
@@ -145,17 +146,9 @@ def _shape(
         )
     program = Program.of(path, "plan needs a Path or a Program")
     refuse_endless(program, timing.limits)
-    wanted = {name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS}
-    return shape(
-        path,
-        timing.arm,
-        timing.limits,
-        branch=branch,
-        start=start,
-        progress=progress,
-        intervals=timing.options.get("intervals"),
-        **wanted,
-    )
+    wishes = Wishes(**{name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS})
+    shaping = Shaping(timing.arm, timing.limits, wishes, branch, timing.options.get("intervals"))
+    return shaping.shape(program, start, progress, named=program is path)
 
 
 def _trace(

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
 
 # Iterations end when the average product of slack and multiplier, and the largest violation of a
@@ -134,7 +134,7 @@ def _residuals(
     bounds: FloatArray,
     slack: FloatArray,
     dual: FloatArray,
-    used: FloatArray,
+    used: BoolArray,
     primal: FloatArray,
 ) -> tuple[float, float]:
     """Write `rows x + slack - bounds`; give the sum of products and the largest violation."""
@@ -153,7 +153,7 @@ def _fill(
     rows: FloatArray,
     slack: FloatArray,
     dual: FloatArray,
-    used: FloatArray,
+    used: BoolArray,
     weight: FloatArray,
     matrix: FloatArray,
 ) -> None:
@@ -202,7 +202,7 @@ def _direction(
     x: FloatArray,
     slack: FloatArray,
     dual: FloatArray,
-    used: FloatArray,
+    used: BoolArray,
     weight: FloatArray,
     primal: FloatArray,
     complement: FloatArray,
@@ -246,7 +246,7 @@ def _rest_of_step(
     step: FloatArray,
     slack: FloatArray,
     dual: FloatArray,
-    used: FloatArray,
+    used: BoolArray,
     primal: FloatArray,
     complement: FloatArray,
     d_slack: FloatArray,
@@ -263,7 +263,7 @@ def _rest_of_step(
 
 @compiled(fastmath=FUSED)
 def _longest(
-    slack: FloatArray, dual: FloatArray, used: FloatArray, d_slack: FloatArray, d_dual: FloatArray
+    slack: FloatArray, dual: FloatArray, used: BoolArray, d_slack: FloatArray, d_dual: FloatArray
 ) -> float:
     """The longest step, up to 1, that keeps slacks and multipliers positive."""
     way = 1.0

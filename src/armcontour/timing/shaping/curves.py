@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._quintics import quintic
@@ -107,7 +109,7 @@ def _count_parts(spline: Spline) -> IntArray:
     count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
     # Beside a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
-    return count
+    return np.asarray(count)
 
 
 def _points(
@@ -148,7 +150,7 @@ def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segmen
     last = len(objective) - 1
     first = np.clip(np.searchsorted(objective.breaks, places[:, 0], side="right") - 1, 0, last)
     end = np.clip(np.searchsorted(objective.breaks, places[:, 1], side="left") - 1, first, last)
-    columns = {}
+    columns: dict[str, npt.NDArray[Any]] = {}
     for name in ("speeds", "tolerances"):
         values = getattr(objective, name)
         found = values[first]
@@ -158,7 +160,7 @@ def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segmen
                 found = np.fmin(found, values[np.minimum(first + k, end)])
         columns[name] = np.repeat(found, 2)
     columns["tags"] = np.repeat(objective.segments.tags[first], 2)
-    return arcs.replace(**columns)
+    return arcs.replace(checked=False, **columns)
 
 
 def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -> FloatArray:

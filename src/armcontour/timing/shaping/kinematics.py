@@ -68,8 +68,8 @@ class NearPath:
             Unreachable: A point is out of reach.
         """
         if isinstance(self.arm, PlanarTwoLink):
-            found = self.arm.inverse(points, self.branch)
-            return np.asarray(found + 2 * np.pi * np.round((guess - found) / (2 * np.pi)))
+            q = self.arm.inverse(points, self.branch)
+            return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
         assert isinstance(self.arm, SerialArm) and self.poses is not None
         assert self.free is not None
         poses = np.array(self.poses)

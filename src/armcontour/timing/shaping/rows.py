@@ -17,6 +17,8 @@ from armcontour.arms import Arm, Limits
 
 # Directions in which a disc in space is bounded by planes.
 DIRECTIONS = 8
+# Speeds that are this share of their limits below them are left out: one step cannot reach them.
+FAR = -0.6
 # A span time may shrink to this share of itself in one step.
 LEAST_SPAN = 0.5
 
@@ -144,7 +146,8 @@ def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
     """`±e_i <= most`."""
     bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
-    return SpanRows(value, np.zeros_like(both), both, np.zeros_like(value), bound)
+    after = np.where((value > FAR * bound)[..., None], both, 0.0)
+    return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
 
 
 def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
@@ -154,7 +157,8 @@ def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     # Without a limit, any bound that does not bind.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
-    after = np.einsum("ni,nij->nj", direction, end.arm.jacobian(end.q))[:, None]
+    near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
+    after = np.einsum("ni,nij->nj", near, end.arm.jacobian(end.q))[:, None]
     none = np.zeros((len(speed), 1))
     return SpanRows((speed - bound)[:, None], np.zeros_like(after), after, none, bound[:, None])
 

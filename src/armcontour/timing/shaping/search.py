@@ -241,6 +241,8 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         timer: Times the shapes.
         wishes: What is wanted.
     """
+    if objective.orientation is not None and not objective.orientation.fixed:
+        return None
     path, places = make_starts(objective, wishes, SHARE)[PARABOLAS]
     start = timer.candidate(PARABOLAS, path, places)
     if start is None:
@@ -257,8 +259,6 @@ def orient(path: ShapedPath) -> ShapedPath:
     orientation = path.objective.orientation
     if orientation is None:
         return path
-    if not orientation.fixed:
-        raise NotImplementedError
     breaks = np.array([0.0, path.length])
     rows = {x: getattr(orientation, x)[:1] for x in ("starts", "first", "second", "f", "g")}
     return replace(path, orientation=replace(orientation, breaks=breaks, **rows))

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from typing import overload
 
+import numpy as np
 import numpy.typing as npt
 
-from armcontour._progress import Progress, Step, under
+from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
-from armcontour.errors import locate_errors
-from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.program import Contour, Program, contour_called, put_on_path
-from armcontour.timing.program_tracing import trace_program
+from armcontour.errors import ArmContourError, locate_errors
+from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
+from armcontour.motion import JointPath
+from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
+from armcontour.timing.program_tracing import Tracing, trace_program
 from armcontour.timing.shaping.search import make_search
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
@@ -103,28 +107,108 @@ def shape(
         iterations=iterations,
     )
     program = Program.of(path, "shape needs a Path or a Program")
-    with_names = program is path
-    for i, x in enumerate(program.contours):
-        with _named(x, i, with_names):
-            wishes.refuse_too_large(x.path)
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    traced = trace_program(program, arm, bounds, branch=branch, start=start)
-    begin = {x.move: x.joint_path for x in traced.steps if x.joint_path is not None}
-    moves, done, count = list(program.moves), 0, len(program.contours)
-    report = under(progress, "shaping")
-    for i, move in enumerate(moves):
-        if not isinstance(move, Contour):
-            continue
-        own = None if isinstance(arm, PlanarTwoLink) else begin[i](begin[i].breaks[0])
-        timer = Timer(arm, bounds, branch, own, intervals)
-        with _named(move, done, with_names):
-            shaped = _shape(move.path, timer, wishes)
-        moves[i] = put_on_path(move, shaped)
-        done += 1
-        report(Step((), done / count))
-    found = dataclasses.replace(program, moves=tuple(moves))
+    shaping = Shaping(arm, bounds, wishes, branch, intervals)
+    found = shaping.shape(program, start, progress, named=program is path)[0]
     # Whoever gives a path gets a path.
     return found if program is path else found.path
+
+
+@dataclass(frozen=True, slots=True)
+class Shaping:
+    """How the contours of a program are shaped.
+
+    Args:
+        arm: The arm.
+        limits: The limits, one value per joint.
+        wishes: What is wanted of the shaped paths.
+        branch: For an arm in the plane, the branch of its inverse kinematics.
+        intervals: Approximate number of grid intervals of the plans that are compared.
+    """
+
+    arm: Arm
+    limits: Limits
+    wishes: Wishes
+    branch: str | None = None
+    intervals: int | None = None
+
+    def shape(
+        self,
+        program: Program,
+        start: npt.ArrayLike | None,
+        progress: Progress | None,
+        *,
+        named: bool,
+    ) -> tuple[Program, FloatArray | None]:
+        """The shaped program, and joint positions at its start for an arm in space.
+
+        Args:
+            program: The program.
+            start: As in `plan`.
+            progress: Called after every contour.
+            named: Whether error messages start with the name of the contour.
+
+        Raises:
+            ArmContourError: As `shape`.
+        """
+        for i, x in enumerate(program.contours):
+            with _named(x, i, named):
+                self.wishes.refuse_too_large(x.path)
+        traced = self._trace(program, start)
+        moves, done, count = list(program.moves), 0, len(program.contours)
+        for step in traced.steps:
+            move = None if step.move is None else moves[step.move]
+            if not isinstance(move, Contour) or step.move is None or step.joint_path is None:
+                continue
+            timer = self._timer(step.joint_path)
+            with _named(move, done, named):
+                shaped = _shape(move.path, timer, self.wishes)
+            moves[step.move] = put_on_path(move, shaped)
+            done += 1
+            if progress is not None:
+                progress(Step(("shaping",), done / count))
+        first = self._timer(traced.joint_paths[0]).start
+        return dataclasses.replace(program, moves=tuple(moves)), first
+
+    def _trace(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
+        """Trace the program with arcs at its corners, or with sharp corners where that is faster.
+
+        Only the configurations of the arm matter, which all starts and shapes then have.
+        """
+
+        def trace(program: Program) -> Tracing:
+            return trace_program(program, self.arm, self.limits, branch=self.branch, start=start)
+
+        try:
+            arcs = round_corners(
+                program,
+                tolerance=self.wishes.tolerance,
+                angular_tolerance=self.wishes.angular_tolerance,
+            )
+            rounded = trace(arcs)
+        except ArmContourError:
+            return trace(program)
+        if start is not None or program.single_path is None or isinstance(self.arm, PlanarTwoLink):
+            return rounded
+        try:
+            sharp = trace(program)
+        except ArmContourError:
+            return rounded
+        return min(rounded, sharp, key=self._least_duration)
+
+    def _least_duration(self, traced: Tracing) -> float:
+        """Duration of the fastest start of a single path in the configuration of a tracing [s]."""
+        objective = traced.program.path
+        if isinstance(objective, RoundedPath):
+            objective = objective.objective
+        known = _time_starts(objective, self._timer(traced.joint_paths[0]), self.wishes)
+        return min((x.duration for x in known), default=np.inf)
+
+    def _timer(self, joint_path: JointPath) -> Timer:
+        """What times paths in the configuration of a joint path."""
+        planar = isinstance(self.arm, PlanarTwoLink)
+        start = None if planar else joint_path(joint_path.breaks[0])
+        return Timer(self.arm, self.limits, self.branch, start, self.intervals)
 
 
 def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManager[None]:

@@ -11,7 +11,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 
 # Iterations of the search, unless another number is given.
-DEFAULT_ITERATIONS = 30
+DEFAULT_ITERATIONS = 60
 # Vertices that turn by more than this are corners of a contour; others may be points along a
 # curve, however near they are [rad].
 SHARP = np.radians(30)
