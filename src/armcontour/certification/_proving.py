@@ -8,7 +8,14 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.geometry import ShapedPath
-from armcontour.motion import JointPath, PathLaw, SmoothedLaw, Trajectory, largest_shares
+from armcontour.motion import (
+    JointAverage,
+    JointPath,
+    PathLaw,
+    SmoothedLaw,
+    Trajectory,
+    largest_shares,
+)
 
 # A limit is exceeded by a share above 1 and this: rounding.
 KEPT = 1e-9
@@ -36,6 +43,8 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     joints = np.stack([high, -low, or_unlimited(limits.joint_velocity, arm.dof)])
     found = np.zeros(len(BOUNDED))
     for law in plan.laws:
+        # Averages of the joints are not above what is averaged.
+        law = law.original if isinstance(law, JointAverage) else law
         assert isinstance(law, PathLaw | SmoothedLaw)
         speeds = _highest_speeds(law.joint_path, limits)
         found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
