@@ -412,7 +412,8 @@ TEXTS = {
     "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--corner-shape", "--export",
     "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--out", "--output", "--package", "--path", "--plant", "--run", "--skip", "--taught",
+    "--model", "--out", "--output", "--package", "--path", "--plant", "--run", "--shapes", "--skip",
+    "--taught",
     "--template", "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 

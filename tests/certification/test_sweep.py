@@ -1,13 +1,18 @@
 """Trade-offs: certified times for other tolerances and velocities."""
 
+import csv
+import io
+import json
 from dataclasses import replace
 
 import pytest
 from soak.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour.io import parse_job
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_job, sweep_csv, sweep_json
 from armcontour.report import render_sweep
+from armcontour.report.sections import sweep as section_of
 
 # Certified without a search: the plan at the full limit holds 0.1 mm.
 JOB = CORNER_JOB.replace("[0.36, 0.20], [0.36, 0.24]", "[0.38, 0.20], [0.38, 0.26]")
@@ -80,3 +85,64 @@ def test_nothing_to_sweep_is_refused(refuses):
     bare = replace(job, runs=(replace(job.runs[0], rounding=None, limits=limits),))
     refuses(lambda: ac.sweep(bare), ac.InvalidInput, "give tolerances or speeds")
     refuses(lambda: ac.sweep(job, speeds=[-1.0]), ac.InvalidInput, "speed", "above zero")
+
+
+FREE = JOB.replace("{tolerance: 2 mm}", "{shape: free, tolerance: 2 mm, iterations: 2}")
+
+
+@pytest.fixture(scope="module")
+def compared():
+    return ac.sweep(parse_job(FREE), tolerances=[1e-3, 2e-3], speeds=[0.05])
+
+
+def test_shapes_stand_beside_arcs(compared):
+    assert [(x.shape, x.tolerance) for x in compared.tolerances] == [
+        ("arc", 1e-3), ("arc", 2e-3), ("free", 1e-3), ("free", 2e-3)
+    ]  # fmt: skip
+    assert compared.speeds[0].shape == "free"
+    arcs, free = compared.shapes["arc"], compared.shapes["free"]
+    for arc, shaped in zip(arcs, free, strict=True):
+        # Certified points are within the goal, too, and a shape is never slower than arcs.
+        assert shaped.optimum <= arc.optimum * (1 + 1e-9)
+        assert shaped.refusal is None and shaped.contour_error <= 1e-4
+    job = parse_job(FREE)
+    alone = ac.plan(
+        job.path, job.arm, job.runs[0].limits, method="shaped", tolerance=1e-3, iterations=2
+    )
+    assert free[0].optimum == pytest.approx(alone.duration, rel=1e-9)
+    assert compared.iterations == 2
+
+
+def test_the_shapes_of_a_sweep_may_be_chosen():
+    job = parse_job(FREE)
+    found = ac.sweep(job, tolerances=[2e-3], speeds=[], shapes=["free"])
+    assert list(found.shapes) == ["free"] and len(found.tolerances) == 1
+    arcs = ac.sweep(parse_job(JOB), tolerances=[2e-3], speeds=[])
+    assert list(arcs.shapes) == ["arc"] and arcs.iterations is None
+    with pytest.raises(InvalidInput, match="shapes must be one of arc, free, not 'round'"):
+        ac.sweep(job, tolerances=[2e-3], shapes=["round"])
+
+
+def test_a_tolerance_that_a_shape_cannot_have_is_a_point_with_its_reason():
+    # Half of the shorter line is 30 mm.
+    found = ac.sweep(parse_job(FREE), tolerances=[0.05], speeds=[], shapes=["free"])
+    (point,) = found.tolerances
+    assert point.duration is None and point.optimum is None
+    assert "at most 0.03 m" in point.refusal
+
+
+def test_both_shapes_are_in_one_figure_and_in_the_files(compared):
+    section = section_of(compared)
+    names = [x.name for x in section.figures[0].data]
+    assert names == [
+        "arcs, optimum, not certified", "arcs, certified",
+        "shaped, optimum, not certified", "shaped, certified",
+    ]  # fmt: skip
+    assert "in at most 2 iterations per point" in section.text
+    rows = list(csv.DictReader(io.StringIO(sweep_csv(compared))))
+    assert [x["shape"] for x in rows] == ["arc", "arc", "free", "free", "free"]
+    assert [x["line"] for x in rows] == ["tolerance"] * 4 + ["speed"]
+    assert float(rows[2]["certified [s]"]) == compared.tolerances[2].duration
+    data = json.loads(sweep_json(compared))
+    assert [x["shape"] for x in data["tolerances"]] == ["arc", "arc", "free", "free"]
+    assert data["iterations"] == 2

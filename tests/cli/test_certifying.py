@@ -118,3 +118,20 @@ def test_sweep_writes_its_points_and_their_plot(command, job, tmp_path):
     assert 'id="sweep"' in (out / "report.html").read_text(encoding="utf-8")
     code, _, errors = command("sweep", job, "--out", tmp_path / "no", "--speeds", "0.1 m/s, fast")
     assert code == 2 and "--speeds" in errors
+
+
+def test_sweep_compares_arcs_and_shapes(command, job, tmp_path):
+    out = tmp_path / "swept"
+    free = ("--corner-shape", "free", "--iterations", "2", "--tolerances", "2 mm")
+    code, shown, errors = command("sweep", job, "--out", out, *free, "--speeds", "0.15 m/s")
+    assert code == 0, errors
+    assert "arc" in shown and "free" in shown and "at most 2 iterations per point" in shown
+    header, *rows = (out / "sweep.csv").read_text(encoding="utf-8").splitlines()
+    assert header.startswith("line,shape,tolerance [m],speed [m/s],optimum [s],certified [s]")
+    assert [x.split(",")[:2] for x in rows] == [
+        ["tolerance", "arc"], ["tolerance", "free"], ["speed", "free"]
+    ]  # fmt: skip
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "arcs, certified" in page and "shaped, certified" in page
+    code, _, errors = command("sweep", job, "--out", tmp_path / "no", "--shapes", "arc, round")
+    assert code == 2 and "must be one of arc, free, not 'round'" in errors

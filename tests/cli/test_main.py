@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -56,6 +57,26 @@ def test_runs_a_job(tmp_path: FilePath, command_in: Command) -> None:
     assert refused.code == 2
     assert "--force" in refused.errors
     assert command_in(tmp_path, "run", "job.yaml", "--out", "out", "--force").code == 0
+
+
+def test_shapes_of_corners_from_the_command_line(tmp_path: FilePath, command_in: Command) -> None:
+    runs = {**JOB["runs"], "fast": {}}  # type: ignore[dict-item]
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
+    free = ("--corner-shape", "free", "--iterations", "2")
+    lines = ("--line-tolerance", "0.1 mm", "--zone", "8 mm")
+    done = command_in(tmp_path, "run", "job.yaml", "--no-simulation", "--out", "out", *free, *lines)
+    assert done.code == 0, done.errors
+    assert re.search(r"Run fast: shaped: [\d.]+ s \(arcs [\d.]+ s, .*stops [\d.]+ s\)", done.out)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    shaping = summary["runs"]["fast"]["shaping"]
+    assert "shaping" not in summary["runs"]["planned"]
+    assert shaping["wanted"]["line_tolerance"] == pytest.approx(1e-4)
+    assert shaping["wanted"]["zone"] == pytest.approx(8e-3)
+    others = [x for name, x in shaping["durations"].items() if name != "shaped"]
+    assert shaping["gain"] == 1 - shaping["durations"]["shaped"] / min(others) >= 0
+    assert sum(shaping["starts"].values()) == 1 and shaping["iterations"] <= 2
+    refused = command_in(tmp_path, "run", "job.yaml", "--out", "no", "--zone", "8 mm")
+    assert refused.code == 2 and "corners.zone is for the shape free" in refused.errors
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from armcontour._progress import Step, under
-from armcontour.cli.progress import JobProgress, job_progress, search_progress
+from armcontour.cli.progress import EVERY, JobProgress, Lines, job_progress, search_progress
 
 STEPS = ("rounding", "timing", "evaluation")
 
@@ -87,3 +87,27 @@ def test_a_terminal_shows_the_step_and_the_time_left(
     with search_progress("certifying") as progress:
         progress(Step(("1 ms", "trial 3")))
     assert "certifying: 1 ms: trial 3" in capsys.readouterr().err
+
+
+def test_a_pipe_gets_a_line_of_long_work_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
+    now = 0.0
+    lines, quiet = (Lines(wanted, lambda: now) for wanted in (True, False))
+    for now in (1.0, EVERY - 0.1, EVERY, EVERY + 1, 2 * EVERY):
+        quiet.tell("one: shaping")
+        lines.tell(f"one: shaping {now:g}", "40%" if now == EVERY else None)
+    assert capsys.readouterr().err == f"one: shaping {EVERY:g}, 40%\none: shaping {2 * EVERY:g}\n"
+
+
+def test_progress_in_a_pipe(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with job_progress() as progress, search_progress("sweeping") as searching:
+        progress(Step(("one", "shaping"), 0.1))
+        searching(Step(("2 mm", "shaping"), 0.1))
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr("armcontour.cli.progress.EVERY", 0.0)
+        progress(Step(("one", "shaping"), 0.5))
+        searching(Step(("2 mm", "shaping"), 0.5))
+    first, second = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r"one: shaping(, left 0:00:0\d)?", first)
+    assert second == "sweeping: 2 mm: shaping, 50%"

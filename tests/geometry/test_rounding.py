@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from armcontour.geometry import Outcome, corner_error, count_full_stops
+from armcontour.geometry.cutting import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
@@ -373,3 +374,17 @@ def test_corners_are_read_only(rounded):
 def test_round_corners_refuses(options, words, refuses):
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
     refuses(lambda: ac.round_corners(path, **options), ac.InvalidInput, *words)
+
+
+def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientations():
+    path = join_paths(
+        [
+            ac.Path.polyline([(0, 0, 0), (1, 0, 0)]).pointing((0, 0, -1)),
+            ac.Path.polyline([(1, 0, 0), (1, 1, 0)]).pointing((0, 1, -1)),
+        ]
+    )
+    rounded = ac.round_corners(path, tolerance=0.01)
+    assert rounded.corners.reason.tolist() == ["tool orientation"]
+    ends = rounded.orientation([0, rounded.length])[:, :, 2]
+    np.testing.assert_allclose(ends, [(0, 0, -1), (0, np.sqrt(0.5), -np.sqrt(0.5))], atol=1e-15)
+    np.testing.assert_array_equal(rounded.stops, [1.0])

@@ -109,14 +109,29 @@ def test_windows_hold_the_pieces_within_reach():
 def test_room_is_that_of_the_best_piece_of_the_window(dimension):
     rng = np.random.default_rng(1)
     vertices = rng.normal(size=(9, dimension))
-    tolerance = rng.uniform(0, 1, size=7)
     path = ac.Path.polyline(vertices)
-    tube = Tube.of(path, tolerance)
+    tube = Tube.of(path, 0.3)
     points = rng.normal(size=(50, dimension))
     windows = np.sort(rng.integers(0, len(tube), size=(50, 2)), axis=1)
     room = tube.tolerance - distance_from_lines(points, np.vstack([path(tube.breaks)]))
     expected = [room[i, a : b + 1].max() for i, (a, b) in enumerate(windows)]
     np.testing.assert_allclose(tube.margin(points, windows), expected, atol=1e-14)
+
+
+def test_no_tolerance_reaches_out_of_its_zone():
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
+    tube = Tube.of(path, 0.2, line_tolerance=0.01, zone=0.3)
+    # Before the zone, at its start and in it, 0.1 beside the line, and then 0.005 beside the line.
+    points = np.array([(0.65, 0.1), (0.7, 0.1), (0.75, 0.1), (0.65, 0.005)])
+    everything = np.tile([0, len(tube) - 1], (4, 1))
+    room = tube.margin(points, everything)
+    np.testing.assert_allclose(room, [-0.09, -0.09, 0.1, 0.005], atol=1e-14)
+    # A path that swings out before the zone begins is refused, one that does so after it is not.
+    for begin, kept in ((0.65, False), (0.71, True)):
+        line = ac.Path.polyline([(0, 0), (begin, 0), (0.9, 0.15), (1, 0.3), (1, 1)])
+        s = np.array([0, begin, *line.breaks[2:4], line.length])
+        places = np.stack([[0, begin, 0.95, 1.3, 2.0], s], axis=1)
+        assert tube.prove(line, places, 0.3).ok is kept
 
 
 def test_stopping_at_every_vertex_keeps_tolerance_zero():
@@ -138,6 +153,15 @@ def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     assert just.segments.max() < 0
     assert less.violated and less.found == pytest.approx(5e-9, rel=1e-5)
     assert less.place == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("turn", [1e-3, 1e-6])
+def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
+    # The middle of the arc is as far from both lines as from the corner, to a millionth.
+    path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
+    rounded = ac.round_corners(path, tolerance=turn * 1e-3)
+    assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
+    assert Tube.of(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
 
 
 def test_lines_bind_between_corners():
@@ -219,7 +243,7 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
         places = evenly(objective, path)
     reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
     proof = Tube.of(objective, tolerance).prove(path, places, reach)
-    distance, segment = sampled_distance(path, objective, places, reach, 30)
+    distance, segment = sampled_distance(path, objective, places, reach, 20)
     excess = distance - tolerance
     assert (excess <= proof.segments[segment] + proof.slack).all()
     assert proof.found <= proof.excess

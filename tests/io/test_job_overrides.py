@@ -117,7 +117,7 @@ def test_a_shape_that_does_not_fit_is_refused(values: dict[str, Any], words: str
 
 
 def test_a_shape_for_no_run_is_refused() -> None:
-    with pytest.raises(InvalidInput, match="No run rounds corners with the timing optimal"):
+    with pytest.raises(InvalidInput, match="No run has both rounded corners and the timing"):
         runs(JobOverrides(corner_shape="free"), corners="sharp", runs={"one": {}})
 
 

@@ -11,9 +11,10 @@ import pytest
 import armcontour as ac
 from armcontour._progress import Step
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Path, ShapedPath
+from armcontour.geometry import Arc, Path, ShapedPath
 from armcontour.jobs import Job, Rounding, Run, Shaped, run, steps_of, teach
 from armcontour.program import Contour, Event, Lead, Process, Program
+from armcontour.timing import choose_start
 
 ARM = ac.load_arm("pmk3s")
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -195,3 +196,23 @@ def test_a_tolerance_above_half_of_a_segment_names_its_key_and_run() -> None:
     job = a_job(a_run("fast", rounding=dataclasses.replace(FREE, tolerance=0.016)))
     with pytest.raises(InvalidInput, match="^Run fast: corners: .*segment 2.*at most 0.015 m"):
         teach(job)
+
+
+def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for() -> None:
+    # The fastest configuration of the shaped circle is another than that of the circle.
+    arm = ac.load_arm("ur5e")
+    circle = Path.from_segments(
+        [Arc(start=(0.35, 0, 0.1), center=(0.352, 0, 0.1), angle=2 * np.pi, normal=(0, 0, 1))]
+    )
+    bend = Path.polyline([(0.38, 0, 0.1), (0.41, 0, 0.1), (0.41, 0.03, 0.1)])
+    moves = tuple(Contour(path=x.pointing((0, 0, -1))) for x in (circle, bend))
+    rounding = Rounding(shape="free", tolerance=2.5e-4, iterations=2)
+    limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
+    this = a_run(limits=limits, rounding=rounding, reserve=0.1)
+    job = dataclasses.replace(a_job(this, path=Program(moves=moves)), arm=arm)
+    plan = teach(job)["free"]
+    for span, x in zip(plan.trajectory.contour_spans, plan.path.contours, strict=True):
+        assert isinstance(x.path, ShapedPath)
+        assert span.t[1] - span.t[0] == pytest.approx(x.path.outcome.durations["shaped"], rel=1e-9)
+    start = choose_start(plan.objective, arm, limits)
+    np.testing.assert_allclose(plan.trajectory(0.0), start, atol=1e-9)

@@ -1,4 +1,7 @@
-"""Entry point `sweep`: certified time against corner tolerance and against assigned velocity."""
+"""Entry point `sweep`: certified time against corner tolerance and against assigned velocity.
+
+Over the tolerances, arcs and paths of the shape free may be compared.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,19 @@ from typing import Any
 
 from armcontour import _checks
 from armcontour._progress import Progress, under
+from armcontour.certification.certificate import Certificate
 from armcontour.certification.certifying import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Job, Rounding, Run
+from armcontour.jobs.job import ARC, FREE, SHAPES, Job, Run
 from armcontour.jobs.programs import programs_of
 from armcontour.timing import plan
 
 # Default values of a sweep, as multiples of the values of the job.
 TOLERANCES = (0.1, 0.2, 0.5, 1.0, 2.0)
 SPEEDS = (0.4, 0.6, 0.8, 1.0, 1.25)
+# Iterations of a shape, unless the run says how many: each point is shaped several times.
+COARSE = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +38,7 @@ class SweepPoint:
         duration: Duration of the certified plan [s]; None if the certificate was refused.
         contour_error: Largest contour error of its execution, over the box if there is one [m].
         refusal: Reason of the refusal; None for a certified point.
+        shape: Shape of the corners, "arc" or "free"; None if no corner is rounded.
     """
 
     tolerance: float | None
@@ -40,6 +47,7 @@ class SweepPoint:
     duration: float | None
     contour_error: float | None
     refusal: str | None
+    shape: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,7 +58,7 @@ class Sweep:
         job: The job.
         run: Its run.
         goal: The goal of every certified point.
-        tolerances: Points with the run's assigned velocity, by tolerance.
+        tolerances: Points with the run's assigned velocity, by shape and tolerance.
         speeds: Points with the run's tolerance, by assigned velocity.
     """
 
@@ -59,6 +67,20 @@ class Sweep:
     goal: Goal
     tolerances: tuple[SweepPoint, ...]
     speeds: tuple[SweepPoint, ...]
+
+    @property
+    def shapes(self) -> dict[str, tuple[SweepPoint, ...]]:
+        """The points by tolerance, of each shape of the corners that is compared."""
+        shapes = dict.fromkeys(x.shape for x in self.tolerances if x.shape is not None)
+        return {name: tuple(x for x in self.tolerances if x.shape == name) for name in shapes}
+
+    @property
+    def iterations(self) -> int | None:
+        """Largest number of iterations of a point of the shape free; None without such points."""
+        if not any(x.shape == FREE for x in (*self.tolerances, *self.speeds)):
+            return None
+        own = None if self.run.rounding is None else self.run.rounding.iterations
+        return COARSE if own is None else own
 
     def __repr__(self) -> str:
         """Job, run and how many points are certified."""
@@ -76,6 +98,7 @@ def sweep(
     *,
     tolerances: Sequence[float] | None = None,
     speeds: Sequence[float] | None = None,
+    shapes: Sequence[str] | None = None,
     progress: Progress | None = None,
     **overrides: Any,
 ) -> Sweep:
@@ -87,6 +110,9 @@ def sweep(
         tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
             [m]; by default 0.1 to 2 times the run's; none if no corner is rounded to a tolerance.
         speeds: Assigned velocities [m/s]; by default 0.4 to 1.25 times the run's.
+        shapes: Shapes of the corners to compare over the tolerances, "arc" and "free"; by default
+            that of the run, with arcs beside the shape free. The shape free takes at most 10
+            iterations per point, unless the run gives their number.
         progress: Called with a step, a point and a few words, before every trial.
         overrides: Fields of `Goal` that replace those of the job.
 
@@ -111,13 +137,25 @@ def sweep(
             "tolerances or speeds to compare."
         )
     call = _Point(job, this, goal, under(progress))
+    compared = _shapes(this, shapes) if tolerance_values else [None]
     return Sweep(
         job=job,
         run=this,
         goal=goal,
-        tolerances=tuple(call.at(x, this.limits.speed) for x in tolerance_values),
-        speeds=tuple(call.at(own, x) for x in speed_values),
+        tolerances=tuple(
+            call.at(x, this.limits.speed, shape) for shape in compared for x in tolerance_values
+        ),
+        speeds=tuple(call.at(own, x, call.shape) for x in speed_values),
     )
+
+
+def _shapes(this: Run, given: Sequence[str] | None) -> list[str | None]:
+    """The shapes of the corners to compare over the tolerances."""
+    if given is not None:
+        return [_checks.choice("shapes", x, SHAPES) for x in dict.fromkeys(given)]
+    if this.rounding is None:
+        return [None]
+    return [ARC, FREE] if this.rounding.free else [ARC]
 
 
 def _values(
@@ -134,51 +172,68 @@ class _Point:
 
     def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
         self.job, self.this, self.goal, self.progress = job, this, goal, progress
-        self.known: dict[tuple[float | None, float | None], SweepPoint] = {}
+        self.shape = None if this.rounding is None else this.rounding.shape
+        self.known: dict[tuple[float | None, float | None, str | None], SweepPoint] = {}
 
-    def at(self, tolerance: float | None, speed: float | None) -> SweepPoint:
-        """The point of a corner tolerance [m] and an assigned velocity [m/s]."""
-        key = (tolerance, speed)
+    def at(self, tolerance: float | None, speed: float | None, shape: str | None) -> SweepPoint:
+        """The point of a corner tolerance [m], an assigned velocity [m/s] and a shape."""
+        key = (tolerance, speed, shape)
         if key not in self.known:
-            self.known[key] = self._certify(tolerance, speed)
+            self.known[key] = self._point(*key)
         return self.known[key]
 
-    def _certify(self, tolerance: float | None, speed: float | None) -> SweepPoint:
+    def _point(self, tolerance: float | None, speed: float | None, shape: str | None) -> SweepPoint:
         """Certify one point; a refusal is a point too."""
+        shown = ["" if tolerance is None else f"{tolerance * 1e3:.3g} mm"]
+        shown += ["" if speed is None else f"{speed:.3g} m/s"]
+        shown += ["shaped" if shape == FREE else ""]
+        name = ", ".join(x for x in shown if x)
+        found: Certificate | None = None
+        optimum, refusal = None, None
+        try:
+            job = self._job(tolerance, speed, shape)
+            try:
+                found = certify(job, self.this.name, progress=under(self.progress, name))
+            except ArmContourError:
+                optimum = self._optimum(job)
+                raise
+        except ArmContourError as error:
+            refusal = str(error)
+        return SweepPoint(
+            tolerance=tolerance,
+            speed=speed,
+            optimum=optimum if found is None else found.uncertified.duration,
+            duration=None if found is None else found.duration,
+            contour_error=None if found is None else found.budget.executed,
+            refusal=refusal,
+            shape=shape,
+        )
+
+    def _job(self, tolerance: float | None, speed: float | None, shape: str | None) -> Job:
+        """The job with the values of a point, and with its run only.
+
+        Raises:
+            InvalidInput: Values that do not go together.
+        """
         goal, this = self.goal, self.this
         if speed is not None:
             this = replace(this, limits=this.limits.replace(speed=speed))
         if goal.tolerance is not None:
             goal = replace(goal, tolerance=tolerance)
-        elif this.rounding is not None and tolerance is not None:
-            rounding: Rounding = replace(this.rounding, tolerance=tolerance)
+        rounding = this.rounding
+        if rounding is not None:
+            own = rounding.tolerance if tolerance is None else tolerance
+            if shape == FREE:
+                count = COARSE if rounding.iterations is None else rounding.iterations
+                rounding = replace(rounding, shape=FREE, tolerance=own, iterations=count)
+            else:
+                rounding = replace(rounding.with_arcs, tolerance=own)
             this = replace(this, rounding=rounding)
-        shown = ["" if tolerance is None else f"{tolerance * 1e3:.3g} mm"]
-        shown += ["" if speed is None else f"{speed:.3g} m/s"]
-        name = ", ".join(x for x in shown if x)
-        job = replace(self.job, runs=(this,), certificate=goal)
-        try:
-            found = certify(job, this.name, progress=under(self.progress, name))
-        except ArmContourError as error:
-            return SweepPoint(
-                tolerance=tolerance,
-                speed=speed,
-                optimum=self._optimum(job, this),
-                duration=None,
-                contour_error=None,
-                refusal=str(error),
-            )
-        return SweepPoint(
-            tolerance=tolerance,
-            speed=speed,
-            optimum=found.uncertified.duration,
-            duration=found.duration,
-            contour_error=found.budget.executed,
-            refusal=None,
-        )
+        return replace(self.job, runs=(this,), certificate=goal)
 
-    def _optimum(self, job: Job, this: Run) -> float | None:
-        """Duration of the uncertified plan [s]; None if there is no plan."""
+    def _optimum(self, job: Job) -> float | None:
+        """Duration of the uncertified plan of a job's only run [s]; None if there is no plan."""
+        (this,) = job.runs
         try:
             program = programs_of(job, this)[1]
             found = plan(

@@ -433,6 +433,13 @@ class SweepOptions:
     tolerances: Annotated[
         str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
     ] = None
+    shapes: Annotated[
+        str | None,
+        typer.Option(
+            "--shapes",
+            help="Shapes of corners to compare over the tolerances: arc, free, or 'arc, free'.",
+        ),
+    ] = None
     speeds: Annotated[str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")] = (
         None
     )

@@ -1,7 +1,11 @@
-"""Progress on a terminal: the current step, and for a job a bar with the time left."""
+"""Progress: the current step, and for a job a bar with the time left.
+
+A pipe or a file gets a line of long work now and then, where a terminal has the bar.
+"""
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,6 +14,9 @@ from typing import Any
 
 from armcontour._progress import Progress, Step
 from armcontour._text import to_line
+
+# Time between two lines of progress in a pipe, and before the first [s].
+EVERY = 10.0
 
 
 @contextmanager
@@ -21,7 +28,40 @@ def search_progress(what: str) -> Iterator[Progress]:
     """
     with _bar() as bar:
         task = bar.add_task(what)
-        yield lambda step: bar.update(task, description=to_line(f"{what}: {step}"))
+        lines = Lines(bar.disable)
+
+        def show(step: Step) -> None:
+            words = to_line(f"{what}: {step}")
+            bar.update(task, description=words)
+            lines.tell(words, None if step.done is None else f"{step.done:.0%}")
+
+        yield show
+
+
+class Lines:
+    """Lines of progress on the standard error of a program whose output is no terminal.
+
+    Args:
+        wanted: Whether to write any.
+        clock: Gives the current time [s].
+    """
+
+    def __init__(self, wanted: bool, clock: Callable[[], float] = time.monotonic) -> None:
+        self._wanted, self._clock = wanted, clock
+        self._last = clock()
+
+    def tell(self, words: str, more: str | None = None) -> None:
+        """Write a line, unless there was one a moment ago.
+
+        Args:
+            words: The current step.
+            more: What else is known of it.
+        """
+        now = self._clock()
+        if not self._wanted or now - self._last < EVERY:
+            return
+        self._last = now
+        print(words if more is None else f"{words}, {more}", file=sys.stderr, flush=True)
 
 
 class JobProgress:
@@ -84,8 +124,11 @@ def job_progress() -> Iterator[JobProgress]:
 
     with _bar(BarColumn(), Left()) as bar:
         task = bar.add_task("reading", total=None, end=None)
+        lines = Lines(bar.disable)
 
         def show(what: str, spent: float, whole: float) -> None:
+            left = timedelta(seconds=round(max(whole - spent, 0)))
+            lines.tell(what, f"left {left}" if whole > spent else None)
             end = time.monotonic() + whole - spent if whole > spent else None
             bar.update(task, description=what, completed=spent, total=whole, end=end)
 

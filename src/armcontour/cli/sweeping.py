@@ -19,7 +19,7 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
 
     Args:
         file: A job file, or a drawing.
-        out: Folder for summary.json and report.html.
+        out: Folder for summary.json, sweep.csv and report.html.
         job_options: Options that replace values of the job.
         x: Options of the command.
 
@@ -29,7 +29,7 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
     from armcontour._quantities import Length, Speed
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
-    from armcontour.io import ResultFolder, sweep_json
+    from armcontour.io import ResultFolder, sweep_csv, sweep_json
 
     corners = read_option_list("--tolerances", x.tolerances, Length)
     speeds = read_option_list("--speeds", x.speeds, Speed)
@@ -42,9 +42,16 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
         with search_progress("sweeping") as progress:
             job = open_job(file, job_options, under(progress, "reading"))
             found = sweep(
-                job, x.run_name, tolerances=corners, speeds=speeds, progress=progress, **goal
+                job,
+                x.run_name,
+                tolerances=corners,
+                speeds=speeds,
+                shapes=None if x.shapes is None else [y.strip() for y in x.shapes.split(",")],
+                progress=progress,
+                **goal,
             )
         folder.write("report.html", render_sweep(found))
+        folder.write("sweep.csv", sweep_csv(found))
         folder.write("summary.json", sweep_json(found, [*folder.files, "summary.json"]))
     report = (out / "report.html").resolve()
     _print(found, report)
@@ -57,26 +64,28 @@ def _print(found: Sweep, report: FilePath) -> None:
     console = Console()
     points = (*found.tolerances, *found.speeds)
     console.show_table(
-        ["tolerance [mm]", "speed [m/s]", "optimum [s]", "certified [s]", "error [mm]"],
+        ["corners", "tolerance [mm]", "speed [m/s]", "optimum [s]", "certified [s]", "error [mm]"],
         [cells(x) for x in points],
         title=f"{found.job.title}, run {found.run.name}",
-        left=(),
     )
     for x in points:
         if x.refusal is not None:
-            console.say(f"{', '.join(cells(x)[:2])}: {x.refusal}")
+            console.say(f"{', '.join(filter(None, cells(x)[:3]))}: {x.refusal}")
+    if found.iterations is not None:
+        console.say(f"Note: shapes are found in at most {found.iterations} iterations per point.")
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     console.say(f"Report: {report.as_uri()}")
 
 
 def cells(x: SweepPoint) -> list[str]:
-    """A point as cells: tolerance, speed, optimum, certified time, contour error."""
+    """A point as cells: shape, tolerance, speed, optimum, certified time, contour error."""
 
     def shown(value: float | None, scale: float, digits: str) -> str:
         return "" if value is None else format(value * scale, digits)
 
     return [
+        x.shape or "",
         shown(x.tolerance, 1e3, ".4g"),
         shown(x.speed, 1, ".4g"),
         shown(x.optimum, 1, ".4f"),

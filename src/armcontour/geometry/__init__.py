@@ -15,6 +15,7 @@ from armcontour.geometry.rounding import (
 )
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.shaped import Outcome, ShapedPath, SmoothCurve
+from armcontour.geometry.shaped_orientation import orient_shaped
 from armcontour.geometry.tube import Proof, Tube
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "angle_between",
     "corner_error",
     "count_full_stops",
+    "orient_shaped",
     "round_corners",
     "round_with_parabolas",
 ]

@@ -7,20 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.geometry._nearest import nearest_within, offsets
 
-# A stretch is halved at most this often, and into at most this many parts.
+# A part is halved at most this often, and into at most this many parts.
 DEPTH = 48
 PARTS = 20_000
-# A bound within this fraction of the tolerance above what was found is not made any closer.
+# Where the tolerance is exceeded, a bound within this fraction of it above what was found is close
+# enough. Elsewhere a bound is made as close as rounding allows, as long as there are fewer halvings
+# than this per given part.
 CLOSE = 1e-6
+FINE = 50
 
 
 @compiled()
 def find_room(
-    points: FloatArray, windows: IntArray, pieces: FloatArray, tolerance: FloatArray
+    points: FloatArray,
+    windows: IntArray,
+    pieces: FloatArray,
+    tolerance: FloatArray,
+    given_up: BoolArray,
 ) -> FloatArray:
     """Largest tolerance less distance over the pieces of each point's window [m], (n,).
 
@@ -29,13 +36,21 @@ def find_room(
         windows: First and last piece for each point, (n, 2).
         pieces: Pieces from `pack`, (m, 12).
         tolerance: Tolerances of the pieces [m], (m,).
+        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
     """
     room = np.full(len(points), -np.inf)
     for i in range(len(points)):
         for j in range(windows[i, 0], windows[i, 1] + 1):
-            d2, _ = nearest_within(points[i], pieces[j], 0.0, pieces[j, 10])
-            room[i] = max(room[i], tolerance[j] - math.sqrt(d2))
+            d2, u = nearest_within(points[i], pieces[j], 0.0, pieces[j, 10])
+            if _owns(u, pieces[j], given_up[j]):
+                room[i] = max(room[i], tolerance[j] - math.sqrt(d2))
     return room
+
+
+@compiled()
+def _owns(u: float, g: FloatArray, given_up: BoolArray) -> Any:
+    """Whether a piece has the point at distance u along it, and not its neighbour."""
+    return not ((given_up[0] and u <= 0.0) or (given_up[1] and u >= g[10]))
 
 
 @compiled()
@@ -127,6 +142,7 @@ def _judge(
     window: IntArray,
     pieces: FloatArray,
     tolerance: FloatArray,
+    given_up: BoolArray,
     points: FloatArray,
 ) -> tuple[float, float, float, float]:
     """Excess at both ends of a part of a path segment, and a bound of it over the whole part.
@@ -137,6 +153,7 @@ def _judge(
         window: First and last piece within reach of any of its places, (2,).
         pieces: Pieces from `pack`, (m, 12).
         tolerance: Tolerances of the pieces [m], (m,).
+        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
         points: Room for two points, (2, 3).
 
     Returns:
@@ -150,14 +167,16 @@ def _judge(
         h = pieces[j]
         low0, high0 = _own_part(h, part[1], part[2])
         low1, high1 = _own_part(h, part[4], part[5])
-        d0, v0, d1, v1 = 0.0, 0.0, 0.0, 0.0
+        d0, v0, d1, v1 = np.inf, 0.0, np.inf, 0.0
         if low0 <= high0:
-            d0, v0 = nearest_within(points[0], h, low0, high0)
-            d0 = math.sqrt(d0) - tolerance[j]
+            d2, v0 = nearest_within(points[0], h, low0, high0)
+            if _owns(v0, h, given_up[j]):
+                d0 = math.sqrt(d2) - tolerance[j]
             at_start = min(at_start, d0)
         if low1 <= high1:
-            d1, v1 = nearest_within(points[1], h, low1, high1)
-            d1 = math.sqrt(d1) - tolerance[j]
+            d2, v1 = nearest_within(points[1], h, low1, high1)
+            if _owns(v1, h, given_up[j]):
+                d1 = math.sqrt(d2) - tolerance[j]
             at_end = min(at_end, d1)
         if low0 <= high0 and low1 <= high1 and max(d0, d1) < bound:
             found = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
@@ -174,6 +193,7 @@ def bound_excess(
     windows: IntArray,
     pieces: FloatArray,
     tolerance: FloatArray,
+    given_up: BoolArray,
     slack: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Bounds of distance less tolerance over parts of a path, and the largest values found.
@@ -185,6 +205,7 @@ def bound_excess(
         windows: As in `_judge`, (k, 2).
         pieces: Pieces from `pack`, (m, 12).
         tolerance: Tolerances of the pieces [m], (m,).
+        given_up: As in `_judge`, (m, 2).
         slack: A bound up to this is not made any closer [m].
 
     Returns:
@@ -195,7 +216,7 @@ def bound_excess(
     bounds, found, where = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
     points = np.empty((2, 3))
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
-    enough = slack
+    enough, left = slack, FINE * (n + 1000)
     for i in range(n):
         g = rows[segment[i]]
         stack[0], depths[0] = parts[i], 0
@@ -205,13 +226,17 @@ def bound_excess(
             depth = depths[top]
             top -= 1
             count += 1
-            at_start, at_end, bound, own = _judge(g, part, windows[i], pieces, tolerance, points)
+            at_start, at_end, bound, own = _judge(
+                g, part, windows[i], pieces, tolerance, given_up, points
+            )
             at_ends = max(at_start, at_end)
             if at_ends > found[i]:
                 found[i] = at_ends
                 where[i] = g[11] + (part[0] if at_start >= at_end else part[3])
             enough = max(enough, at_ends)
-            close = bound - at_ends <= CLOSE * own
+            left -= 1
+            fine = at_ends <= slack / 2 and left > 0
+            close = bound - at_ends <= (slack / 2 if fine else CLOSE * own)
             if bound <= enough or close or depth == DEPTH or count > PARTS:
                 bounds[i] = max(bounds[i], bound)
                 continue

@@ -243,7 +243,7 @@ class Orientation:
             # The piece gets a new start rotation; the second rotation up to there turns `first`.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
-                c[0] = _shift_cubic(c[0], before)
+                c[0] = shift_cubic(c[0], before)
             turned = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
             rows["first"][0] = turned @ rows["first"][0]
             rows["f"][0, 0] = rows["g"][0, 0] = 0.0
@@ -253,10 +253,7 @@ class Orientation:
     def reverse(self) -> Orientation:
         """The orientation along the reversed path; each piece starts with its former end."""
         lengths = np.diff(self.breaks)
-        at_end = [
-            np.array([_shift_cubic(c, u) for c, u in zip(x, lengths, strict=True)])
-            for x in (self.f, self.g)
-        ]
+        at_end = [shift_cubic(x, lengths) for x in (self.f, self.g)]
         back = exp(at_end[1][:, :1] * self.second)
         # The reversed f is f(end) - f(end - u), about the reversed axis.
         f, g = (-x * [0, -1, 1, -1] for x in at_end)
@@ -288,17 +285,21 @@ class Orientation:
         )
 
 
-def _shift_cubic(c: FloatArray, by: float) -> FloatArray:
-    """Coefficients of the cubic polynomial c(u + by), from those of c(u)."""
-    a0, a1, a2, a3 = c
-    return np.array(
-        [
-            a0 + by * (a1 + by * (a2 + by * a3)),
-            a1 + by * (2 * a2 + 3 * by * a3),
-            a2 + 3 * by * a3,
-            a3,
-        ]
-    )
+def shift_cubic(c: FloatArray, by: FloatArray | float) -> FloatArray:
+    """Coefficients of cubic polynomials c(u + by), from those of c(u), (..., 4).
+
+    Args:
+        c: Coefficients of 1, u, u², u³, (..., 4).
+        by: The shifts, (...).
+    """
+    a0, a1, a2, a3 = np.moveaxis(c, -1, 0)
+    shifted = [
+        a0 + by * (a1 + by * (a2 + by * a3)),
+        a1 + by * (2 * a2 + 3 * by * a3),
+        a2 + 3 * by * a3,
+        a3,
+    ]
+    return np.stack(shifted, axis=-1)
 
 
 def _value(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:

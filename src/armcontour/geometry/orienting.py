@@ -111,6 +111,20 @@ def follow(
             "A tool that follows the tangent has one rotation for the whole path: give one."
         )
     frame = _first_frame(segments.tangents[0], up) @ in_path
+    return carry(segments, frame, axis_only=axis_only)
+
+
+def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
+    """An orientation that turns with the tangent of a path and never about it.
+
+    Args:
+        segments: Segments of the path.
+        frame: Rotation matrix of the tool at the path's start, (3, 3).
+        axis_only: Rotation about the tool axis is free.
+
+    Raises:
+        InvalidInput: The path turns back by 180°, where the tool could turn to either side.
+    """
     n = len(segments)
     rates = tangent_rates(segments)
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])

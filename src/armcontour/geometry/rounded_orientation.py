@@ -13,7 +13,13 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log
-from armcontour.geometry.orientation import LINEAR, RATE_FLOOR, SAME_RATE, Orientation
+from armcontour.geometry.orientation import (
+    LINEAR,
+    RATE_FLOOR,
+    SAME_ORIENTATION,
+    SAME_RATE,
+    Orientation,
+)
 from armcontour.geometry.orienting import tangent_rates
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
@@ -63,6 +69,8 @@ def largest_tangent(path: Path, vertex: IntArray, ratio: FloatArray, allowed: fl
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     """The largest k of `largest_tangent`, whatever the arc: `t / 2 - arc / 8` [m], (k,).
 
+    It is 0 where the orientation jumps, so that the tool stops.
+
     Args:
         path: The objective path.
         vertex: Indices of the vertices, (k,).
@@ -71,7 +79,8 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return np.full(len(vertex), np.inf)
-    return _largest_blend(orientation, vertex, allowed)
+    found = _largest_blend(orientation, vertex, allowed)
+    return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, found)
 
 
 def round_orientation(
@@ -93,7 +102,7 @@ def round_orientation(
     own = objective.orientation
     assert own is not None
     lengths, n = objective.lengths, len(objective)
-    if not own.first.any():
+    if not own.first.any() and not (own.jumps > SAME_ORIENTATION).any():
         one = Orientation.even(
             np.array([lengths.sum() - (2 * tangent - length).sum()]),
             own.starts[:1],
@@ -104,14 +113,8 @@ def round_orientation(
     cut, blend = np.zeros(n - 1), np.zeros(n - 1)
     cut[vertex] = tangent
     blend[vertex] = length
-    blended = _blend(lengths, own, cut, blend)
-    middle = exp((tangent / 2 - blend[vertex] / 8)[:, None] * own.first[vertex + 1]) @ exp(
-        -(tangent / 2 - blend[vertex] / 8)[:, None] * own.first[vertex]
-    )
-    if own.axis_only:
-        axis = own.starts[vertex + 1][:, :, 2]
-        return blended, angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
-    return blended, np.linalg.norm(log(middle), axis=1)
+    angles = _middle_angles(own, vertex, tangent / 2 - blend[vertex] / 8)
+    return _blend(lengths, own, cut, blend), angles
 
 
 def follow_rounded(
@@ -142,12 +145,55 @@ def follow_rounded(
         starts[k] = frame
         frame = segment_turns[k] @ frame
     sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
+    return blend_kinks(sharp, largest_cuts(sharp, allowed))[0]
+
+
+def largest_cuts(sharp: Orientation, allowed: float) -> FloatArray:
+    """Lengths that blends may take from either piece, if the path has the same length [m].
+
+    Args:
+        sharp: The orientation of constant rates, n pieces.
+        allowed: Largest angle between the orientation and that of the constant rates [rad].
+
+    Returns:
+        The lengths, (n - 1,); 0 at breaks where the rate does not jump.
+    """
     vertex = np.arange(len(sharp) - 1)
-    wanted = np.where(sharp.kinks > 0, 4 * _largest_blend(sharp, vertex, allowed), 0.0)
-    room = rounded.lengths / 2
-    cut = np.minimum(wanted, np.minimum(room[:-1], room[1:]))
-    cut[sharp.jumps > 1e-9] = 0.0
-    return _blend(rounded.lengths, sharp, cut, 2 * cut)
+    return np.where(sharp.kinks > 0, 4 * _largest_blend(sharp, vertex, allowed), 0.0)
+
+
+def blend_kinks(sharp: Orientation, wanted: FloatArray) -> tuple[Orientation, FloatArray]:
+    """An orientation of constant rates with blends of twice the length that each piece gives.
+
+    A blend takes at most half of either piece, and nothing where the orientation jumps. It is
+    farthest from the constant rates at the break.
+
+    Args:
+        sharp: The orientation of constant rates, n pieces.
+        wanted: Length that each blend takes from either piece [m], (n - 1,).
+
+    Returns:
+        The orientation, and the angle by which it is off at each break between pieces [rad],
+        (n - 1,); between the tool axes if only they are prescribed.
+    """
+    vertex = np.arange(len(sharp) - 1)
+    lengths = np.diff(sharp.breaks)
+    cut = np.minimum(wanted, np.minimum(lengths[:-1], lengths[1:]) / 2)
+    cut[sharp.jumps > SAME_ORIENTATION] = 0.0
+    return _blend(lengths, sharp, cut, 2 * cut), _middle_angles(sharp, vertex, cut / 4)
+
+
+def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> FloatArray:
+    """Angle of the rotation `exp(k b) exp(-k a)` in the middle of each blend [rad], (k,).
+
+    For an orientation that prescribes the tool axis only, the angle is between the axes.
+    """
+    a, b = sharp.first[vertex], sharp.first[vertex + 1]
+    middle = exp(k[:, None] * b) @ exp(-k[:, None] * a)
+    if sharp.axis_only:
+        axis = sharp.starts[vertex + 1][:, :, 2]
+        return angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
+    return np.asarray(np.linalg.norm(log(middle), axis=1))
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:

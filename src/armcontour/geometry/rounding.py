@@ -24,6 +24,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
 from armcontour.geometry.corner_curves import ARC, PARABOLA, CornerCurve
+from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
     find_kinks,
@@ -328,7 +329,7 @@ def _round_all(
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
     kinked = np.setdiff1d(find_kinks(path), corner)
-    angle = _angular_tolerance(path, angular_tolerance, kinked)
+    angle = needed_angle(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
     return _round(path, wishes, kinked, angle)
 
@@ -394,6 +395,8 @@ def _stop_reasons(
     reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
     if path.orientation is not None and path.orientation.follows:
         reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
+    elif path.orientation is not None:
+        reasons[path.orientation.jumps[wishes.corner] > SAME_ORIENTATION] = ORIENTATION
     reasons[np.pi - 2 * wishes.half <= TANGENT_TOLERANCE] = TURN_BACK
     reasons[found.radius > 0] = None
     return reasons
@@ -529,8 +532,8 @@ def _wishes(
     accelerations = np.full(vertices, np.nan)
     if acceleration is not None:
         accelerations = _checks.per_vertex("corner acceleration", acceleration, vertices, "m/s²")
-    if acceleration is not None and vertices:
-        _checks.positive("corner acceleration", accelerations.min(), "m/s²")
+        if vertices:
+            _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))[corner]
     enough = np.full(len(corner), np.inf)
@@ -580,8 +583,13 @@ def _add_orientation(
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
 
-def _angular_tolerance(path: Path, given: float | None, kinked: IntArray) -> float:
+def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
     """The angular tolerance [rad], infinite if none is given and none is needed.
+
+    Args:
+        path: The objective path.
+        given: The given tolerance [rad].
+        kinked: Segments after which only the angular rate jumps, (k,).
 
     Raises:
         InvalidInput: The tolerance is negative, or missing though the orientation needs one.

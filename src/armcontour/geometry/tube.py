@@ -19,6 +19,8 @@ part are the nearest points of the path part's ends within reach of their places
 are then within reach, because places and reach change evenly along the part. So this bounds the
 distance of every point from its own part, and parts of the path are halved until the bound shows
 that the tolerance is kept for one piece, or until a point is found at which no piece keeps it.
+Where the tolerance changes, points whose nearest point of the piece with the larger one is the end
+towards its neighbour belong to the neighbour: no tolerance reaches out of its zone.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.path import Path
@@ -95,6 +97,7 @@ class Tube:
     vertex: IntArray
     vertex_tolerance: FloatArray
     _rows: FloatArray = field(init=False, repr=False)
+    _given_up: BoolArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("breaks", "tolerance", "vertex_tolerance"):
@@ -103,6 +106,11 @@ class Tube:
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]
         object.__setattr__(self, "_rows", _checks.lock_floats(rows))
+        # Where the tolerance changes, the smaller one holds: points beyond the end of the piece
+        # with the larger one belong to its neighbour.
+        step = np.diff(self.tolerance)
+        ends = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
+        object.__setattr__(self, "_given_up", _checks.lock_copy(ends))
 
     @classmethod
     def of(
@@ -170,7 +178,22 @@ class Tube:
             reach: Distance along the objective to either side [m], a number or (n,).
         """
         at, off = np.broadcast_arrays(np.asarray(places, float), np.asarray(reach, float))
-        return self._windows(at - off, at + off)
+        return self.windows_between(at - off, at + off)
+
+    def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
+
+        Args:
+            points: The points [m], (n, dimension).
+            low: Arc lengths on the objective at which the range of each point starts [m], (n,).
+            high: Arc lengths at which the ranges end [m], (n,).
+        """
+        from armcontour.geometry._tube import nearest_in_range
+
+        ranges = np.stack([low, np.maximum(low, high)], axis=1)
+        windows = self.windows_between(ranges[:, 0], ranges[:, 1])
+        _, found = nearest_in_range(pad(points), ranges, windows, self._rows)
+        return np.asarray(np.clip(found, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
         """Room that is left to points: tolerance less distance, below 0 outside [m], (n,).
@@ -182,7 +205,9 @@ class Tube:
         """
         from armcontour.geometry._tube import find_room
 
-        return np.asarray(find_room(pad(points), windows, self._rows, self.tolerance))
+        return np.asarray(
+            find_room(pad(points), windows, self._rows, self.tolerance, self._given_up)
+        )
 
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
         """Bound the distances of all points of a path, and of the objective's corners from it.
@@ -214,13 +239,20 @@ class Tube:
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
         place, around = parts[:, 1::3], parts[:, 2::3]
-        windows = self._windows((place - around).min(axis=1), (place + around).max(axis=1))
+        windows = self.windows_between((place - around).min(axis=1), (place + around).max(axis=1))
         bounds, found, where = bound_excess(
-            pack(path.segments), segment, parts, windows, self._rows, self.tolerance, slack
+            pack(path.segments),
+            segment,
+            parts,
+            windows,
+            self._rows,
+            self.tolerance,
+            self._given_up,
+            slack,
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
-        distance, nearest = self._vertices(path, pairs, reaches)
+        distance, nearest = self.nearest_to_corners(path, pairs, reaches)
         vertices = distance - self.vertex_tolerance
         at = _interpolate(where, pairs[:, 1], pairs[:, 0])
         values = np.concatenate([found, vertices])
@@ -235,8 +267,8 @@ class Tube:
             slack=slack,
         )
 
-    def _windows(self, low: FloatArray, high: FloatArray) -> IntArray:
-        """First and last piece of ranges of arc length, (n, 2)."""
+    def windows_between(self, low: FloatArray, high: FloatArray) -> IntArray:
+        """First and last piece of ranges of arc length [m], (n, 2)."""
         last = len(self) - 1
         first = np.searchsorted(self.breaks[1:], low, side="left")
         end = np.searchsorted(self.breaks[:-1], high, side="right") - 1
@@ -271,14 +303,20 @@ class Tube:
             ends += [u, place, reach[k] + share * (reach[k + 1] - reach[k])]
         return segment, np.stack(ends, axis=1)
 
-    def _vertices(
-        self, path: Path, pairs: FloatArray, reach: FloatArray
+    def nearest_to_corners(
+        self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance of each corner from its own part of a path, and the nearest arc length [m]."""
+        """Distance of each corner from its own part of a path, and the nearest arc length [m].
+
+        Args:
+            path: The path.
+            places: As in `prove`, (n, 2).
+            reach: As in `prove`, one per place [m], (n,).
+        """
         from armcontour.geometry._tube import nearest_in_range
 
         at = self.objective.breaks[self.vertex]
-        own, along = pairs[:, 0], pairs[:, 1]
+        own, along = places[:, 0], places[:, 1]
         around = np.interp(at, own, reach)
         ends = [_interpolate(x, own, along) for x in (at - around, at + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)

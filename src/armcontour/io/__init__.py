@@ -9,7 +9,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from armcontour.io.certificate import certificate_json, derating_csv, sweep_json
+    from armcontour.io.certificate import (
+        certificate_json,
+        derating_csv,
+        sweep_csv,
+        sweep_json,
+    )
     from armcontour.io.job_file import json_schema, parse_job, read_job
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
@@ -18,7 +23,7 @@ if TYPE_CHECKING:
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
 _HOME = {
-    "certificate": ("certificate_json", "derating_csv", "sweep_json"),
+    "certificate": ("certificate_json", "derating_csv", "sweep_csv", "sweep_json"),
     "job_file": ("json_schema", "parse_job", "read_job"),
     "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
@@ -40,6 +45,7 @@ __all__ = [
     "read_job",
     "read_limits",
     "read_trajectory",
+    "sweep_csv",
     "sweep_json",
     "write_taught",
     "write_torque",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -21,6 +23,16 @@ from armcontour.io.summary import UNITS, plain, run_summary
 from armcontour.jobs import Goal
 from armcontour.robustness.monte_carlo import Spread
 
+# Columns of a sweep as CSV, by the attributes of its points.
+SWEEP_COLUMNS = {
+    "shape": "shape",
+    "tolerance": "tolerance [m]",
+    "speed": "speed [m/s]",
+    "optimum": "optimum [s]",
+    "duration": "certified [s]",
+    "contour_error": "contour error [m]",
+    "refusal": "refusal",
+}
 CERTIFICATE_UNITS = {
     "cost": "s",
     "windows": "s",
@@ -102,11 +114,28 @@ def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
         "units": {"tolerance": "m", "speed": "m/s", "optimum": "s", "duration": "s"}
         | {"contour_error": "m", "missed": "m"},
         "goal": _goal(sweep.goal),
+        "iterations": sweep.iterations,
         "tolerances": [asdict(x) for x in sweep.tolerances],
         "speeds": [asdict(x) for x in sweep.speeds],
         "files": list(files),
     }
     return _text(data)
+
+
+def sweep_csv(sweep: Sweep) -> str:
+    """The points of a sweep as CSV: a row per point, with the line that it lies on.
+
+    Args:
+        sweep: The sweep.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["line", *SWEEP_COLUMNS.values()])
+    for line, points in (("tolerance", sweep.tolerances), ("speed", sweep.speeds)):
+        for x in points:
+            values = (getattr(x, name) for name in SWEEP_COLUMNS)
+            table.writerow([line, *("" if value is None else value for value in values)])
+    return text.getvalue()
 
 
 def _certificate(c: Certificate) -> dict[str, Any]:

@@ -131,8 +131,9 @@ def _shaped(
             found[name] = replace(run, corners=replace(base, **wanted))
     if not found:
         raise InvalidInput(
-            "No run rounds corners with the timing optimal, so that none takes another shape of "
-            "the corners: give --tolerance, or corners to a run with that timing."
+            "No run has both rounded corners and the timing optimal, so that none takes another "
+            "shape of the corners: give a run corners and timing: {method: optimal}, or "
+            "--tolerance if only the corners are missing."
         )
     return {**runs, **found}
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
+import numpy.typing as npt
+
 from armcontour._progress import Progress
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.jobs.job import Job, Run
@@ -21,6 +23,7 @@ from armcontour.program import (
 )
 from armcontour.timing import (
     Tracing,
+    choose_start,
     intervals_of,
     plan,
     shape,
@@ -67,13 +70,14 @@ def round_program(
     if rounding is None:
         return program
     if rounding.free:
+        start = choose_start(program, job.arm, this.limits, job.start)
         with locate_errors("corners"):
             return shape(
                 program,
                 job.arm,
                 with_reserve(this.limits, this.reserve),
                 branch=job.branch,
-                start=job.start,
+                start=start,
                 intervals=this.timing_options.get("intervals", intervals_of(program)),
                 progress=progress,
                 **rounding.wishes,
@@ -212,9 +216,15 @@ def plan_run(job: Job, this: Run, program: Program) -> Trajectory:
 
 
 def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
-    """Trace the joint paths of all moves of a program, under the limits of a run."""
+    """Trace the joint paths of all moves of a program, under the limits of a run.
+
+    A shaped program is traced in the configuration that it was shaped for.
+    """
+    start: npt.ArrayLike | None = job.start
+    if this.rounding is not None and this.rounding.free:
+        start = choose_start(program, job.arm, this.limits, start)
     return trace_program(
-        program, job.arm, this.limits, branch=job.branch, start=job.start, progress=progress
+        program, job.arm, this.limits, branch=job.branch, start=start, progress=progress
     )
 
 

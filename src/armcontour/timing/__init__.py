@@ -12,7 +12,7 @@ from armcontour.timing.planner import (
     refuse_jerk,
     with_reserve,
 )
-from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.program_tracing import Tracing, choose_start, trace_program
 from armcontour.timing.shaping import shape
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Shortfall",
     "Tracing",
     "assigned_time",
+    "choose_start",
     "explain",
     "intervals_of",
     "plan",

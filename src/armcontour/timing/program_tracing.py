@@ -15,7 +15,7 @@ from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
-from armcontour.geometry import Path
+from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
@@ -104,6 +104,33 @@ def trace_program(
         if isinstance(move, Contour) and progress is not None:
             progress(Step(("tracing",), tracer.done / len(tracer.contours)))
     return Tracing(program=program, steps=tuple(tracer.steps))
+
+
+def choose_start(
+    program: Program, arm: Arm, limits: Limits, given: npt.ArrayLike | None = None
+) -> npt.ArrayLike | None:
+    """Joint positions in which a program starts, to trace its shaped paths in the same ones.
+
+    Args:
+        program: The program, whose shaped paths count as their objectives.
+        arm: The arm.
+        limits: As in `trace_program`.
+        given: The start that is given; None chooses one.
+
+    Returns:
+        The given start, else that of the first contour's fastest configuration [rad], (dof,); None
+        for an arm in the plane, which its branch places.
+
+    Raises:
+        ArmContourError: As `trace_program`, for the first contour and what comes before it.
+    """
+    if given is not None or isinstance(arm, PlanarTwoLink):
+        return given
+    first, contour = next((i, x) for i, x in enumerate(program.moves) if isinstance(x, Contour))
+    path = contour.path.objective if isinstance(contour.path, ShapedPath) else contour.path
+    plain = dataclasses.replace(contour, path=path, events=(), work=None)
+    begin = Program(moves=(*program.moves[:first], plain))
+    return ends_of(trace_program(begin, arm, limits).joint_paths[0])[0]
 
 
 @dataclass(slots=True)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from armcontour.certification import Sweep, SweepPoint
 from armcontour.report.section import Section, Table
-from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, PLANNED_COLOUR, finish
+from armcontour.report.style import (
+    EXECUTED_COLOUR,
+    PATH_COLOUR,
+    PLANNED_COLOUR,
+    RUN_COLOURS,
+    finish,
+)
+
+# What the shapes of corners are called.
+SHAPES = {"arc": "arcs", "free": "shaped"}
 
 
 def sweep(found: Sweep) -> Section:
@@ -17,10 +26,15 @@ def sweep(found: Sweep) -> Section:
     if found.tolerances:
         name = "tolerance of the whole contour" if total else "corner tolerance"
         of = found.tolerances
-        figures.append(_figure(of, f"{name} [mm]", lambda x: 1e3 * (x.tolerance or 0.0), log=True))
+        lines = {SHAPES[shape]: points for shape, points in found.shapes.items()}
+        if len(lines) < 2:
+            lines = {"": of}
+        at = f"{name} [mm]"
+        figures.append(_figure(lines, at, lambda x: 1e3 * (x.tolerance or 0.0), log=True))
         tables.append(_table(of, f"Time against {name}"))
     if found.speeds:
-        figures.append(_figure(found.speeds, "assigned velocity [m/s]", lambda x: x.speed or 0.0))
+        lines = {"": found.speeds}
+        figures.append(_figure(lines, "assigned velocity [m/s]", lambda x: x.speed or 0.0))
         tables.append(_table(found.speeds, "Time against assigned velocity"))
     return Section(
         key="sweep",
@@ -29,6 +43,11 @@ def sweep(found: Sweep) -> Section:
             "Time of the motion for other tolerances and velocities. A filled point is certified; "
             "the line is the fastest plan within the same limits, not certified; a cross was "
             "refused."
+            + (
+                ""
+                if found.iterations is None
+                else f" Shapes are found in at most {found.iterations} iterations per point."
+            )
         ),
         figures=tuple(figures),
         tables=tuple(tables),
@@ -41,53 +60,69 @@ def sweep(found: Sweep) -> Section:
 
 
 def _figure(
-    points: tuple[SweepPoint, ...],
+    lines: Mapping[str, tuple[SweepPoint, ...]],
     title: str,
     at: Callable[[SweepPoint], float],
     *,
     log: bool = False,
 ) -> Any:
-    """Figure of optimal and certified times over one parameter."""
+    """Figure of optimal and certified times over one parameter, of one or several lines of points.
+
+    Args:
+        lines: The points by the names of the lines; a single line needs no name.
+        title: Title of the parameter, with its unit.
+        at: The parameter of a point.
+        log: Whether the parameter has a logarithmic axis.
+    """
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    known = [x for x in points if x.optimum is not None]
-    figure.add_trace(
-        go.Scatter(
-            x=[at(x) for x in known],
-            y=[x.optimum for x in known],
-            name="optimum, not certified",
-            mode="lines",
-            line={"color": PATH_COLOUR, "dash": "dash", "width": 1.5},
-        )
-    )
-    certified = [x for x in points if x.duration is not None]
-    figure.add_trace(
-        go.Scatter(
-            x=[at(x) for x in certified],
-            y=[x.duration for x in certified],
-            customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
-            name="certified",
-            mode="lines+markers",
-            marker={"color": EXECUTED_COLOUR, "size": 10},
-            line={"color": EXECUTED_COLOUR, "width": 1},
-            hovertemplate="%{y:.4f} s<br>contour error %{customdata:.5f} mm<extra></extra>",
-        )
-    )
-    refused = [x for x in known if x.duration is None]
-    if refused:
-        figure.add_trace(
-            go.Scatter(
-                x=[at(x) for x in refused],
-                y=[x.optimum for x in refused],
-                name="refused",
-                mode="markers",
-                marker={"color": PLANNED_COLOUR, "size": 11, "symbol": "x"},
-            )
-        )
+    for i, (name, points) in enumerate(lines.items()):
+        one = len(lines) == 1
+        colour = EXECUTED_COLOUR if one else RUN_COLOURS[i % len(RUN_COLOURS)]
+        faint, cross = (PATH_COLOUR, PLANNED_COLOUR) if one else (colour, colour)
+        for trace in _traces(points, at, (faint, colour, cross)):
+            trace.name = f"{name}, {trace.name}" if name else trace.name
+            figure.add_trace(trace)
     figure.update_xaxes(title=title, type="log" if log else "linear")
     figure.update_yaxes(title="time of the motion [s]")
     return finish(figure, title=f"Time against {title.split(' [')[0]}", height=420)
+
+
+def _traces(
+    points: tuple[SweepPoint, ...], at: Callable[[SweepPoint], float], colours: tuple[str, str, str]
+) -> Iterator[Any]:
+    """The optimum, certified and refused points, in three colours; without what is empty."""
+    import plotly.graph_objects as go
+
+    known = [x for x in points if x.optimum is not None]
+    yield go.Scatter(
+        x=[at(x) for x in known],
+        y=[x.optimum for x in known],
+        name="optimum, not certified",
+        mode="lines",
+        line={"color": colours[0], "dash": "dash", "width": 1.5},
+    )
+    certified = [x for x in points if x.duration is not None]
+    yield go.Scatter(
+        x=[at(x) for x in certified],
+        y=[x.duration for x in certified],
+        customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
+        name="certified",
+        mode="lines+markers",
+        marker={"color": colours[1], "size": 10},
+        line={"color": colours[1], "width": 1},
+        hovertemplate="%{y:.4f} s<br>contour error %{customdata:.5f} mm<extra></extra>",
+    )
+    refused = [x for x in known if x.duration is None]
+    if refused:
+        yield go.Scatter(
+            x=[at(x) for x in refused],
+            y=[x.optimum for x in refused],
+            name="refused",
+            mode="markers",
+            marker={"color": colours[2], "size": 11, "symbol": "x"},
+        )
 
 
 def _table(points: tuple[SweepPoint, ...], caption: str) -> Table:
@@ -112,4 +147,5 @@ def _value(x: SweepPoint) -> str:
     """Tolerance and speed of a point as text."""
     parts = [] if x.tolerance is None else [f"{x.tolerance * 1e3:.4g} mm"]
     parts += [] if x.speed is None else [f"{x.speed:.4g} m/s"]
+    parts += [SHAPES["free"]] if x.shape == "free" else []
     return ", ".join(parts)

@@ -27,6 +27,8 @@ from armcontour.timing.grid import Grid
 
 # Samples of the tool motion per piece of the joint path.
 PLACES = 9
+# Samples of an interval whose curvature varies.
+SHARES = np.linspace(0.0, 1.0, 5)[:, None]
 # A piece is even if its curvature varies by less than this share.
 EVEN = 1e-3
 # Curvatures below this are those of lines [1/m].
@@ -77,19 +79,19 @@ class ToolMetric:
         times x is at most a on all of the interval. Where the curvature is linear, too, with the
         ratio r of its ends, its product with x is larger than at the ends by up to the factor
         (1 + r)² / 4r. Another factor bounds how far the curvature is from linear: twice its
-        distance in the middle.
+        distance at the samples in between.
         """
         found = np.stack([self.curvature[grid.piece]] * 2)
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
-            low, high = grid.s[i], grid.s[i + 1]
-            s = np.stack([low, (low + high) / 2, high])
+            s = grid.s[i] + SHARES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
-            _, (begin, middle, end), _ = _measure(self.joint_path, self.arm, pieces, s)
-            begin, end = np.maximum(begin, FLAT), np.maximum(end, FLAT)
+            _, values, _ = _measure(self.joint_path, self.arm, pieces, s)
+            begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
             product = (begin + end) ** 2 / (4 * begin * end)
-            bent = 1 + 2 * np.abs(2 * middle / (begin + end) - 1)
-            found[:, i] = np.minimum(np.stack([begin, end]) * product * bent, found[:, i])
+            even = begin + SHARES[1:-1] * (end - begin)
+            bent = 1 + 2 * np.abs(values[1:-1] / even - 1).max(axis=0)
+            found[:, i] = np.stack([begin, end]) * product * bent
         return found
 
 

@@ -22,6 +22,8 @@ MOST_PARTS = 8
 # distance where the tolerance is small [m], are drawn in more parts.
 NEAR, NEAREST = 1e-4, 1e-10
 MOST_ROUNDS = 4
+# Largest turn of a part [rad].
+SHARPEST = 0.35
 # Places at which arcs are compared with the curve, over each quintic.
 PLACES = np.linspace(0.1, 0.9, 9)
 # The largest distance that is found there, times this, bounds the distance in between.
@@ -61,12 +63,17 @@ def draw(
     count = _count_parts(spline)
     for _ in range(MOST_ROUNDS):
         drawn = _draw(spline, arm, objective, place, count)
-        far = np.maximum.reduceat(drawn.curve.spreads, np.cumsum(count) - count)
-        rough = far > np.maximum(NEAR * tolerance, NEAREST)
+        first = np.cumsum(count) - count
+        far = np.maximum.reduceat(drawn.curve.spreads, first)
+        far /= np.maximum(NEAR * tolerance, NEAREST)
+        turns = (drawn.segments.curvatures * drawn.segments.lengths).reshape(-1, 2).sum(axis=1)
+        # Where the tool nearly stops it may turn within a small part of a span.
+        turn = np.maximum.reduceat(turns, first) / SHARPEST
+        rough = np.maximum(far, turn) > 1
         if not rough.any():
             break
         # The distance falls with the cube of the length.
-        more = np.ceil(np.cbrt(far / np.maximum(NEAR * tolerance, NEAREST)))
+        more = np.ceil(np.maximum(np.cbrt(far), turn))
         count = np.where(rough, count * np.clip(more, 2, MOST_PARTS), count).astype(np.intp)
     return drawn
 
@@ -84,7 +91,9 @@ def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: I
     out = begin[1]
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
-    first, second = biarcs(points[:-1], out, points[1:], into)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Straight parts have no normal.
+        first, second = biarcs(points[:-1], out, points[1:], into)
     order = np.arange(2 * len(span)).reshape(2, -1).T.ravel()
     ends = _place_knots(spline, place)
     at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]

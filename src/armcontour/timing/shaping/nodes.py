@@ -24,6 +24,8 @@ GROWTH_AT_REST = 0.2
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
+# A stretch from rest to rest has at least about this many nodes.
+FEWEST = 64
 # Samples for the distances between two marks.
 SAMPLES = 129
 # Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
@@ -32,6 +34,8 @@ MARCH = 1 / 24
 HALVINGS = 24
 # Offsets stay inside the tolerance by this share of it.
 INSIDE = 1e-3
+# Places nearer than this are one [m].
+SAME = 1e-9
 # The own part of a point reaches this many tolerances along the objective, and to its neighbours.
 REACH = 3.0
 # Directions in which offsets in space are bounded.
@@ -49,6 +53,8 @@ class Nodes:
         sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
         sag: How far the curve may lie from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
+        least: The least tolerance at each node and its neighbours, whose control points shape the
+            curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
         fixed: Whether the control point stays on the start, (n,).
         rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
@@ -65,6 +71,7 @@ class Nodes:
     sides: FloatArray
     sag: FloatArray
     tolerance: FloatArray
+    least: FloatArray
     reach: FloatArray
     fixed: BoolArray
     rest: BoolArray
@@ -85,11 +92,12 @@ class Nodes:
             tube: The tube of the tolerance.
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
-        windows = tube.windows(self.place, self.reach)
-        kept = inside * self.tolerance + np.minimum(self.sag, 0.3 * self.tolerance)
+        windows = self._windows(tube)
+        spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
+        kept = spare + self.tolerance - self.least
         near = self.vertex >= 0
-        corners = tube.objective.vertices[tube.vertex[np.maximum(self.vertex, 0)]]
-        allowed = np.where(near, tube.vertex_tolerance[np.maximum(self.vertex, 0)] - kept, np.inf)
+        corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
+        allowed = np.where(near, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf)
 
         def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
             points = self.points + offset[:, None] * direction
@@ -104,6 +112,19 @@ class Nodes:
             found[:, j] = share * _farthest(fits, direction, self.tolerance)
         found[self.fixed] = 0.0
         return found
+
+    def _windows(self, tube: Tube) -> IntArray:
+        """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
+
+        A stretch leads from corner to corner; a node at a corner belongs to both.
+        """
+        ends = tube.objective.breaks[tube.vertex]
+        corners = np.concatenate([[-np.inf], ends, [np.inf]])
+        low = corners[np.searchsorted(ends, self.place - SAME, side="right")]
+        high = corners[np.searchsorted(ends, self.place + SAME, side="left") + 1]
+        low = np.maximum(self.place - self.reach, low + SAME)
+        high = np.minimum(self.place + self.reach, high - SAME)
+        return tube.windows_between(low, high)
 
 
 def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> FloatArray:
@@ -147,7 +168,8 @@ def place_nodes(
     order = np.argsort(marks, kind="stable")
     marks, is_rest = marks[order], is_rest[order]
     which = np.concatenate([np.full(len(stops), -1), corner])[order]
-    half = np.where(which >= 0, turns[np.maximum(which, 0)] / 2, 0.0)
+    # The last entry is for rests, whose index is -1.
+    half = np.append(turns, 0.0)[which] / 2
     own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
     first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
     s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
@@ -181,6 +203,7 @@ def place_nodes(
         sides=_sides(tangents.shape[1] - 1),
         sag=wide**2 * bend / 8,
         tolerance=tolerance,
+        least=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=rest,
@@ -190,6 +213,14 @@ def place_nodes(
         near=NearPath.along(joint_path, arm, branch, path, s),
         q=joint_path(s),
     )
+
+
+def _least_nearby(values: FloatArray) -> FloatArray:
+    """The least of each value and its neighbours, (n,)."""
+    least = values.copy()
+    least[1:] = np.minimum(least[1:], values[:-1])
+    least[:-1] = np.minimum(least[:-1], values[1:])
+    return least
 
 
 def path_turns(tube: Tube) -> FloatArray:
@@ -242,7 +273,9 @@ def _spread(
     typical = max(float(np.median(bend)), 1e-3)
     curved = bend + np.linalg.norm(path(flat, 2), axis=1)
     most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
-    most = most.reshape(at.shape)
+    rests = marks[is_rest]
+    stretch = np.diff(rests)[np.clip(np.searchsorted(rests, marks[:-1], side="right") - 1, 0, None)]
+    most = np.minimum(most.reshape(at.shape), stretch[:, None] / FEWEST)
     step = most
     for mark, way in ((0, at - low), (1, high - at)):
         rest = is_rest[mark : len(marks) - 1 + mark, None]

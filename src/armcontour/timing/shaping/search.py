@@ -10,11 +10,13 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.timing.shaping._quadratic import solve_program
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
+from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
-from armcontour.timing.shaping.starts import PARABOLAS, Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import ARCS, PARABOLAS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least
@@ -23,6 +25,8 @@ FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends when this many iterations in sequence gain less than this share of the duration.
 IDLE, LEAST_GAIN = 4, 3e-6
+# It also ends when so many in sequence leave the tube.
+MOST_TIGHTENED = 12
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -51,7 +55,6 @@ class _State:
     trust: FloatArray
     inside: FloatArray
     limits: FloatArray
-    idle: int = 0
 
 
 @dataclass(slots=True)
@@ -87,29 +90,35 @@ class Search:
 
     def run(self) -> Iterator[Candidate]:
         """Yield the best candidate after each iteration, until nothing is gained."""
-        while self.state.idle < IDLE:
+        idle = tightened = 0
+        while idle < IDLE and tightened < MOST_TIGHTENED:
             before = self.state.best.duration
-            self._iterate()
+            kept = self._iterate()
             gained = before - self.state.best.duration
-            self.state.idle = 0 if gained > LEAST_GAIN * before else self.state.idle + 1
+            tightened = 0 if kept else tightened + 1
+            idle = 0 if gained > LEAST_GAIN * before else idle + kept
             yield self.state.best
 
-    def _iterate(self) -> None:
-        """Propose a change and keep it if the exact timing is faster."""
+    def _iterate(self) -> bool:
+        """Propose a change and keep it if the exact timing is faster.
+
+        Returns:
+            False if the change left the tube, whose limits are then less.
+        """
         state, nodes = self.state, self.nodes
         try:
             offsets, h = self._propose()
             drawn = self._draw(offsets, h)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
-            return
+            return True
         if drawn is None:
-            return
+            return False
         path = self._path(drawn)
         found = self.timer.candidate(SHAPED, path, drawn.places)
         if found is None:
             state.trust *= SHRINK
-            return
+            return True
         times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
         groups = int(nodes.group[-1]) + 1
         now = np.bincount(nodes.group, state.h, groups)
@@ -124,6 +133,7 @@ class Search:
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
+        return True
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
@@ -191,10 +201,13 @@ class Search:
         spline = self._spline(offsets, h)
         objective = self.tube.objective
         drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
+        if self._nearly_stops(drawn):
+            return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
-        proof = self.tube.prove(plain, drawn.places, reach)
+        drawn = replace(drawn, places=match(self.tube, plain, drawn.places, reach))
+        proof = prove(self.tube, plain, drawn.places)
         # The tool follows the curve, which is a little beside the arcs.
         beside = np.repeat(drawn.curve.spreads, 2)
         vertices = proof.vertices + drawn.curve.spreads.max()
@@ -210,11 +223,24 @@ class Search:
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
-        less = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.tolerance, 1e-12)
-        state.inside = np.where(lacking > 0, state.inside + less + INSIDE, state.inside)
+        less = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.least, 1e-12)
+        # At least twice as much as before, so that a few times are enough.
+        more = np.maximum(2 * state.inside, state.inside + less)
+        state.inside = np.where(lacking > 0, np.minimum(more, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
         return None
+
+    def _nearly_stops(self, drawn: Drawn) -> bool:
+        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
+        if not len(tiny):
+            return False
+        span = np.clip(np.searchsorted(drawn.knots, tiny, side="right") - 1, 0, len(nodes) - 1)
+        there = np.isin(nodes.group, nodes.group[span])
+        self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
+        return True
 
     def _path(self, drawn: Drawn) -> ShapedPath:
         """The drawn path, whose outcome is not known yet."""
@@ -232,8 +258,10 @@ class Search:
         return orient(path)
 
 
-def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Search | None:
-    """The search from parabolas; None where the arm cannot follow them, or nothing may move.
+def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
+    """Searches from parabolas and from arcs, the faster ones first.
+
+    None where the arm cannot follow them, or where nothing may move.
 
     Args:
         objective: The objective path.
@@ -242,16 +270,16 @@ def make_search(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Se
         wishes: What is wanted.
     """
     if objective.orientation is not None and not objective.orientation.fixed:
-        return None
-    path, places = make_starts(objective, wishes, SHARE)[PARABOLAS]
-    start = timer.candidate(PARABOLAS, path, places)
-    if start is None:
-        return None
-    joint_path = timer.trace(path)
-    nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-    if nodes.fixed.all():
-        return None
-    return Search(nodes, start, tube, timer, wishes)
+        return
+    # Without a tolerance nothing may move: splines of the joints do not keep to a line.
+    if (tube.tolerance == 0).any():
+        return
+    starts = make_starts(objective, tube, wishes, SHARE)
+    found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
+    for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
+        joint_path = timer.trace(start.path)
+        nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
+        yield Search(nodes, start, tube, timer, wishes)
 
 
 def orient(path: ShapedPath) -> ShapedPath:

@@ -18,9 +18,12 @@ from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import Tracing, trace_program
-from armcontour.timing.shaping.search import make_search
+from armcontour.timing.shaping.search import make_searches
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
+
+# The search ends with the first start that saves this share of the duration.
+ENOUGH = 0.01
 
 
 @overload
@@ -201,7 +204,8 @@ class Shaping:
         objective = traced.program.path
         if isinstance(objective, RoundedPath):
             objective = objective.objective
-        known = _time_starts(objective, self._timer(traced.joint_paths[0]), self.wishes)
+        tube, timer = _tube(objective, self.wishes), self._timer(traced.joint_paths[0])
+        known = _time_starts(objective, tube, timer, self.wishes)
         return min((x.duration for x in known), default=np.inf)
 
     def _timer(self, joint_path: JointPath) -> Timer:
@@ -218,31 +222,39 @@ def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManage
 
 def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
     """The shaped path of one contour."""
-    known = _time_starts(objective, timer, wishes)
+    tube = _tube(objective, wishes)
+    known = _time_starts(objective, tube, timer, wishes)
     if not known:
         # Raises what is wrong with the objective.
         timer.time(timer.trace(objective))
     durations = {x.name: x.duration for x in known}
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    tube = Tube.of(
-        objective, wishes.tolerance, line_tolerance=wishes.line_tolerance, zone=wishes.zone
-    )
-    search = make_search(objective, tube, timer, wishes)
-    if search is not None:
-        for _, found in zip(range(wishes.iterations), search.run(), strict=False):
+    for search in make_searches(objective, tube, timer, wishes):
+        left = wishes.iterations - len(history) + 1
+        for _, found in zip(range(left), search.run(), strict=False):
             best = min(best, found, key=lambda x: x.duration)
             history.append(best.duration)
+        # Another start mostly leads to the same shape.
+        if best.duration < (1 - ENOUGH) * first.duration:
+            break
     durations["shaped"] = best.duration
     outcome = Outcome(start=first.name, durations=durations, history=tuple(history))
     return _shaped_path(objective, best, wishes, outcome)
 
 
-def _time_starts(objective: Path, timer: Timer, wishes: Wishes) -> list[Candidate]:
+def _tube(objective: Path, wishes: Wishes) -> Tube:
+    """The tube of the tolerance."""
+    return Tube.of(
+        objective, wishes.tolerance, line_tolerance=wishes.line_tolerance, zone=wishes.zone
+    )
+
+
+def _time_starts(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> list[Candidate]:
     """The starts with their timings, without those that the arm cannot follow."""
     found = [
         timer.candidate(name, path, places)
-        for name, (path, places) in make_starts(objective, wishes).items()
+        for name, (path, places) in make_starts(objective, tube, wishes).items()
     ]
     return [x for x in found if x is not None]
 

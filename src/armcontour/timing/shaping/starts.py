@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ArmContourError
-from armcontour.geometry import Path, RoundedPath, round_corners, round_with_parabolas
+from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_with_parabolas
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.wishes import Wishes
 
 ARCS = "arcs"
 PARABOLAS = "parabolas"
 STOPS = "stops"
+# Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
+# them leave, to this share.
+HALVINGS, LESS = 14, 0.9
+# The tool stops at corners that cannot be rounded by this [m]: no arm resolves so small arcs.
+FINEST = 1e-8
+# A point of a start belongs to the objective this many tolerances to either side of its place.
+REACH = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,25 +87,75 @@ class Timer:
 
 
 def make_starts(
-    objective: Path, wishes: Wishes, share: float = 1.0
+    objective: Path, tube: Tube, wishes: Wishes, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
-    """The starts by their names, each with its places on the objective.
+    """The starts by their names, each with its places on the objective, all within the tube.
 
     Args:
         objective: The objective path.
+        tube: The tube of the tolerance.
         wishes: What is wanted of the shaped path.
         share: Share of the tolerance that corners are rounded to.
     """
     whole = np.array([[0.0, 0.0], [objective.length, objective.length]])
     found: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, whole)}
     for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
-        rounded = round_(
-            objective,
-            tolerance=share * wishes.tolerance,
-            angular_tolerance=wishes.angular_tolerance,
-        )
-        found[name] = (rounded, _places(rounded))
+        rounded = _round_within(objective, tube, wishes, round_, share)
+        if rounded is not None:
+            found[name] = rounded
     return found
+
+
+def _round_within(
+    objective: Path,
+    tube: Tube,
+    wishes: Wishes,
+    round_: Callable[..., RoundedPath],
+    share: float,
+) -> tuple[RoundedPath, FloatArray] | None:
+    """A rounded path within the tube, with its places; None if there is none but with stops.
+
+    A corner whose curve would leave its zone is rounded less.
+    """
+    wanted = np.full(len(objective) - 1, share * wishes.tolerance)
+    wanted[tube.vertex - 1] = share * tube.vertex_tolerance
+
+    def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
+        path = round_(objective, tolerance=tolerance, angular_tolerance=wishes.angular_tolerance)
+        places = match(tube, path, _places(path), REACH * wishes.tolerance)
+        return path, places, _corners_outside(tube, path, places)
+
+    path, places, bad = outside(wanted)
+    if not len(bad):
+        return path, places
+    low, high = np.where(np.isin(np.arange(len(wanted)), bad), 0.0, wanted), wanted.copy()
+    for _ in range(HALVINGS):
+        middle = np.where(low < high, (low + high) / 2, low)
+        bad = outside(middle)[2]
+        low[bad] = np.where(middle[bad] > low[bad], low[bad], LESS * low[bad])
+        high[bad] = middle[bad]
+        good = np.setdiff1d(np.flatnonzero(low < high), bad)
+        low[good] = middle[good]
+    for _ in range(HALVINGS):
+        low[low < FINEST] = 0.0
+        path, places, bad = outside(low)
+        if not len(bad):
+            return path, places
+        low[bad] *= LESS
+    return None
+
+
+def _corners_outside(tube: Tube, path: RoundedPath, places: FloatArray) -> IntArray:
+    """Vertices between segments at which a rounded path leaves the tube or turns on the spot."""
+    proof = prove(tube, path, places)
+    middle = (path.breaks[:-1] + path.breaks[1:]) / 2
+    place = np.interp(middle[proof.segments > proof.slack], places[:, 1], places[:, 0])
+    at = tube.objective.breaks[tube.vertex]
+    nearest = np.abs(place[:, None] - at).argmin(axis=1) if len(at) else np.zeros(0, dtype=np.intp)
+    corners = path.corners
+    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < FINEST)]
+    far = tube.vertex[proof.vertices > proof.slack]
+    return np.unique(np.concatenate([tube.vertex[nearest], far, tiny])) - 1
 
 
 def _places(rounded: RoundedPath) -> FloatArray:

@@ -59,6 +59,13 @@ class Wishes:
                     needed=self.line_tolerance,
                     allowed=self.tolerance,
                 )
+            if self.zone < self.tolerance:
+                raise InvalidInput(
+                    f"zone of {self.zone:g} m is below the tolerance of {self.tolerance:g} m, "
+                    "which reaches that far from a vertex: give at least the tolerance.",
+                    needed=self.tolerance,
+                    allowed=self.zone,
+                )
         if self.angular_tolerance is not None:
             _checks.not_negative("angular tolerance", self.angular_tolerance, "rad")
         _checks.whole("iterations", self.iterations, 0, 10_000)

@@ -1,0 +1,184 @@
+"""Tool orientation of shaped paths: near that at the place, without stops, along the tangent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.frames import angle_between, exp, log, shortest
+from armcontour.geometry import orient_shaped, round_with_parabolas
+from armcontour.geometry.orienting import carry
+
+POINTS = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0.02), (0.2, 0.1, 0.05), (0.15, 0.02, 0)]
+AXES = [(0, 0, -1), (0, 0.5, -1), (0.5, 0, -1), (1, 0.3, -1), (0, 0, -1)]
+BASE = ac.Path.polyline(POINTS)
+POINTING = BASE.pointing(AXES)
+ORIENTED = BASE.oriented(exp(0.4 * np.array(AXES)))
+
+
+def shaped(objective, tolerance=0.005):
+    """A path of many arcs near an objective, without orientation, and the places."""
+    bare = ac.Path(segments=objective.segments)
+    path = round_with_parabolas(bare, tolerance=tolerance)
+    c = path.corners
+    at = objective.breaks[c.vertex]
+    s = np.unique(np.concatenate([[0.0], at - c.tangent, at, at + c.tangent, [objective.length]]))
+    return path, np.stack([s, np.maximum.accumulate(path.place(s))], axis=1)
+
+
+def off_place(path, objective, places, n=3001):
+    """Angles between the tool and its orientation at the place on the objective."""
+    s = np.linspace(0, path.length, n)
+    given = path.orientation(s)
+    wanted = objective.orientation(np.interp(s, places[:, 1], places[:, 0]))
+    if objective.orientation.axis_only:
+        return angle_between(given[:, :, 2], wanted[:, :, 2])
+    return np.linalg.norm(log(given @ np.swapaxes(wanted, 1, 2)), axis=1)
+
+
+def off_tangent(path, n=3001):
+    """Angles between the tangent and the direction that goes with it, x of the tool."""
+    s = np.linspace(0, path.length, n)
+    return angle_between(path.orientation(s)[:, :, 0], path(s, 1))
+
+
+def test_without_orientation_there_is_none():
+    path, places = shaped(BASE)
+    same, off = orient_shaped(path, BASE, places)
+    assert same is path and off == 0
+
+
+def test_a_constant_orientation_is_kept():
+    objective = BASE.pointing((0, 1, -1))
+    path, places = shaped(objective)
+    found, off = orient_shaped(path, objective, places)
+    assert type(found) is type(path) and found.orientation.fixed
+    assert off < 1e-12 and len(found.stops) == 0
+    np.testing.assert_array_equal(found.orientation.starts[0], objective.orientation.starts[0])
+
+
+@pytest.mark.parametrize("objective", [POINTING, ORIENTED])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-2, 0.1])
+def test_a_turning_tool_is_near_its_place_and_never_stops(objective, tolerance):
+    path, places = shaped(objective)
+    found, off = orient_shaped(path, objective, places, tolerance)
+    assert len(found.stops) == 0 and len(path.breaks) > 40
+    assert off <= tolerance
+    angles = off_place(found, objective, places)
+    assert angles.max() <= off * 1.03
+    # It uses its tolerance, as far as half of a line goes.
+    assert off > 0.8 * tolerance
+    ends = found.orientation([0, found.length])
+    np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-12)
+
+
+@pytest.mark.parametrize("objective", [POINTING, ORIENTED])
+def test_without_a_tolerance_blends_go_with_the_corners(objective):
+    path, places = shaped(objective, tolerance=0.002)
+    found, off = orient_shaped(path, objective, places)
+    assert len(found.stops) == 0
+    rounded = round_with_parabolas(objective, tolerance=0.002)
+    # The rate sets in along with the places, which are faster on the shorter way.
+    assert 0.8 < off / rounded.corners.angular_error.max() < 1
+
+
+def test_a_straight_vertex_needs_a_tolerance():
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).pointing(AXES[:3])
+    places = np.array([(0, 0), (2, 2)])
+    with pytest.raises(InvalidInput, match="turns at another rate after segment 1"):
+        orient_shaped(path, path, places)
+    found, off = orient_shaped(path, path, places, 0.01)
+    assert len(found.stops) == 0 and off == pytest.approx(0.01, rel=0.2)
+
+
+def test_tolerance_zero_stops_where_the_rate_jumps():
+    path, places = shaped(ORIENTED)
+    found, off = orient_shaped(path, ORIENTED, places, 0.0)
+    np.testing.assert_allclose(found.stops, path.place(BASE.breaks[1:-1]), atol=1e-12)
+    assert off < 1e-4
+
+
+def test_at_a_corner_of_the_path_nothing_is_blended():
+    places = np.array([(0, 0), (BASE.length, BASE.length)])
+    found, off = orient_shaped(BASE, ORIENTED, places, 0.05)
+    assert off < 1e-12
+    np.testing.assert_array_equal(found.stops, BASE.breaks[1:-1])
+
+
+def test_a_rounded_objective_is_refused():
+    rounded = round_with_parabolas(ORIENTED, tolerance=0.005)
+    places = np.array([(0, 0), (rounded.length, rounded.length)])
+    with pytest.raises(InvalidInput, match="rounded before"):
+        orient_shaped(rounded, rounded, places, 0.01)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 0.02])
+def test_a_tool_that_follows_the_tangent_follows_that_of_the_path(tolerance):
+    objective = BASE.following_tangent((0, 0, 1))
+    path, places = shaped(objective)
+    found, off = orient_shaped(path, objective, places, tolerance)
+    assert found.orientation.follows and len(found.stops) == 0
+    assert off_tangent(found).max() <= off + 1e-9 <= tolerance + 2e-9
+    # The corners are rounded in their planes, so that the tool arrives as on the objective.
+    ends = found.orientation([0, found.length])
+    np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-9)
+
+
+def test_a_path_out_of_the_corners_planes_does_not_turn_the_tool_about_the_tangent():
+    objective = BASE.following_tangent((0, 0, 1))
+    # Through points beside the lines, by turns to all sides.
+    at = np.linspace(0, BASE.length, 25)
+    beside = BASE(at) + 0.004 * np.random.default_rng(2).normal(size=(25, 3))
+    path = ac.Path.spline(np.vstack([POINTS[:1], beside[1:-1], POINTS[-1:]]), tolerance=1e-4)
+    places = np.stack([at, path.breaks[path.waypoints]], axis=1)
+    found, off = orient_shaped(path, objective, places, 0.02)
+    assert len(found.stops) == 0
+    assert off_tangent(found).max() <= off + 1e-9 < 0.0202
+    start = exp(shortest(objective.tangents[0], path.tangents[0])) @ objective.orientation(0.0)
+    np.testing.assert_allclose(found.orientation(0.0), start, atol=1e-12)
+    middle = (objective.breaks[1:] + objective.breaks[:-1]) / 2
+    s = np.interp(middle, places[:, 0], places[:, 1])
+    tilt = exp(shortest(objective(middle, 1), path(s, 1)))
+    least = tilt @ objective.orientation(middle)
+    twist = np.linalg.norm(log(found.orientation(s) @ np.swapaxes(least, 1, 2)), axis=1)
+    drift = carry(path.segments, start)(s) @ np.swapaxes(least, 1, 2)
+    assert np.linalg.norm(log(drift), axis=1).max() > 0.1
+    assert twist.max() < 0.02
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_random_places_keep_the_tolerance_without_stops(seed, axis_only):
+    rng = np.random.default_rng(seed)
+    points = np.cumsum(rng.normal(size=(5, 3)), axis=0)
+    objective = ac.Path.polyline(points).oriented(
+        exp(rng.normal(size=(5, 3)) * 0.5), axis_only=axis_only
+    )
+    path, places = shaped(objective, tolerance=0.05)
+    # Places that go forward unevenly, by half to twice of what they did.
+    steps = np.diff(places, axis=0)[:, 1] * rng.uniform(0.5, 1, size=len(places) - 1)
+    uneven = np.append(0.0, np.cumsum(steps))
+    both = np.stack([places[:, 0], uneven * path.length / uneven[-1]], axis=1)
+    tolerance = 10.0 ** rng.uniform(-3, -1)
+    found, off = orient_shaped(path, objective, both, tolerance)
+    assert len(found.stops) == 0
+    assert off_place(found, objective, both, 401).max() <= off * 1.05
+    assert off <= tolerance
+
+
+def test_a_whole_turn_of_the_path_keeps_to_its_tangent():
+    circle = ac.Arc(start=(0.1, 0, 0), center=(0, 0, 0), angle=1.99 * np.pi, normal=(0, 0, 1))
+    objective = ac.Path.from_segments([circle]).following_tangent((0, 0, 1))
+    tilted = ac.Arc(start=(0.1, 0, 0), center=(0, 0, 0), angle=1.99 * np.pi, normal=(0, 0.05, 1))
+    path = ac.Path.from_segments([tilted])
+    places = np.array([(0, 0), (objective.length, path.length)])
+    found, off = orient_shaped(path, objective, places, 0.01)
+    assert len(found.stops) == 0 and off <= 0.01
+    assert off_tangent(found).max() <= off + 1e-9
+    # Half way round the path goes 0.05 to the other side: so does the tool.
+    s = [path.length / 2]
+    tilt = exp(shortest(objective(s, 1), path(s, 1))) @ objective.orientation(s)
+    assert np.linalg.norm(log(found.orientation(s) @ np.swapaxes(tilt, 1, 2))) < 0.01

@@ -1,0 +1,103 @@
+"""Shaped motions before an independent judge, and the judge before motions that are wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from soak.shape_judge import judge
+from soak.shape_matching import excess, match
+from soak.shape_problems import Problem, pieces_of
+from soak.shape_rivals import draw_parabolas
+
+import armcontour as ac
+from armcontour.geometry import Outcome
+
+TOLERANCE = 2e-3
+SPEED = 0.08
+
+
+def problem_of(points, arm, limits, **options):
+    objective = ac.Path.polyline(points)
+    return Problem(seed=0, kind="", objective=objective, arm=arm, limits=limits, options=options)
+
+
+@pytest.fixture(scope="module")
+def problem(arm, limits):
+    points = [(0.30, 0.15), (0.42, 0.15), (0.42, 0.25)]
+    return problem_of(points, arm, limits.replace(speed=SPEED), tolerance=TOLERANCE)
+
+
+@pytest.fixture(scope="module")
+def planned(problem):
+    """A motion whose shape is an arc."""
+    rounded = ac.round_corners(problem.objective, tolerance=TOLERANCE)
+    s = np.array([0.0, rounded.corners.start[0], rounded.corners.end[0], rounded.length])
+    tangent = rounded.corners.tangent[0]
+    at = problem.objective.breaks[1]
+    places = np.array([0.0, at - tangent, at + tangent, problem.objective.length])
+    shaped = ac.ShapedPath(
+        segments=rounded.segments,
+        objective=problem.objective,
+        places=np.column_stack([places, s]),
+        tolerance=TOLERANCE,
+        outcome=Outcome(start="arcs", durations={"shaped": 1.0}),
+    )
+    return ac.plan(shaped, problem.arm, problem.limits)
+
+
+def test_the_judge_blames_no_good_motion(problem, planned):
+    assert judge(planned, problem) == []
+
+
+@pytest.mark.parametrize("limit", ["joint_acceleration", "speed", "centripetal_acceleration"])
+def test_the_judge_sees_limits_that_are_exceeded(problem, planned, limit):
+    own = getattr(problem.limits, limit)
+    hair = replace(problem, limits=problem.limits.replace(**{limit: (1 - 1e-6) * own}))
+    assert judge(planned, hair)[0].startswith(limit.replace("_", " ") + " 1 +")
+    # By a hundredth, positions alone show it.
+    tight = replace(problem, limits=problem.limits.replace(**{limit: 0.99 * own}))
+    assert any("by differences" in x for x in judge(planned, tight))
+
+
+def test_the_judge_sees_points_and_vertices_outside(problem, planned):
+    found = judge(planned, replace(problem, options={"tolerance": TOLERANCE - 1e-8}))
+    # The arc is nearer to the lines than to the vertex, but its middle belongs to the vertex.
+    assert len(found) == 2 and "too far from its place" in found[0]
+    assert found[1] == "vertex 1 is 1e-08 m outside"
+    found = judge(planned, replace(problem, options={"tolerance": 0.6 * TOLERANCE}))
+    assert any(x.startswith("no way along the objective") for x in found)
+
+
+def test_the_judge_sees_lines_left_outside_the_zones(problem, planned):
+    tangent = float(ac.round_corners(problem.objective, tolerance=TOLERANCE).corners.tangent[0])
+    options = {"tolerance": TOLERANCE, "line_tolerance": 0.0}
+    assert not judge(planned, replace(problem, options=options | {"zone": tangent + 1e-6}))
+    found = judge(planned, replace(problem, options=options | {"zone": tangent - 1e-4}))
+    assert len(found) == 1 and "too far from its place" in found[0]
+    # As much as that cannot be a matter of places.
+    found = judge(planned, replace(problem, options=options | {"zone": tangent / 3}))
+    assert any(x.startswith(("no way", "outside the tolerance")) for x in found)
+
+
+def test_no_motion_may_hop_to_a_line_that_it_crosses(arm, limits):
+    points = np.array([(0.30, 0.20), (0.36, 0.20), (0.36, 0.26), (0.33, 0.26), (0.33, 0.14)])
+    pieces = pieces_of(problem_of(points, arm, limits, tolerance=1e-4))
+    along = ac.Path.polyline(points)(np.linspace(0, 0.27, 9001))
+    assert match(along, pieces).lost < 0
+    assert excess(along, pieces, match(along, pieces)).max() < 0
+    # Every point is on the objective.
+    hop = ac.Path.polyline(points[[0, 0, 4]] * [1, 1] + [(0, 0), (0.03, 0), (0, 0)])
+    short = hop(np.linspace(0, hop.length, 9001))
+    assert match(short, pieces).lost > 0
+
+
+def test_parabolas_are_as_far_from_the_corner_as_they_may_and_tangent(problem):
+    path = draw_parabolas(problem.objective, TOLERANCE)
+    gap = path.project(problem.objective.vertices[1:2]).distance[0]
+    assert gap == pytest.approx(TOLERANCE, rel=1e-6)
+    assert len(path.stops) == 0
+    # y = x²/(4 f) with a leg L of 90° on both sides: the radius at the middle is L / sqrt(2).
+    leg = 2 * TOLERANCE * np.sqrt(2)
+    assert 1 / path.curvatures.max() == pytest.approx(leg / np.sqrt(2), rel=2e-3)
