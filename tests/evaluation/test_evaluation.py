@@ -160,7 +160,7 @@ def test_moving_arm_and_path_together_changes_nothing(arm):
 
 def test_without_an_objective_there_are_no_corners(arm):
     found = ac.evaluate(by_hand(arm, T, ALONG), LINE)
-    assert found.objective_error is None and found.corners == ()
+    assert found.objective_error is None and found.objective_missed is None and found.corners == ()
 
 
 def test_the_objective_has_its_own_error(arm, objective, rounded):
@@ -173,6 +173,9 @@ def test_the_objective_has_its_own_error(arm, objective, rounded):
     half = rounded.corners.turn / 2
     deepest = (5e-3 * np.cos(half)).max()
     assert found.objective_error.max == pytest.approx(deepest, abs=3.5e-5)
+    # The other direction: the corners themselves are missed by the corner error.
+    assert found.objective_missed.max == pytest.approx(5e-3, abs=1e-6)
+    assert found.missed.max < 1e-6
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,15 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
-from armcontour.motion import JointPath, PathLaw, SmoothedLaw, Trajectory, largest_shares
+from armcontour.geometry import ShapedPath
+from armcontour.motion import (
+    JointAverage,
+    JointPath,
+    PathLaw,
+    SmoothedLaw,
+    Trajectory,
+    largest_shares,
+)
 
 # A limit is exceeded by a share above 1 and this: rounding.
 KEPT = 1e-9
@@ -35,6 +43,8 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     joints = np.stack([high, -low, or_unlimited(limits.joint_velocity, arm.dof)])
     found = np.zeros(len(BOUNDED))
     for law in plan.laws:
+        # Averages of the joints are not above what is averaged.
+        law = law.original if isinstance(law, JointAverage) else law
         assert isinstance(law, PathLaw | SmoothedLaw)
         speeds = _highest_speeds(law.joint_path, limits)
         found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
@@ -47,7 +57,11 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
 
 
 def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2)."""
+    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2).
+
+    Where the curvature varies along a segment, as on a shaped path, the latter is not bounded here:
+    a check looks at places there.
+    """
     breaks, path = joint_path.breaks, joint_path.tool_path
     found = np.full((len(breaks) - 1, 2), np.inf)
     if path is None:
@@ -55,7 +69,8 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     # Breaks of the tool path are breaks of the joint path.
     segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
     found[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
-    if limits.centripetal_acceleration is not None:
+    varies = isinstance(path, ShapedPath) and path.curve is not None
+    if limits.centripetal_acceleration is not None and not varies:
         bent = np.abs(path.curvatures[segment])
         with np.errstate(divide="ignore"):
             found[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)

@@ -19,7 +19,14 @@ from armcontour.execution.plant import count_intervals, refuse_too_long
 from armcontour.execution.rigid_body_plant import STEP
 from armcontour.geometry import Path
 from armcontour.jobs.job import Run
-from armcontour.motion import Execution, PathLaw, SmoothedLaw, TaughtData, Trajectory
+from armcontour.motion import (
+    Execution,
+    JointAverage,
+    PathLaw,
+    SmoothedLaw,
+    TaughtData,
+    Trajectory,
+)
 from armcontour.motion.laws import path_states
 from armcontour.robustness.box import Box
 from armcontour.robustness.deviations import Worst
@@ -354,12 +361,15 @@ def motion(
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
     for k, here, i, local in plan.locate(t, side):
         law = plan.laws[k]
-        assert isinstance(law, PathLaw | SmoothedLaw)
+        assert isinstance(law, PathLaw | SmoothedLaw | JointAverage)
         along = law.path_motion(i, local)
         s[here] = along[0]
         ends = law.s[i], law.s[i + 1]
         for order in (0, 1, 2):
-            states[order, here] = path_states(law.joint_path, ends, *along, order)
+            if isinstance(law, JointAverage):
+                states[order, here] = law.on_interval(i, local, order)
+            else:
+                states[order, here] = path_states(law.joint_path, ends, *along, order)
     return s, states
 
 
@@ -411,7 +421,7 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     """When a plan passes the joints between segments that are breaks of it [s]."""
     times = [np.zeros(0)]
     for law, start in zip(plan.laws, plan.starts, strict=False):
-        assert isinstance(law, PathLaw | SmoothedLaw)
+        assert isinstance(law, PathLaw | SmoothedLaw | JointAverage)
         k = np.clip(np.searchsorted(law.s, places), 0, len(law.s) - 1)
         times.append(start + law.breaks[k[np.abs(law.s[k] - places) < 1e-9]])
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +15,9 @@ from armcontour.certification._rapids import Derated
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
-from armcontour.geometry import Path
+from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.study import ExperimentResult, RunResult, Study
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
@@ -29,7 +30,7 @@ class Budget:
     """The parts of the contour error, the larger one of both directions [m].
 
     Args:
-        rounding: Largest corner error of the path.
+        rounding: Largest corner error of the path; the tolerance of a path of the shape free.
         servo: Largest contour error of the same plan with a nearly continuous command.
         sampling: Part that the command interval adds to `servo`; may be negative.
         box: Part that the worst robot of the box adds to both; 0 without a box.
@@ -134,6 +135,13 @@ class ContourCertificate:
     trials: int
 
     @property
+    def shape(self) -> str | None:
+        """Shape of the corners of the path: "free", "arc", or None where none was changed."""
+        if isinstance(self.path, ShapedPath):
+            return FREE
+        return ARC if isinstance(self.path, RoundedPath) and len(self.path.corners) else None
+
+    @property
     def duration(self) -> float:
         """Duration of the contour [s]."""
         return self.trajectory.duration
@@ -173,6 +181,9 @@ class Certificate:
         contours: Certificates of the contours, in order.
         rapids: The derated rapids between them, in order.
         uncertified: The fastest plan without derating, for comparison.
+        shapes: Where the run asked for a free shape, the duration of the fastest plan by shape: of
+            the certified plan, and of plans with the other shape, which may not be certified if
+            none can be faster [s]. Else empty.
         trials: Number of plans of contours that were made.
         experiment: Execution of the same taught data on the arm's rigid bodies, which no trial
             used; None if the run has no experiment, or if the experiment failed.
@@ -193,6 +204,7 @@ class Certificate:
     contours: tuple[ContourCertificate, ...]
     rapids: tuple[Derated, ...]
     uncertified: Uncertified
+    shapes: Mapping[str, float]
     trials: int
     experiment: ExperimentResult | None
     failure: ExecutionError | None = None

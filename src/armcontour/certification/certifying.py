@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,16 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour.certification._approach import approaches
 from armcontour.certification._bodies import look
+from armcontour.certification._sharing import (
+    Found,
+    Sharing,
+    Slower,
+    plan_fastest,
+    shape_part,
+)
 from armcontour.certification._uses import Robot, Setting
 from armcontour.certification._uses import run as run_on
-from armcontour.certification._whole import Assembly, PlannedContour, Whole
+from armcontour.certification._whole import PlannedContour
 from armcontour.certification.certificate import (
     Budget,
     Certificate,
@@ -25,34 +33,18 @@ from armcontour.evaluation import evaluate
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
-from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.programs import programs_of, trace_run
+from armcontour.jobs.job import ARC, FREE, Job, Run
+from armcontour.jobs.programs import trace_run
 from armcontour.jobs.study import on_bodies
-from armcontour.motion import Method, Trajectory
+from armcontour.motion import Trajectory
 from armcontour.program import Program, contour_called
-from armcontour.robustness.box import Box
 from armcontour.robustness.monte_carlo import worst_corner
-from armcontour.robustness.unknowns import Unknowns
-from armcontour.timing import intervals_of, refuse_jerk
-from armcontour.timing.methods import Timing
-from armcontour.timing.program_tracing import Tracing
-from armcontour.timing.programs import time_program
+from armcontour.timing import refuse_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
-# Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
-# tried in order until a plan is certified, and further while the error uses NEAR of its budget and
-# the plan gets faster. The unused part goes to the corners.
-SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
-NEAR = 0.9
-# When the unused part goes to the corners, the servo keeps this many times the part that it needed,
-# because the plan changes a little.
-KEPT_FOR_SERVO = 1.5
-# Corners are not rounded again for less than this share of the tolerance.
-LEAST_GAIN = 1e-3
 
 
 def certify(
@@ -132,92 +124,51 @@ class _Certifying:
     def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
         self.job, self.this, self.goal, self.progress = job, this, goal, progress
         self.trials = 0
-        # If no corner is rounded, the servo gets the whole tolerance.
-        self.rounds = False
-        if goal.tolerance is not None:
-            rounded_by_all = programs_of(job, _with_tolerance(this, goal.tolerance))[1]
-            self.rounds = max(rounding_part(x.path) for x in rounded_by_all.contours) > 0
 
     def certificate(self) -> Certificate:
-        """Find the certificate.
+        """Find the certificate: of a free shape, the faster one of those with it and with arcs.
 
         Raises:
             NotRealizable: No plan keeps the goal.
         """
-        goal = self.goal
-        if goal.tolerance is None or not self.rounds:
-            budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
-            assert budget is not None
-            return self._finish(self._search(self.this, budget))
-        shares = SERVO_SHARES if goal.servo is None else (goal.servo / goal.tolerance,)
-        best: _Found | None = None
-        for share in shares:
-            budget = share * goal.tolerance
-            this = _with_tolerance(self.this, goal.tolerance - budget)
-            last = share == shares[-1] and best is None
-            found = self._search(this, budget) if last else self._try(this, budget)
-            if best is not None and (found is None or found.duration >= best.duration):
-                break
-            best = found
-            if best is not None and best.whole.worst < NEAR * budget:
-                break
-        assert best is not None  # the search with the last share raises if it fails
-        return self._finish(self._give_rest_to_corners(best))
-
-    def _give_rest_to_corners(self, found: _Found) -> _Found:
-        """Give the unused tolerance of the servo to the corners, if the plan gets faster."""
-        assert self.goal.tolerance is not None
-        needed = KEPT_FOR_SERVO * found.whole.worst
-        if needed > found.budget - LEAST_GAIN * self.goal.tolerance:
-            return found
-        better = self._try(_with_tolerance(self.this, self.goal.tolerance - needed), needed)
-        return found if better is None or better.duration >= found.duration else better
-
-    def _try(self, this: Run, budget: float) -> _Found | None:
-        """Find the fastest plan with the rounding of a run; None if no plan keeps the goal."""
+        rounding = self.this.rounding
+        if rounding is None or not rounding.free:
+            return self._finish(*self._fastest(self.this))
+        arcs = replace(self.this, rounding=rounding.with_arcs)
         try:
-            return self._search(this, budget)
+            found, sharing = self._fastest(self.this)
         except NotRealizable:
-            return None
+            return self._finish(*self._fastest(arcs))
+        shapes = {FREE: found.duration}
+        try:
+            other, with_arcs = self._fastest(arcs, deadline=found.duration)
+            shapes[ARC] = other.duration
+            if other.duration < found.duration:
+                found, sharing = other, with_arcs
+        except Slower as slower:
+            shapes[ARC] = slower.least
+        except NotRealizable:
+            pass
+        return self._finish(found, sharing, shapes)
 
-    def _search(self, this: Run, budget: float) -> _Found:
-        """Find the fastest plan with the rounding of a run and a budget for the servo [m].
+    def _fastest(self, this: Run, deadline: float = np.inf) -> tuple[Found, Sharing]:
+        """Find the fastest plan of a run that is faster than a known one.
 
         Raises:
             NotRealizable: No plan keeps the goal.
+            Slower: All plans are slower than the known one.
         """
-        job, goal = self.job, self.goal
-        self.progress(Step(("tracing",)))
-        objective, program = programs_of(job, this)
-        dof = job.arm.dof
-        robot = Robot(
-            arm=job.arm,
-            limits=this.limits.for_joints(dof),
-            model=job.servo.for_joints(dof),
-            servo=job.plant_servo.for_joints(dof),
-            saturated=goal.saturation == "report",
-            box=goal.box,
-            run=this,
-            bodies=goal.plant == "rigid_body",
-            memory=job.memory,
-        )
-        if robot.bodies:
-            _refuse_other_jobs(program, robot)
-        assembly = Assembly(
-            job=job,
-            robot=robot,
-            goal=goal,
-            budget=budget,
-            objective=objective,
-            program=program,
-            progress=self.progress,
+        sharing = Sharing(
+            job=self.job, this=this, goal=self.goal, progress=self.progress, deadline=deadline
         )
         try:
-            return _Found(this, budget, assembly.whole())
+            return sharing.fastest(), sharing
         finally:
-            self.trials += assembly.trials
+            self.trials += sharing.trials
 
-    def _finish(self, found: _Found) -> Certificate:
+    def _finish(
+        self, found: Found, sharing: Sharing, shapes: Mapping[str, float] | None = None
+    ) -> Certificate:
         """Evaluate the plan as a whole, run the experiment, and make the certificate."""
         job, this, whole = self.job, found.this, found.whole
         self.progress(Step(("evaluation",)))
@@ -233,7 +184,7 @@ class _Certifying:
                 experiment = on_bodies(job, this, whole.taught, path, objective)
             except ExecutionError as error:
                 failure = error
-        fastest, uncertified = self._uncertified(found)
+        fastest, uncertified = self._uncertified(found, sharing)
         spans = fastest.contour_spans
         return Certificate(
             job=job,
@@ -252,12 +203,13 @@ class _Certifying:
             ),
             rapids=whole.rapids,
             uncertified=uncertified,
+            shapes=shapes or {},
             trials=self.trials,
             experiment=experiment,
             failure=failure,
         )
 
-    def _contour(self, found: _Found, k: int, optimum: float) -> ContourCertificate:
+    def _contour(self, found: Found, k: int, optimum: float) -> ContourCertificate:
         """Make the certificate of the contour k; `optimum` is its uncertified duration [s]."""
         whole = found.whole
         planned, span, judged = whole.contours[k], whole.spans[k], whole.judged[k]
@@ -285,7 +237,7 @@ class _Certifying:
             trials=planned.trials,
         )
 
-    def _budget(self, found: _Found, planned: PlannedContour, nominal: float) -> Budget:
+    def _budget(self, found: Found, planned: PlannedContour, nominal: float) -> Budget:
         """Split the contour error of one contour, which is `nominal` [m] without the box."""
         setting, kept = planned.setting, planned.kept
         own = setting.run.period
@@ -299,7 +251,7 @@ class _Certifying:
         )
         servo = setting.judge(executed).largest
         return Budget(
-            rounding=rounding_part(setting.path),
+            rounding=shape_part(setting.path),
             servo=servo,
             sampling=nominal - servo,
             box=0.0 if setting.box is None else max(kept.worst - nominal, 0.0),
@@ -307,15 +259,14 @@ class _Certifying:
             servo_allowed=found.budget,
         )
 
-    def _uncertified(self, found: _Found) -> tuple[Trajectory, Uncertified]:
-        """Plan and execute with nothing derated, with the whole tolerance for the corners."""
-        job, this, whole = self.job, found.this, found.whole
-        traced: Tracing | None = whole.traced
-        program, robot = whole.program, whole.robot
-        if self.rounds:
-            program = programs_of(job, _with_tolerance(this, self.goal.tolerance))[1]
-            traced = None
-        fastest = plan_fastest(job, robot, program, traced)
+    def _uncertified(self, found: Found, sharing: Sharing) -> tuple[Trajectory, Uncertified]:
+        """Plan and execute with nothing derated, with the whole tolerance for the shape."""
+        this, whole = found.this, found.whole
+        program, robot, traced = whole.program, whole.robot, whole.traced
+        if sharing.shares:
+            program = sharing.largest
+            traced = trace_run(self.job, this, program)
+        fastest = plan_fastest(robot, program, traced)
         taught = robot.teach(fastest)
         executed = execute(
             taught,
@@ -334,38 +285,6 @@ class _Certifying:
             saturated=executed.saturated_time / (t[-1] - t[0]),
             box=None if robot.box is None else _worst_of_box(robot, program, fastest),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """A program that keeps the goal, with its run and its budget for the servo [m]."""
-
-    this: Run
-    budget: float
-    whole: Whole
-
-    @property
-    def duration(self) -> float:
-        """Duration of the plan [s]."""
-        return self.whole.trajectory.duration
-
-
-def plan_fastest(
-    job: Job, robot: Robot, program: Program, traced: Tracing | None = None
-) -> Trajectory:
-    """Plan a program with nothing derated.
-
-    Args:
-        job: The job, for its branch or start.
-        robot: The robot.
-        program: The program.
-        traced: The traced program; None to trace it.
-    """
-    if traced is None:
-        traced = trace_run(job, robot.run, program)
-    options = {"intervals": intervals_of(program)}
-    timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options, robot.memory)
-    return time_program(traced, timing)
 
 
 def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
@@ -401,27 +320,6 @@ def _bound_on_bodies(robot: Robot, program: Program, plan: Trajectory) -> float:
         rms=None,
     )
     return look(setting, robot.teach(plan)).across().worst().largest
-
-
-def _refuse_other_jobs(program: Program, robot: Robot) -> None:
-    """Refuse a job that certificates on rigid bodies are not made for.
-
-    Raises:
-        InvalidInput: The program has several moves, or the arm or the servo has no rigid bodies.
-    """
-    if len(program.moves) > 1:
-        raise InvalidInput(
-            f"A certificate on rigid bodies is for one contour, but this program has "
-            f"{len(program.moves)} moves: make a job of each contour, or certify with plant: servo."
-        )
-    Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
-
-
-def rounding_part(path: Path) -> float:
-    """Largest corner error of a path [m]; 0 if no corner of it is rounded."""
-    if not isinstance(path, RoundedPath) or not len(path.corners):
-        return 0.0
-    return float(path.corners.error.max())
 
 
 def model_of(robot: Robot) -> str:
@@ -464,14 +362,6 @@ def _model_of_bodies(robot: Robot, held: str) -> str:
         parts.append(f"gravity {weighed} fed forward")
     parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
-
-
-def _with_tolerance(this: Run, tolerance: float | None) -> Run:
-    """The run with another corner tolerance [m], if it rounds corners."""
-    if this.rounding is None or tolerance is None:
-        return this
-    rounding: Rounding = replace(this.rounding, tolerance=tolerance)
-    return replace(this, rounding=rounding)
 
 
 def _per_joint(values: FloatArray) -> str:

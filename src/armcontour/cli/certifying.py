@@ -106,6 +106,8 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     if len(found.contours) > 1:
         rows.append(("contours", f"{len(found.contours)}, all certified"))
         rows.append(("least left on", worst.name))
+    if found.shapes:
+        rows.append(("corners", _shapes(found)))
     rows += [
         ("rounding", f"{budget.rounding * 1e3:.5f} mm"),
         ("servo", f"{budget.servo * 1e3:.5f} mm"),
@@ -128,6 +130,13 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     if found.experiment is not None:
         rows.append(("experiment, largest", _largest(found.experiment.evaluation)))
     return rows
+
+
+def _shapes(found: Certificate) -> str:
+    """The shape of the corners, and what the other shape takes at least."""
+    shape = found.run.rounding.shape if found.run.rounding else ""
+    others = [f"{name} at least {t:.4f} s" for name, t in found.shapes.items() if name != shape]
+    return ", ".join([shape, *others])
 
 
 def _linear_rows(found: Certificate) -> list[tuple[str, str]]:

@@ -26,6 +26,7 @@ from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
+from armcontour.evaluation.checking_missed import judge_missed
 from armcontour.evaluation.checking_samples import Log, judge_samples
 from armcontour.evaluation.contour_windows import find_windows
 from armcontour.evaluation.tally import (
@@ -145,6 +146,7 @@ def check(
     path: Path | Program | None = None,
     *,
     deviation: float | None = None,
+    missed: float | None = None,
     orientation_deviation: float | None = None,
     resolution: Mapping[str, npt.ArrayLike] | None = None,
     tolerance: float = 1e-9,
@@ -171,8 +173,11 @@ def check(
             `law(t, order, side=...)`, with `duration` and `breaks`.
         arm: The arm.
         limits: The limits; by default the arm's own.
-        path: The path that the tool was to follow, or the program that was planned.
+        path: The path that the tool was to follow, or the program that was planned. With the
+            objective path in its place, rounded and shaped motions are judged against that.
         deviation: Largest distance of the tool from the path [m].
+        missed: Largest distance from any place of the path, such as a corner, to the tool's way
+            [m]: the other direction.
         orientation_deviation: Largest angle between the tool and the required tool orientation
             nearby [rad]; between the axes if only the axis is required.
         resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI]; by
@@ -190,11 +195,15 @@ def check(
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
     between = any(x.kind != "contour" for x in getattr(samples, "spans", ()))
     if (between and program is None) or (program is not None and len(program.moves) > 1):
-        allowed = {"deviation": deviation, "orientation_deviation": orientation_deviation}
+        allowed = {
+            "deviation": deviation,
+            "missed": missed,
+            "orientation_deviation": orientation_deviation,
+        }
         return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
     single_path = None if program is None else program.path
     return _check_one(
-        samples, arm, limits, single_path, deviation, orientation_deviation, **options
+        samples, arm, limits, single_path, deviation, missed, orientation_deviation, **options
     )
 
 
@@ -204,6 +213,7 @@ def _check_one(
     limits: Limits | None,
     path: Path | None,
     deviation: float | None,
+    missed: float | None,
     orientation_deviation: float | None,
     *,
     tolerance: float,
@@ -214,16 +224,20 @@ def _check_one(
 ) -> Check:
     """Check all limits along one path, or without a path; arguments as in `check`."""
     dof = arm.dof
-    _refuse_path(arm, path, deviation, orientation_deviation)
+    _refuse_path(arm, path, deviation, missed, orientation_deviation)
     bounds = (arm.limits if limits is None else limits).for_joints(dof)
     tally = Tally(arm, bounds, path, deviation, orientation_deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
     points = _checks.whole("points", points, 0, 10_000)
     if callable(samples):
         step = _checks.positive("velocity_step", velocity_step, "rad/s")
+        motion: Any = samples
         judged = _judge_law(samples, tally, points, seed, step)
     else:
-        judged = _judge_log(_check_samples(samples, dof, resolution), tally)
+        motion = _check_samples(samples, dof, resolution)
+        judged = _judge_log(motion, tally)
+    if missed is not None:
+        judge_missed(motion, tally, missed)
     uses = tally.uses(tolerance)
     return Check(
         uses=uses,
@@ -394,7 +408,11 @@ def _judge_log(log: Log, tally: Tally) -> dict[str, Any]:
 
 
 def _refuse_path(
-    arm: Arm, path: Path | None, deviation: float | None, orientation_deviation: float | None
+    arm: Arm,
+    path: Path | None,
+    deviation: float | None,
+    missed: float | None,
+    orientation_deviation: float | None,
 ) -> None:
     """Refuse a path that does not fit the arm, and deviations without a path for them.
 
@@ -406,10 +424,9 @@ def _refuse_path(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
             f"{arm.dimension}."
         )
-    if deviation is not None:
-        _checks.positive("deviation", deviation, "m")
-        if path is None:
-            raise InvalidInput("A largest deviation needs the path that the tool was to follow.")
+    for name, value in (("deviation", deviation), ("missed", missed)):
+        if value is not None and _checks.positive(name, value, "m") and path is None:
+            raise InvalidInput(f"A largest {name} needs the path that the tool was to follow.")
     if orientation_deviation is not None:
         _checks.positive("orientation_deviation", orientation_deviation, "rad")
         if path is None or path.orientation is None or not isinstance(arm, SerialArm):

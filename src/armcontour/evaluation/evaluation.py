@@ -48,6 +48,8 @@ class Evaluation:
             tool does not reach counts.
         tracking_error: Distance from the tool to its planned position at the same time [m].
         objective_error: Distance from the tool to the objective path [m]; None without one.
+        objective_missed: Largest distance from a place of the objective path to the tool [m]; None
+            without one.
         orientation_error: Angle between the tool orientation (or its axis, where only the axis is
             required) and the required one at its place on the path [rad]; None if no orientation is
             required.
@@ -76,6 +78,7 @@ class Evaluation:
     missed: Missed
     tracking_error: ErrorProfile
     objective_error: ErrorProfile | None
+    objective_missed: Missed | None
     orientation_error: ErrorProfile | None
     corners: tuple[CornerDeviation, ...]
     speed: float
@@ -111,7 +114,8 @@ def evaluate(
     Args:
         executed: The execution.
         path: The path that the tool was to follow, or the program that was planned.
-        objective: The path or program before rounding; needed for `objective_error` and `corners`.
+        objective: The path or program before rounding or shaping; needed for `objective_error`,
+            `objective_missed` and `corners`.
         limits: The limits; by default the arm's own.
         until: End of the time that errors cover [s]; by default when the planned motion has ended
             and the tool is at rest. Not allowed for a program of more than one path.
@@ -144,6 +148,7 @@ def evaluate(
         missed=max((x.missed for x in pieces), key=lambda x: x.max),
         tracking_error=ErrorProfile.join([x.tracking_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
+        objective_missed=_most_missed([x.objective_missed for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
         corners=_collect_corners(pieces, program),
         contours=contours,
@@ -193,6 +198,11 @@ def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     """Join the profiles that are not None; None if all are."""
     found = [x for x in profiles if x is not None]
     return ErrorProfile.join(found) if found else None
+
+
+def _most_missed(found: Sequence[Missed | None]) -> Missed | None:
+    """The largest one of those that are not None; None if all are."""
+    return max((x for x in found if x is not None), key=lambda x: x.max, default=None)
 
 
 def _collect_corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerDeviation, ...]:

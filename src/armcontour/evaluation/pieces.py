@@ -100,12 +100,7 @@ class Piece:
     @property
     def missed(self) -> Missed:
         """Largest distance from the path to the tool [m]."""
-        i = int(np.argmax(self.found.missed))
-        return Missed(
-            max=max(0.0, float(self.found.missed[i])),
-            t_max=float(self.t[i]),
-            s_max=float(self.found.missed_s[i]) + self.offset,
-        )
+        return self._most_missed(self.found)
 
     def speed_shares(self, limit: float | None, *, between: bool = False) -> FloatArray:
         """Tool speed over the velocity assigned at its place, (n,); see `measure_shares`."""
@@ -126,6 +121,12 @@ class Piece:
         return None if found is None else self._over_time(found.distance, found.s)
 
     @property
+    def objective_missed(self) -> Missed | None:
+        """Largest distance from the objective path to the tool [m]; None if unknown."""
+        found = self.off_objective
+        return None if found is None else self._most_missed(found)
+
+    @property
     def orientation_error(self) -> ErrorProfile | None:
         """Angle between the tool and the required tool orientation [rad]; None if not required."""
         arm = self.executed.arm
@@ -141,6 +142,15 @@ class Piece:
             return ()
         judged = self.t <= self.until
         return corner_deviations(self.tool[judged], self.objective, self.off_objective.s[judged])
+
+    def _most_missed(self, found: Followed) -> Missed:
+        """The place of a path that is the farthest from the tool, of all that it passes."""
+        i = int(np.argmax(found.missed))
+        return Missed(
+            max=max(0.0, float(found.missed[i])),
+            t_max=float(self.t[i]),
+            s_max=float(found.missed_s[i]) + self.offset,
+        )
 
     def _over_time(
         self, values: FloatArray, s: FloatArray, side: FloatArray | None = None

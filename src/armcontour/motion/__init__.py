@@ -3,6 +3,7 @@
 from armcontour._quintics import quintic
 from armcontour.motion.bounding import largest_shares
 from armcontour.motion.execution import Execution
+from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import (
     LapLaw,
@@ -15,12 +16,14 @@ from armcontour.motion.laws import (
     stand_still,
 )
 from armcontour.motion.log import Log
-from armcontour.motion.smoothing import SmoothedLaw, smooth
+from armcontour.motion.path_average import SmoothedLaw
+from armcontour.motion.smoothing import smooth
 from armcontour.motion.taught import TaughtData, check_interval
 from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEvent, Trajectory
 
 __all__ = [
     "Execution",
+    "JointAverage",
     "JointPath",
     "LapLaw",
     "Law",

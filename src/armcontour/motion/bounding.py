@@ -7,7 +7,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion._bounding import bound_motion, path_rates
 from armcontour.motion.laws import PathLaw
-from armcontour.motion.smoothing import SmoothedLaw
+from armcontour.motion.path_average import SmoothedLaw
 
 # Intervals are halved so often at most. What is not below its limit then counts with its bound.
 HALVINGS = 40

@@ -1,119 +1,19 @@
-"""Smoothing of a trajectory: a moving average of the arc length over time, on the same path."""
+"""Smoothing of a trajectory: a moving average over time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.motion._averaging import average, crossings, whole
+from armcontour.geometry import ShapedPath
+from armcontour.motion.joint_average import average_joints
 from armcontour.motion.joint_path import JointPath
-from armcontour.motion.laws import Law, LawAlongPath, PathLaw, Rates, path_states
+from armcontour.motion.laws import Law, PathLaw, Rates
+from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.trajectory import Trajectory
-
-# Breaks that differ by less than this fraction of the duration count as one.
-SAME = 1e-13
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothedLaw(LawAlongPath):
-    """A law along a joint path, averaged over one time window, or over two in succession.
-
-    The path stays the same, as s(t) is averaged and not the joints. Averaged path speeds and path
-    accelerations never exceed the largest original ones; joint accelerations may, on a curved path.
-
-    Args:
-        law: The original law, from rest to rest.
-        windows: Lengths of the longer window, and of the shorter window or 0 [s].
-
-    Attributes:
-        breaks: Times at which a window starts or ends at a break of the law, and at which the
-            motion passes a break of the joint path [s], (n + 1,). The motion takes longer than the
-            law by the sum of both windows.
-        s: Arc lengths at the breaks [m], (n + 1,).
-        integrals: Integrals of the original law over its intervals, see `_averaging.whole`.
-    """
-
-    law: PathLaw
-    windows: tuple[float, float]
-    breaks: FloatArray = field(init=False)
-    s: FloatArray = field(init=False)
-    integrals: FloatArray = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        first, second = self.windows
-        object.__setattr__(self, "integrals", whole(self.law.breaks, self.law.rates))
-        end = self.law.breaks[-1] + first + second
-        shifts = [0.0, first] if second == 0 else [0.0, second, first, first + second]
-        times = np.unique(np.concatenate([self.law.breaks + x for x in shifts]))
-        times = times[np.append(True, np.diff(times) > SAME * end)]
-        times[-1] = end
-        way = np.maximum.accumulate(self._path(times)[:, 0])
-        # The law must start and end exactly at the ends, in spite of rounding errors.
-        way = np.clip(way, self.law.s[0], self.law.s[-1])
-        way[0], way[-1] = self.law.s[0], self.law.s[-1]
-        times, way = self._with_joints(times, way)
-        object.__setattr__(self, "breaks", _checks.lock_floats(times))
-        object.__setattr__(self, "s", _checks.lock_floats(way))
-
-    @property
-    def joint_path(self) -> JointPath:
-        """The joint path of the law."""
-        return self.law.joint_path
-
-    def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t`; `i` is the interval that contains each."""
-        found = self._path(np.ravel(t))[:, order].reshape(np.shape(t))
-        return np.clip(found, self.s[i], self.s[i + 1]) if order == 0 else found
-
-    def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """s, ds and dds at times `t`; `i` is the interval that contains each."""
-        found = self._path(np.ravel(t)).reshape((*np.shape(t), 3))
-        return np.clip(found[..., 0], self.s[i], self.s[i + 1]), found[..., 1], found[..., 2]
-
-    def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq or ddq by the chain rule."""
-        return path_states(
-            self.joint_path, (self.s[i], self.s[i + 1]), *self.path_motion(i, t), order
-        )
-
-    def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
-        return self._crossings(s, self.breaks[i], self.breaks[i + 1])
-
-    def _crossings(self, s: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Times between `low` and `high` at which the averaged law is at `s` [s], (n,)."""
-        law = self.law
-        return np.asarray(
-            crossings(s, low, high, law.breaks, law.s, law.rates, self.integrals, *self.windows)
-        )
-
-    def _path(self, t: FloatArray) -> FloatArray:
-        """s, ds and dds of the averaged law at times `t`, (n, 3)."""
-        at = np.ascontiguousarray(t, dtype=np.float64)
-        return average(
-            at, self.law.breaks, self.law.s, self.law.rates, self.integrals, *self.windows
-        )
-
-    def _with_joints(self, t: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Times and arc lengths of breaks, with those of the joint path's breaks added."""
-        joints = self.joint_path.breaks
-        joints = joints[(joints > s[0]) & (joints < s[-1])]
-        k = np.searchsorted(s, joints, side="left")
-        passed = self._crossings(joints, t[k - 1], t[k])
-        # A break that equals one of the joint path's, up to rounding errors, is replaced by it.
-        near = SAME * t[-1]
-        apart = np.ones(len(t), dtype=bool)
-        for side in (k - 1, k):
-            apart[side[np.abs(t[side] - passed) <= near]] = False
-        apart[[0, -1]] = True
-        times, way = np.concatenate([t[apart], passed]), np.concatenate([s[apart], joints])
-        order = np.argsort(times, kind="stable")
-        return times[order], np.maximum.accumulate(way[order])
 
 
 def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
@@ -122,6 +22,11 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
     One window makes path accelerations continuous; a second window bounds their rate of change.
     Stops remain: each part between two stops is averaged by itself, and takes longer by the sum of
     the windows.
+
+    Along a shaped path, whose curvature jumps where accelerations do, the joint positions are
+    averaged instead. The joints then keep all limits of velocity and acceleration that the motion
+    keeps, and the tool leaves the path by about a W² / 24, for a tool acceleration a and a window
+    W.
 
     Args:
         trajectory: Trajectory along joint paths from rest to rest, such as by method "optimal".
@@ -142,10 +47,20 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
                 "Only motions along a joint path can be smoothed, and the method "
                 f"{trajectory.method} plans joint by joint: plan with the method optimal."
             )
-        laws += [SmoothedLaw(law=x, windows=pair) for x in _between_rests(law)]
+        jumps = _jumps(law.joint_path)
+        laws += [
+            average_joints(x, pair) if jumps else SmoothedLaw(law=x, windows=pair)
+            for x in _between_rests(law)
+        ]
     return Trajectory(
         laws=tuple(laws), method=f"{trajectory.method}, smoothed", path=trajectory.path
     )
+
+
+def _jumps(joint_path: JointPath) -> bool:
+    """Whether a path was shaped so that its curvature jumps when accelerations do."""
+    path = joint_path.tool_path
+    return isinstance(path, ShapedPath) and path.curve is not None
 
 
 def _between_rests(law: PathLaw) -> Iterator[PathLaw]:

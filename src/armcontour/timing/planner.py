@@ -80,8 +80,9 @@ def plan(
         duration: Time from start to end [s], for the method "optimal": contours are slowed down by
             one factor, rapids and dwells are not. By default the motion is the fastest.
         smoothing: Window of a moving average of s(t), or two as in `smooth` [s], for the
-            method "optimal" without a given duration. Every motion between two rests takes longer
-            by the sum of the windows, and may exceed limits of the joints where the path bends.
+            methods "optimal" and "shaped" without a given duration. Every motion between two rests
+            takes longer by the sum of the windows, and may exceed limits of the joints where the
+            path bends, but for shaped paths, along which joint positions are averaged.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.certification import Certificate
+from armcontour.jobs.job import FREE
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.style import (
@@ -59,6 +60,11 @@ _SEVERAL = (
 def _several(found: Certificate) -> bool:
     """Whether the program has several contours."""
     return len(found.contours) > 1
+
+
+def _free(found: Certificate) -> bool:
+    """Whether the certified path was shaped."""
+    return found.run.rounding is not None and found.run.rounding.free
 
 
 def _tiles(found: Certificate) -> tuple[Tile, ...]:
@@ -131,7 +137,7 @@ def _budget(found: Certificate) -> Table:
     """Table of the parts of the error of the contour with the least margin."""
     budget = found.budget
     rows = [
-        ("rounding of corners", _mm(budget.rounding)),
+        ("shape of the path" if _free(found) else "rounding of corners", _mm(budget.rounding)),
         ("servo, with a continuous command", _mm(budget.servo)),
         ("command interval", _mm(budget.sampling)),
     ]
@@ -366,6 +372,11 @@ def _error(found: Certificate) -> Any:
 def _notes(found: Certificate) -> tuple[str, ...]:
     """Sentences on robots of the box, saturation and limits that were not checked."""
     notes = []
+    for shape, duration in found.shapes.items():
+        if (shape == FREE) != _free(found):
+            kept = "the shape free" if _free(found) else "arcs at the corners"
+            other = "arcs at the corners" if _free(found) else "the shape free"
+            notes.append(f"Certified with {kept}: with {other} it takes at least {duration:.4f} s.")
     if found.spread is not None:
         drawn = found.spread
         where = f", {found.worst.name}" if _several(found) else ""

@@ -1,0 +1,314 @@
+"""Sharing of a tolerance between the shape of a path and its execution, for one shape of a run.
+
+The servo gets a share of the tolerance, the shape gets the rest; what the servo does not need is
+given back to the shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from armcontour._progress import Progress, Step
+from armcontour.arms import Limits
+from armcontour.certification._uses import Robot
+from armcontour.certification._whole import Assembly, Whole
+from armcontour.errors import InvalidInput, NotRealizable
+from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Job, Rounding, Run
+from armcontour.jobs.programs import programs_of, round_program, trace_run
+from armcontour.motion import Method, Trajectory
+from armcontour.program import Program
+from armcontour.robustness.box import Box
+from armcontour.robustness.unknowns import Unknowns
+from armcontour.timing import intervals_of
+from armcontour.timing.methods import Timing
+from armcontour.timing.program_tracing import Tracing
+from armcontour.timing.programs import time_program
+
+# Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
+# tried in order until a plan is certified, and further while the error uses NEAR of its budget and
+# the plan gets faster. The unused part goes to the shape.
+SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
+NEAR = 0.9
+# When the unused part goes to the shape, the servo keeps this many times the part that it needed,
+# because the plan changes a little.
+KEPT_FOR_SERVO = 1.5
+# Paths are not rounded or shaped again for less than this share of the tolerance, or of limits.
+LEAST_GAIN = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A program that keeps the goal, with its run and its budget for the servo [m]."""
+
+    this: Run
+    budget: float
+    whole: Whole
+
+    @property
+    def duration(self) -> float:
+        """Duration of the plan [s]."""
+        return self.whole.trajectory.duration
+
+
+class Slower(Exception):
+    """No plan of a program is faster than a known one.
+
+    Args:
+        least: Duration of its fastest plan, with nothing derated [s].
+    """
+
+    def __init__(self, least: float) -> None:
+        super().__init__()
+        self.least = least
+
+
+@dataclass(slots=True, kw_only=True)
+class Sharing:
+    """Finds the fastest plan of a run that keeps a goal, whatever its path's part of the tolerance.
+
+    Args:
+        job: The job.
+        this: The run.
+        goal: The goal.
+        progress: Called with a step before each trial.
+        deadline: Duration of a plan that is known [s]: slower programs are not searched.
+
+    Attributes:
+        trials: Number of plans of contours that were made.
+        shares: Whether the path takes a part of the tolerance; if not, the servo gets all of it.
+    """
+
+    job: Job
+    this: Run
+    goal: Goal
+    progress: Progress
+    deadline: float = np.inf
+    trials: int = 0
+    shares: bool = field(init=False)
+    _programs: tuple[Program, Program] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self._programs = self._shape(self.with_shape_of(0.0))
+        rounding = self.this.rounding
+        free = rounding is not None and rounding.free
+        bent = free or any(shape_part(x.path) > 0 for x in self.largest.contours)
+        self.shares = self.goal.tolerance is not None and bent
+
+    @property
+    def largest(self) -> Program:
+        """The program whose shape has all of the tolerance."""
+        assert self._programs is not None
+        return self._programs[1]
+
+    def fastest(self) -> Found:
+        """Find the fastest plan.
+
+        Raises:
+            NotRealizable: No plan keeps the goal.
+            Slower: All plans are slower than the deadline.
+        """
+        goal = self.goal
+        if not self.shares:
+            budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
+            assert budget is not None
+            self._refuse_slower(())
+            return self._reshape(self._search(budget, self.this))
+        budgets = [x * self._tightest for x in SERVO_SHARES]
+        if goal.servo is not None:
+            budgets = [goal.servo]
+        self._refuse_slower(budgets)
+        best: Found | None = None
+        for budget in budgets:
+            last = budget == budgets[-1] and best is None
+            found = self._search(budget) if last else self._try(budget)
+            if best is not None and (found is None or found.duration >= best.duration):
+                break
+            best = found
+            if best is not None and best.whole.worst < NEAR * budget:
+                break
+        assert best is not None  # the search with the last share raises if it fails
+        return self._reshape(self._give_rest_to_shape(best))
+
+    def _refuse_slower(self, budgets: Sequence[float]) -> None:
+        """Refuse a run whose fastest plans are slower than the deadline, whatever the budget [m].
+
+        Raises:
+            Slower: They are.
+        """
+        if not np.isfinite(self.deadline):
+            return
+        robot = robot_of(self.job, self.this, self.goal)
+        least = np.inf
+        for program in (self.largest, *(self._shape(self.with_shape_of(x))[1] for x in budgets)):
+            traced = trace_run(self.job, self.this, program)
+            least = min(least, plan_fastest(robot, program, traced).duration)
+        if least >= self.deadline:
+            raise Slower(least)
+
+    def _give_rest_to_shape(self, found: Found) -> Found:
+        """Give the unused tolerance of the servo to the shape, if the plan gets faster."""
+        needed = KEPT_FOR_SERVO * found.whole.worst
+        if needed > found.budget - LEAST_GAIN * self._tightest:
+            return found
+        better = self._try(needed)
+        return found if better is None or better.duration >= found.duration else better
+
+    def _reshape(self, found: Found) -> Found:
+        """Shape the path for the limits that derating leaves, if the plan gets faster so."""
+        rounding, derated = self.this.rounding, _derated(found)
+        if rounding is None or not rounding.free or derated is None:
+            return found
+        better = self._try(found.budget, found.this, derated)
+        return found if better is None or better.duration >= found.duration else better
+
+    def _try(
+        self, budget: float, this: Run | None = None, limits: Limits | None = None
+    ) -> Found | None:
+        """Find the fastest plan as `_search` does; None if no plan keeps the goal."""
+        try:
+            return self._search(budget, this, limits)
+        except NotRealizable:
+            return None
+
+    def _search(
+        self, budget: float, this: Run | None = None, limits: Limits | None = None
+    ) -> Found:
+        """Find the fastest plan with a budget for the servo [m].
+
+        Args:
+            budget: The budget.
+            this: The run with the tolerance of its shape; by default the shape gets the rest.
+            limits: Limits for which the path is shaped; by default those of the run.
+
+        Raises:
+            NotRealizable: No plan keeps the goal.
+        """
+        this = self.with_shape_of(budget) if this is None else this
+        objective, program = self._shape(this, limits)
+        robot = robot_of(self.job, this, self.goal)
+        if robot.bodies:
+            _refuse_other_jobs(program, robot)
+        self.progress(Step(("tracing",)))
+        assembly = Assembly(
+            job=self.job,
+            robot=robot,
+            goal=self.goal,
+            budget=budget,
+            objective=objective,
+            program=program,
+            progress=self.progress,
+        )
+        try:
+            return Found(this, budget, assembly.whole())
+        finally:
+            self.trials += assembly.trials
+
+    def _shape(self, this: Run, limits: Limits | None = None) -> tuple[Program, Program]:
+        """The program of a run before and after rounding or shaping, for limits by default its own.
+
+        A certified plan derates what it has to: it leaves no reserve.
+        """
+        rounding = this.rounding
+        if rounding is None or not rounding.free:
+            return programs_of(self.job, this)
+        same = limits is None and rounding == self.with_shape_of(0.0).rounding
+        if same and self._programs is not None:
+            return self._programs
+        objective, _ = programs_of(self.job, replace(this, rounding=rounding.with_arcs))
+        free = replace(this, reserve=0.0, limits=this.limits if limits is None else limits)
+        return objective, round_program(self.job, free, objective, self.progress)
+
+    @property
+    def _tightest(self) -> float:
+        """The smallest tolerance that the shape and the servo share [m]."""
+        assert self.goal.tolerance is not None
+        rounding = self.this.rounding
+        line = None if rounding is None else rounding.line_tolerance
+        return self.goal.tolerance if line is None else min(line, self.goal.tolerance)
+
+    def with_shape_of(self, servo: float) -> Run:
+        """The run with the tolerances that are left for the shape beside the servo's part [m]."""
+        rounding, tolerance = self.this.rounding, self.goal.tolerance
+        if rounding is None or tolerance is None:
+            return self.this
+        line = rounding.line_tolerance
+        left: Rounding = replace(
+            rounding,
+            tolerance=tolerance - servo,
+            line_tolerance=None if line is None else self._tightest - servo,
+        )
+        return replace(self.this, rounding=left)
+
+
+def robot_of(job: Job, this: Run, goal: Goal) -> Robot:
+    """The robot on which plans of a run are searched for."""
+    dof = job.arm.dof
+    return Robot(
+        arm=job.arm,
+        limits=this.limits.for_joints(dof),
+        model=job.servo.for_joints(dof),
+        servo=job.plant_servo.for_joints(dof),
+        saturated=goal.saturation == "report",
+        box=goal.box,
+        run=this,
+        bodies=goal.plant == "rigid_body",
+        memory=job.memory,
+    )
+
+
+def plan_fastest(robot: Robot, program: Program, traced: Tracing) -> Trajectory:
+    """Plan a program with nothing derated.
+
+    Args:
+        robot: The robot.
+        program: The program.
+        traced: The traced program.
+    """
+    options = {"intervals": intervals_of(program)}
+    timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options, robot.memory)
+    return time_program(traced, timing)
+
+
+def shape_part(path: Path) -> float:
+    """Bound of the distance of a path from its objective path, in either direction [m]."""
+    if isinstance(path, ShapedPath):
+        pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
+        same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
+        return 0.0 if same else path.tolerance
+    if not isinstance(path, RoundedPath) or not len(path.corners):
+        return 0.0
+    return float(path.corners.error.max())
+
+
+def _derated(found: Found) -> Limits | None:
+    """The limits of a robot, less what a plan derates of accelerations; None where it is little."""
+    limits, contours = found.whole.robot.limits, found.whole.contours
+    shares = np.concatenate([x.kept.trial.derating.share for x in contours])
+    widths = np.concatenate([x.kept.trial.derating.width for x in contours])
+    left = np.minimum(np.average(shares, axis=0, weights=widths), 1.0)
+    if left.min() > 1 - LEAST_GAIN or limits.joint_acceleration is None:
+        return None
+    down = limits.joint_deceleration
+    return limits.replace(
+        joint_acceleration=limits.joint_acceleration * left,
+        joint_deceleration=None if down is None else down * left,
+    )
+
+
+def _refuse_other_jobs(program: Program, robot: Robot) -> None:
+    """Refuse a job that certificates on rigid bodies are not made for.
+
+    Raises:
+        InvalidInput: The program has several moves, or the arm or the servo has no rigid bodies.
+    """
+    if len(program.moves) > 1:
+        raise InvalidInput(
+            f"A certificate on rigid bodies is for one contour, but this program has "
+            f"{len(program.moves)} moves: make a job of each contour, or certify with plant: servo."
+        )
+    Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
