@@ -34,6 +34,8 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.encoders --friction
 	$(BIN)/python -m soak.check
 	$(BIN)/python -m soak.kerf
+	$(BIN)/python -m soak.shapes
+	$(BIN)/python -m soak.shapes --oracle
 	$(BIN)/python -m soak.learning
 	$(BIN)/python -m soak.certificates
 	$(BIN)/python -m soak.numbers

@@ -1,4 +1,4 @@
-"""Measure everything and print one table, and two of what the planners answered."""
+"""Measure everything and print one table, and three of what the planners answered."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from benchmarks import (
     polyline,
     program,
     projection,
+    shaping,
     spread,
     square,
     start_up,
@@ -28,11 +29,13 @@ def main() -> None:
     squares, around, settings = square.measure()
     executed, rates = spread.measure()
     programs, long = program.measure()
+    shaped, shapes, corners = shaping.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
     smaller = [*start_up.measure(), *projection.measure(), *certify.measure(), *learning.measure()]
-    for measured in [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs]:
+    rows = [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs, *shaped]
+    for measured in rows:
         table.add_row(
             measured.what,
             f"{measured.ours * 1e3:.3g}",
@@ -60,7 +63,13 @@ def main() -> None:
         shares = f"{plan.speed:.4f}", f"{plan.law:.3f}", f"{plan.executed:.3f}"
         drawn.add_row(plan.who, f"{plan.duration:.4f}", *lengths, *shares)
     console.print(drawn)
-    for note in [*notes, *more, *guessed, *settings, *rates, *long]:
+    motions = Table(title="shaped paths [s]", title_justify="left")
+    for name in ("what", "arcs", "shaped", "start", "bar", "oracle"):
+        motions.add_column(name)
+    for x in shapes:
+        motions.add_row(x.what, f"{x.arcs:.4f}", f"{x.shaped:.4f}", x.start, x.bar, x.oracle)
+    console.print(motions)
+    for note in [*notes, *more, *guessed, *settings, *rates, *long, *corners]:
         console.print(note)
 
 

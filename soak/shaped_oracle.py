@@ -256,6 +256,15 @@ def fastest(job: Job) -> Motion | None:
     return solve(job, MANY, best or STARTS)
 
 
+def write(durations: dict[int, float], file: Path) -> None:
+    """Write durations by seed, and how they were found."""
+    source = "python -m soak.shaped_oracle"
+    notes = {"source": source, "steps a line": [FEW, MANY], "starts": STARTS, "ipopt": IPOPT}
+    rows = ",\n".join(f'    "{seed}": {durations[seed]}' for seed in sorted(durations))
+    head = json.dumps(notes, indent=1)[:-2]
+    file.write_text(f'{head},\n "durations": {{\n{rows}\n }}\n}}\n')
+
+
 def main() -> int:
     """Solve the jobs, and write what they take."""
     parser = argparse.ArgumentParser(prog="python -m soak.shaped_oracle", description=__doc__)
@@ -270,11 +279,7 @@ def main() -> int:
             continue
         durations[seed] = round(found.duration, 6)
         print(f"seed {seed}: {found.duration:.6f} s from {found.start}", flush=True)
-    source = f"python -m soak.shaped_oracle --count {given.count}"
-    notes = {"source": source, "steps a line": [FEW, MANY], "ipopt": IPOPT, "starts": STARTS}
-    rows = ",\n".join(f'    "{seed}": {duration}' for seed, duration in durations.items())
-    head = json.dumps(notes, indent=1)[:-2]
-    given.out.write_text(f'{head},\n "durations": {{\n{rows}\n }}\n}}\n')
+    write(durations, given.out)
     return 0
 
 

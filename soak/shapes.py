@@ -12,21 +12,20 @@ import sys
 from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 import numpy as np
 
 import armcontour as ac
 from soak import shape_judge, shaped_oracle
 
-KEPT = Path(__file__).with_name("shaped_durations.json")
 # Bars: the gap to the oracle, median and 95th percentile.
 MEDIAN, MOST = 0.005, 0.03
 
 
 def read_durations() -> dict[int, float]:
     """Durations that the oracle has found [s], by seed."""
-    return {int(seed): x for seed, x in json.loads(KEPT.read_text())["durations"].items()}
+    kept = json.loads(shaped_oracle.KEPT.read_text())
+    return {int(seed): duration for seed, duration in kept["durations"].items()}
 
 
 def gap(seed: int) -> float:

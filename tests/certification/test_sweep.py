@@ -146,3 +146,15 @@ def test_both_shapes_are_in_one_figure_and_in_the_files(compared):
     data = json.loads(sweep_json(compared))
     assert [x["shape"] for x in data["tolerances"]] == ["arc", "arc", "free", "free"]
     assert data["iterations"] == 2
+
+
+def test_fastest_plans_alone_need_no_goal(compared):
+    job = replace(parse_job(FREE), certificate=None)
+    found = ac.sweep(job, tolerances=[1e-3], speeds=[], certified=False)
+    assert [x.optimum for x in found.tolerances] == [
+        pytest.approx(compared.tolerances[k].optimum, rel=1e-9) for k in (0, 2)
+    ]
+    assert all(x.duration is None and x.refusal is None for x in found.tolerances)
+    page = render_sweep(found)
+    assert "shaped, optimum" in page and "refused" not in section_of(found).tables[0].rows[0]
+    assert json.loads(sweep_json(found))["goal"] is None

@@ -1,10 +1,11 @@
-"""The oracle of shaped paths against closed forms."""
+"""The oracle of shaped paths against closed forms, and shaped paths against the oracle."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from soak.shaped_oracle import Job, solve
+from soak.shaped_oracle import Job, draw, solve
+from soak.shapes import gap, read_durations
 
 import armcontour as ac
 
@@ -32,3 +33,12 @@ def test_the_paper_s_job(tolerance, duration):
     """Durations of 300 steps a line."""
     found = solve(Job(points=PAPER, tolerance=tolerance), 40, [0.7])
     assert found.duration == pytest.approx(duration, rel=3e-4)
+
+
+@pytest.mark.parametrize(("seed", "start"), [(0, "stops"), (4, 0.7), (3, 0.7)])
+def test_shaped_paths_are_near_it(seed, start):
+    """Of the kept jobs, these are solved again; `python -m soak.shapes --oracle` compares all."""
+    # Fewer steps are slower, most of all with a centripetal limit, which holds at all nodes.
+    again = solve(draw(seed), 40, [start]).duration / read_durations()[seed]
+    assert 1 - 1e-4 < again < (1.01 if seed % 2 else 1.001)
+    assert -5e-3 < gap(seed) < 0.015

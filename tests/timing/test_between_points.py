@@ -123,3 +123,27 @@ def test_a_circle_of_many_chords_takes_as_long_as_a_circle(chords):
     circle = ac.Path.from_segments([ac.Arc(start=(0.42, 0.2), center=(0.36, 0.2), angle=2 * np.pi)])
     expected = ac.plan(circle, arm, limits).duration
     assert ac.plan(rounded, arm, limits).duration == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.fixture(scope="module")
+def curved(arm):
+    """A path whose curvature varies along its pieces, and the limits that it was shaped for."""
+    limits = arm.limits.replace(tool_acceleration=0.3)
+    objective = ac.Path.polyline([(0.3, 0.15), (0.4, 0.15), (0.4, 0.25)])
+    return ac.shape(objective, arm, limits, tolerance=5e-3, iterations=5), limits
+
+
+@pytest.mark.parametrize("intervals", [100, 1000])
+def test_the_tool_acceleration_holds_where_the_curvature_varies_along_a_piece(
+    arm, curved, intervals
+):
+    path, limits = curved
+    (law,) = ac.plan(path, arm, limits, intervals=intervals).laws
+    share = np.random.default_rng(0).random((len(law.breaks) - 1, 50))
+    t = law.breaks[:-1, None] + np.diff(law.breaks)[:, None] * np.insert(share, 0, 0, axis=1)
+    i = np.repeat(np.arange(len(share)), 51)
+    q, dq, ddq = (law.on_interval(i, t.ravel(), x) for x in range(3))
+    used = np.linalg.norm(arm.tool_acceleration(q, dq, ddq), axis=1) / limits.tool_acceleration
+    assert used.max() <= 1 + 1e-9
+    # At the corner, where the curvature varies the most, hardly anything is left unused.
+    assert used.max() > 0.9995

@@ -6,17 +6,18 @@ Over the tolerances, arcs and paths of the shape free may be compared.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour import _checks
-from armcontour._progress import Progress, under
+from armcontour._progress import Progress, Step, under
 from armcontour.certification.certificate import Certificate
 from armcontour.certification.certifying import certify, goal_of, run_of
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, SHAPES, Job, Run
-from armcontour.jobs.programs import programs_of
+from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.timing import plan
 
 # Default values of a sweep, as multiples of the values of the job.
@@ -35,9 +36,10 @@ class SweepPoint:
             [m]; None if no corner is rounded.
         speed: Assigned velocity [m/s]; None without one.
         optimum: Duration of the fastest plan, not certified [s]; None if there is no plan.
-        duration: Duration of the certified plan [s]; None if the certificate was refused.
+        duration: Duration of the certified plan [s]; None if the certificate was refused, or if
+            none was asked for.
         contour_error: Largest contour error of its execution, over the box if there is one [m].
-        refusal: Reason of the refusal; None for a certified point.
+        refusal: Reason of the refusal; None for a certified point, and where there was none.
         shape: Shape of the corners, "arc" or "free"; None if no corner is rounded.
     """
 
@@ -57,14 +59,14 @@ class Sweep:
     Args:
         job: The job.
         run: Its run.
-        goal: The goal of every certified point.
+        goal: The goal of every certified point; None if no point is certified.
         tolerances: Points with the run's assigned velocity, by shape and tolerance.
         speeds: Points with the run's tolerance, by assigned velocity.
     """
 
     job: Job
     run: Run
-    goal: Goal
+    goal: Goal | None
     tolerances: tuple[SweepPoint, ...]
     speeds: tuple[SweepPoint, ...]
 
@@ -99,6 +101,7 @@ def sweep(
     tolerances: Sequence[float] | None = None,
     speeds: Sequence[float] | None = None,
     shapes: Sequence[str] | None = None,
+    certified: bool = True,
     progress: Progress | None = None,
     **overrides: Any,
 ) -> Sweep:
@@ -113,6 +116,8 @@ def sweep(
         shapes: Shapes of the corners to compare over the tolerances, "arc" and "free"; by default
             that of the run, with arcs beside the shape free. The shape free takes at most 10
             iterations per point, unless the run gives their number.
+        certified: Whether to certify the points; without it they are fastest plans only, which need
+            no goal and a fraction of the time.
         progress: Called with a step, a point and a few words, before every trial.
         overrides: Fields of `Goal` that replace those of the job.
 
@@ -120,9 +125,15 @@ def sweep(
         InvalidInput: There is nothing to sweep, no goal, or no such run. A plan that cannot be
             certified is a point with a refusal.
     """
-    goal = goal_of(job, overrides)
-    this = run_of(job, goal.run if run is None else run)
-    own = goal.tolerance
+    if overrides and not certified:
+        raise InvalidInput(
+            f"{', '.join(overrides)} is of the goal of certified points, but no point is to be "
+            "certified: leave it out."
+        )
+    goal = goal_of(job, overrides) if certified else None
+    name = goal.run if run is None and goal is not None else run
+    this = run_of(job, name)
+    own = None if goal is None else goal.tolerance
     if own is None and this.rounding is not None:
         own = this.rounding.tolerance
     tolerance_values = _values("tolerance", tolerances, own, TOLERANCES)
@@ -170,7 +181,7 @@ def _values(
 class _Point:
     """Certifies one choice; a choice that both lines share is certified once."""
 
-    def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
+    def __init__(self, job: Job, this: Run, goal: Goal | None, progress: Progress) -> None:
         self.job, self.this, self.goal, self.progress = job, this, goal, progress
         self.shape = None if this.rounding is None else this.rounding.shape
         self.known: dict[tuple[float | None, float | None, str | None], SweepPoint] = {}
@@ -189,20 +200,25 @@ class _Point:
         shown += ["shaped" if shape == FREE else ""]
         name = ", ".join(x for x in shown if x)
         found: Certificate | None = None
+        job: Job | None = None
         optimum, refusal = None, None
         try:
             job = self._job(tolerance, speed, shape)
-            try:
-                found = certify(job, self.this.name, progress=under(self.progress, name))
-            except ArmContourError:
+            if self.goal is None:
+                self.progress(Step((name,)))
                 optimum = self._optimum(job)
-                raise
+            else:
+                found = certify(job, self.this.name, progress=under(self.progress, name))
+                optimum = found.uncertified.duration
         except ArmContourError as error:
             refusal = str(error)
+            if self.goal is not None and job is not None:
+                with suppress(ArmContourError):
+                    optimum = self._optimum(job)
         return SweepPoint(
             tolerance=tolerance,
             speed=speed,
-            optimum=optimum if found is None else found.uncertified.duration,
+            optimum=optimum,
             duration=None if found is None else found.duration,
             contour_error=None if found is None else found.budget.executed,
             refusal=refusal,
@@ -218,7 +234,7 @@ class _Point:
         goal, this = self.goal, self.this
         if speed is not None:
             this = replace(this, limits=this.limits.replace(speed=speed))
-        if goal.tolerance is not None:
+        if goal is not None and goal.tolerance is not None:
             goal = replace(goal, tolerance=tolerance)
         rounding = this.rounding
         if rounding is not None:
@@ -231,19 +247,13 @@ class _Point:
             this = replace(this, rounding=rounding)
         return replace(self.job, runs=(this,), certificate=goal)
 
-    def _optimum(self, job: Job) -> float | None:
-        """Duration of the uncertified plan of a job's only run [s]; None if there is no plan."""
+    def _optimum(self, job: Job) -> float:
+        """Duration of the uncertified plan of a job's only run [s].
+
+        Raises:
+            ArmContourError: There is no plan.
+        """
         (this,) = job.runs
-        try:
-            program = programs_of(job, this)[1]
-            found = plan(
-                program,
-                job.arm,
-                this.limits,
-                branch=job.branch,
-                start=job.start,
-                ignore_jerk=this.ignore_jerk,
-            )
-            return found.duration
-        except ArmContourError:
-            return None
+        traced = trace_run(job, this, programs_of(job, this)[1])
+        found = plan(traced, job.arm, this.limits, ignore_jerk=this.ignore_jerk)
+        return found.duration

@@ -433,6 +433,13 @@ class SweepOptions:
     tolerances: Annotated[
         str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
     ] = None
+    certified: Annotated[
+        bool,
+        typer.Option(
+            "--certify/--no-certify",
+            help="Certify every point; without it, fastest plans only, in a fraction of the time.",
+        ),
+    ] = True
     shapes: Annotated[
         str | None,
         typer.Option(

@@ -47,6 +47,7 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
                 tolerances=corners,
                 speeds=speeds,
                 shapes=None if x.shapes is None else [y.strip() for y in x.shapes.split(",")],
+                certified=x.certified,
                 progress=progress,
                 **goal,
             )
@@ -89,6 +90,6 @@ def cells(x: SweepPoint) -> list[str]:
         shown(x.tolerance, 1e3, ".4g"),
         shown(x.speed, 1, ".4g"),
         shown(x.optimum, 1, ".4f"),
-        "refused" if x.duration is None else f"{x.duration:.4f}",
+        "refused" if x.refusal is not None else shown(x.duration, 1, ".4f"),
         shown(x.contour_error, 1e3, ".5f"),
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -26,14 +27,21 @@ class Outcome:
         durations: Least durations of all starts by their names, and of the path itself as "shaped"
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).
+        note: Why the path has the shape of a start, one clause; None if another was looked for.
     """
 
     start: str
     durations: Mapping[str, float]
     history: tuple[float, ...] = ()
+    note: str | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))
+
+    def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
+        # Mapping proxies cannot be pickled.
+        durations = dict(self.durations)
+        return partial(Outcome, start=self.start, durations=durations, history=self.history), ()
 
     @property
     def gain(self) -> float:

@@ -112,7 +112,7 @@ def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
         "run": sweep.run.name,
         "units": {"tolerance": "m", "speed": "m/s", "optimum": "s", "duration": "s"}
         | {"contour_error": "m", "missed": "m"},
-        "goal": _goal(sweep.goal),
+        "goal": None if sweep.goal is None else _goal(sweep.goal),
         "iterations": sweep.iterations,
         "tolerances": [asdict(x) for x in sweep.tolerances],
         "speeds": [asdict(x) for x in sweep.speeds],

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._processes import map_in_processes
 from armcontour.arms import Limits
 from armcontour.errors import ExecutionError
 from armcontour.evaluation.following import follow_path
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path
 from armcontour.motion import TaughtData
-from armcontour.robustness._processes import map_in_processes
 from armcontour.robustness.monte_carlo import Spread
 from armcontour.robustness.unknowns import Unknowns
 

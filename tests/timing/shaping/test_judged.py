@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from soak.shape_judge import judge
+from soak.shape_judge import judge, run
 from soak.shape_matching import excess, match
 from soak.shape_problems import Problem, pieces_of
 from soak.shape_rivals import draw_parabolas
@@ -14,6 +14,8 @@ from soak.shape_rivals import draw_parabolas
 import armcontour as ac
 from armcontour.geometry import Outcome
 
+# Jobs of nearly every kind that are shaped in a moment; `python -m soak.shapes` judges thousands.
+SEEDS = (2, 10, 11, 15, 16, 18, 21, 26, 27, 28, 29, 30, 33)
 TOLERANCE = 2e-3
 SPEED = 0.08
 
@@ -101,3 +103,42 @@ def test_parabolas_are_as_far_from_the_corner_as_they_may_and_tangent(problem):
     # y = x²/(4 f) with a leg L of 90° on both sides: the radius at the middle is L / sqrt(2).
     leg = 2 * TOLERANCE * np.sqrt(2)
     assert 1 / path.curvatures.max() == pytest.approx(leg / np.sqrt(2), rel=2e-3)
+
+
+@pytest.fixture(scope="module")
+def short(arm, limits):
+    """A job that is shaped in a moment."""
+    points = [(0.30, 0.20), (0.33, 0.20), (0.33, 0.22), (0.31, 0.24)]
+    return problem_of(points, arm, limits, tolerance=1e-3)
+
+
+def shape(problem, **more):
+    options = problem.options | more
+    return ac.plan(problem.objective, problem.arm, problem.limits, method="shaped", **options)
+
+
+def test_every_iteration_keeps_everything_and_is_no_slower(short):
+    """A search that is interrupted has the plan of its last iteration."""
+    durations = []
+    for iterations in (0, 1, 2, 5, 30):
+        planned = shape(short, iterations=iterations)
+        durations.append(planned.duration)
+        assert judge(planned, short) == []
+        history = planned.path.outcome.history
+        assert len(history) <= iterations + 1
+        assert (np.diff(history) <= 0).all()
+    assert (np.diff(durations) <= 0).all()
+    assert durations[-1] < 0.97 * durations[0]
+
+
+def test_the_same_job_is_shaped_the_same_to_the_bit(short):
+    first, again = (shape(short) for _ in range(2))
+    assert first.duration == again.duration
+    for name in ("starts", "tangents", "curvatures", "lengths"):
+        assert np.array_equal(getattr(first.path, name), getattr(again.path, name))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_random_jobs(seed):
+    outcome = run(seed)
+    assert outcome.result == "shaped", f"{outcome.kind}: {'; '.join(outcome.notes)}"

@@ -21,7 +21,7 @@ SHAPES = {"arc": "arcs", "free": "shaped"}
 
 def sweep(found: Sweep) -> Section:
     """Time against corner tolerance and against assigned velocity, with certified points."""
-    total = found.goal.tolerance is not None
+    total = found.goal is not None and found.goal.tolerance is not None
     figures, tables = [], []
     if found.tolerances:
         name = "tolerance of the whole contour" if total else "corner tolerance"
@@ -104,17 +104,18 @@ def _traces(
         line={"color": colours[0], "dash": "dash", "width": 1.5},
     )
     certified = [x for x in points if x.duration is not None]
-    yield go.Scatter(
-        x=[at(x) for x in certified],
-        y=[x.duration for x in certified],
-        customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
-        name="certified",
-        mode="lines+markers",
-        marker={"color": colours[1], "size": 10},
-        line={"color": colours[1], "width": 1},
-        hovertemplate="%{y:.4f} s<br>contour error %{customdata:.5f} mm<extra></extra>",
-    )
-    refused = [x for x in known if x.duration is None]
+    if certified:
+        yield go.Scatter(
+            x=[at(x) for x in certified],
+            y=[x.duration for x in certified],
+            customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
+            name="certified",
+            mode="lines+markers",
+            marker={"color": colours[1], "size": 10},
+            line={"color": colours[1], "width": 1},
+            hovertemplate="%{y:.4f} s<br>contour error %{customdata:.5f} mm<extra></extra>",
+        )
+    refused = [x for x in known if x.refusal is not None]
     if refused:
         yield go.Scatter(
             x=[at(x) for x in refused],
@@ -131,7 +132,7 @@ def _table(points: tuple[SweepPoint, ...], caption: str) -> Table:
         (
             _value(x),
             "" if x.optimum is None else f"{x.optimum:.4f} s",
-            "refused" if x.duration is None else f"{x.duration:.4f} s",
+            _certified(x),
             "" if x.contour_error is None else f"{x.contour_error * 1e3:.5f} mm",
         )
         for x in points
@@ -141,6 +142,13 @@ def _table(points: tuple[SweepPoint, ...], caption: str) -> Table:
         rows=rows,
         caption=caption,
     )
+
+
+def _certified(x: SweepPoint) -> str:
+    """Certified time of a point as text; empty where no certificate was asked for."""
+    if x.refusal is not None:
+        return "refused"
+    return "" if x.duration is None else f"{x.duration:.4f} s"
 
 
 def _value(x: SweepPoint) -> str:

@@ -178,18 +178,22 @@ class ToolAcceleration(Constraint):
     def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc:
         """The disc, less the margin for skew.
 
-        Without skew the left side is convex along an interval, so it is largest at an end. With
-        skew its second derivative is at least `-4 curvature² x |skew|`.
+        Where the curvature is even the left side is convex without skew, so it is largest at an
+        end. With skew its second derivative is at least `-4 curvature² x |skew|`. Elsewhere the
+        curvature times x is at most that at an end; skew adds to x, and to |u| at the other end.
         """
         speed = self.metric.speed[grid.piece]
-        curvature = self.metric.curvature[grid.piece] / speed
+        curvature = self.metric.curvature_on(grid) / speed
         radius = np.full(len(grid), self.limit) / speed
         if bounds is not None:
             play = self.metric.stretch[grid.piece] / speed + ROUNDING / grid.width
             radius = np.maximum(radius - play * bounds.x, 0.0)
-            rise = grid.width**2 / 2 * curvature**2 * bounds.x * np.abs(bounds.skew)
+            skew, most = np.abs(bounds.skew), curvature.max(axis=0)
+            rise = grid.width**2 / 2 * most**2 * bounds.x * skew
+            other = (most * grid.width**2 / 4 * skew) ** 2 + 2 * grid.width * bounds.u * skew
+            rise = rise + np.where(self.metric.uneven[grid.piece], other, 0.0)
             radius = np.sqrt(np.maximum(radius**2 - rise, 0.0))
-        return Disc(np.broadcast_to(curvature, (2, len(grid))), radius)
+        return Disc(curvature, radius)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval: the radius of the disc."""

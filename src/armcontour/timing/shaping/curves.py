@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,8 @@ SHARPEST = 0.35
 PLACES = np.linspace(0.1, 0.9, 9)
 # The largest distance that is found there, times this, bounds the distance in between.
 SURE = 1.25
+# Points, tangents and their derivatives along the arc length.
+Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,45 +63,78 @@ def draw(
             the curve.
     """
     count = _count_parts(spline)
-    for _ in range(MOST_ROUNDS):
-        drawn = _draw(spline, arm, objective, place, count)
-        first = np.cumsum(count) - count
-        far = np.maximum.reduceat(drawn.curve.spreads, first)
-        far /= np.maximum(NEAR * tolerance, NEAREST)
-        turns = (drawn.segments.curvatures * drawn.segments.lengths).reshape(-1, 2).sum(axis=1)
-        # Where the tool nearly stops it may turn within a small part of a span.
-        turn = np.maximum.reduceat(turns, first) / SHARPEST
-        rough = np.maximum(far, turn) > 1
-        if not rough.any():
+    drawn = _draw(spline, arm, objective, place, count)
+    more = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
+    if not (more > 1).any():
+        return drawn
+    rough = np.arange(len(count))
+    for left in reversed(range(MOST_ROUNDS - 1)):
+        rough, more = rough[more > 1], more[more > 1]
+        count[rough] *= np.clip(np.ceil(more), 2, MOST_PARTS).astype(np.intp)
+        if not (left and len(rough)):
             break
-        # The distance falls with the cube of the length.
-        more = np.ceil(np.maximum(np.cbrt(far), turn))
-        count = np.where(rough, count * np.clip(more, 2, MOST_PARTS), count).astype(np.intp)
-    return drawn
+        span, share = _parts(rough, count[rough])
+        arcs, breaks, quintics = _fit(*(_points(spline, arm, span, x) for x in share.T))
+        more = _lack(arcs, _spreads(arcs, breaks, quintics), count[rough], tolerance[rough])
+    return _draw(spline, arm, objective, place, count)
+
+
+def _lack(
+    arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
+) -> FloatArray:
+    """How many times as many parts spans need for their arcs to be near the curve, (m,).
+
+    Args:
+        arcs: Two arcs for each part.
+        spreads: Distance of the arcs of each part from the curve [m].
+        count: Number of parts of each span, (m,).
+        tolerance: Tolerance at each span [m], (m,).
+    """
+    first = np.cumsum(count) - count
+    far = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
+    turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
+    # Where the tool nearly stops it may turn within a small part of a span.
+    turn = np.maximum.reduceat(turns, first) / SHARPEST
+    # The distance falls with the cube of the length.
+    return np.asarray(np.maximum(np.cbrt(far), turn))
+
+
+def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
+    """The span of each part, and the shares of its span at which it begins and ends, (p, 2)."""
+    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    share = np.stack([number, number + 1], axis=1) / np.repeat(count, count)[:, None]
+    return np.repeat(spans, count), share
+
+
+def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
+    """Two arcs and a quintic along each part, whose ends are as from `_points`.
+
+    Returns:
+        The arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Straight parts have no normal.
+        first, second = biarcs(begin[0], begin[1], end[0], end[1])
+    order = np.arange(2 * len(begin[0])).reshape(2, -1).T.ravel()
+    arcs = Segments.join([first, second])[order]
+    breaks = arcs.breaks[::2]
+    return arcs, breaks, quintic(np.diff(breaks), begin, end)
 
 
 def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: IntArray) -> Drawn:
     """The tool path of a spline whose spans are drawn in several parts each, (n,)."""
-    span = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count)
-    share = np.stack([number, number + 1], axis=1) / count[span][:, None]
+    span, share = _parts(np.arange(len(count)), count)
     begin = _points(spline, arm, span, share[:, 0])
     end = _points(spline, arm, span, share[:, 1])
-    rests = np.flatnonzero((number + 1 == count[span]) & spline.rest[span + 1])
+    rests = np.flatnonzero((share[:, 1] == 1) & spline.rest[span + 1])
     # Ends meet to the last digit, but where the tool stops the tangent may jump.
     points = np.concatenate([begin[0], end[0][-1:]])
-    out = begin[1]
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Straight parts have no normal.
-        first, second = biarcs(points[:-1], out, points[1:], into)
-    order = np.arange(2 * len(span)).reshape(2, -1).T.ravel()
+    arcs, breaks, coefficients = _fit(begin, (points[1:], into, end[2]))
     ends = _place_knots(spline, place)
     at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
-    segments = _with_columns(Segments.join([first, second])[order], objective, at)
-    breaks = segments.breaks[::2]
-    coefficients = quintic(np.diff(breaks), (begin[0], out, begin[2]), (points[1:], into, end[2]))
+    segments = _with_columns(arcs, objective, at)
     curve = SmoothCurve(
         breaks=breaks, coefficients=coefficients, spreads=_spreads(segments, breaks, coefficients)
     )
@@ -121,9 +156,7 @@ def _count_parts(spline: Spline) -> IntArray:
     return np.asarray(count)
 
 
-def _points(
-    spline: Spline, arm: Arm, span: IntArray, share: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
     """Points, tangents and their derivatives along the arc length, (m, dimension) each.
 
     Args:

@@ -10,7 +10,6 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, PlanarTwoLink, SerialArm, _newton
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath
 from armcontour.tracing.poses import task_dimension
 from armcontour.tracing.redundancy import null_space
 
@@ -39,14 +38,21 @@ class NearPath:
     @classmethod
     def along(
         cls,
-        joint_path: JointPath,
+        q: FloatArray,
         arm: Arm,
         branch: str | None,
         path: Path,
         s: FloatArray,
     ) -> NearPath:
-        """The inverse kinematics near the joint path along a path, at arc lengths s [m], (n,)."""
-        q = joint_path(s)
+        """The inverse kinematics near joint positions along a path.
+
+        Args:
+            q: Joint positions along the path [rad], (n, dof).
+            arm: The arm.
+            branch: For an arm in the plane, the branch of its inverse kinematics.
+            path: The path.
+            s: Arc lengths of the joint positions [m], (n,).
+        """
         if isinstance(arm, PlanarTwoLink):
             return cls(arm=arm, branch=branch, q=q)
         assert isinstance(arm, SerialArm)

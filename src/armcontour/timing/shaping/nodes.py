@@ -17,17 +17,19 @@ from armcontour.timing.shaping.starts import Candidate
 # to node away from the corner. The pitch of the nodes is a factor on all distances.
 AT_CORNER = 0.045
 GROWTH = 0.12
-# The same at rests: the first distance over the largest one.
+# Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
+# of a curve, and get no nodes of their own.
+SHALLOW, DENSE = 0.15, 4.0
+# Distance beside a rest over what it would be without the rest.
 AT_REST = 0.12
-GROWTH_AT_REST = 0.2
 # A polygon of control points may leave its curve by this share of the tolerance.
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
 # A stretch from rest to rest has at least about this many nodes.
 FEWEST = 64
-# Samples for the distances between two marks.
-SAMPLES = 129
+# Samples for the distances between nodes: at first between two marks, then for each node.
+SAMPLES, PER_NODE = 32, 8
 # Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
 FARTHEST = 2.5
 MARCH = 1 / 24
@@ -158,61 +160,85 @@ def place_nodes(
         pitch: Factor on the distances between nodes.
     """
     path, places = start.path, start.places
-    turns = path_turns(tube)
-    at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
-    stops = np.concatenate([[0.0], path.stops, [path.length]])
-    free = ~_near(at, stops)
-    corner = np.flatnonzero(free)
-    marks = np.concatenate([stops, at[free]])
-    is_rest = np.arange(len(marks)) < len(stops)
-    order = np.argsort(marks, kind="stable")
-    marks, is_rest = marks[order], is_rest[order]
-    which = np.concatenate([np.full(len(stops), -1), corner])[order]
-    # The last entry is for rests, whose index is -1.
-    half = np.append(turns, 0.0)[which] / 2
-    own = _tolerance_at(tube, np.interp(marks, places[:, 1], places[:, 0]))
-    first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
-    s, index = _spread(path, joint_path, arm, tube, places, marks, is_rest, first, pitch)
+    marks = _Marks.of(path, places, tube)
+    s, index = _spread(path, joint_path, arm, tube, places, marks, pitch)
     # A rest between two stretches has a node on either side.
-    twice = np.isin(index, np.flatnonzero(is_rest)[1:-1])
-    row = np.repeat(np.arange(len(s)), 1 + twice)
-    n = len(row)
-    s, mark = s[row], np.where(np.append(row[1:] == row[:-1], False), -1, index[row])
-    resting = np.isin(index[row], np.flatnonzero(is_rest))
-    rest = np.zeros(n + 1, dtype=bool)
-    rest[[0, -1]] = True
-    rest[1:-1] = row[1:] == row[:-1]
+    row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
+    doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
+    s, mark = s[row], np.where(doubled[1:], -1, index[row])
+    corner = np.where(mark >= 0, marks.corner[mark], -1)
     place = np.interp(s, places[:, 1], places[:, 0])
+    place[corner >= 0] = tube.objective.breaks[tube.vertex[corner[corner >= 0]]]
     tolerance = _tolerance_at(tube, place)
-    tangents = path(s, 1)
+    resting = np.isin(index[row], np.flatnonzero(marks.rest))
     gap = np.diff(s)
     wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
-    # A tube around a line holds the hull of its control points, but for what even motion of the
-    # joints bends.
-    bend = _bend(joint_path, arm, s)
-    vertex = np.full(n, -1)
-    for i in np.flatnonzero(mark >= 0):
-        k = which[mark[i]]
-        if k >= 0:
-            vertex[max(i - 1, 0) : i + 2] = k
-    ends = np.concatenate([[s[0]], (s[1:] + s[:-1]) / 2, [s[-1]]])
+    tangents = path(s, 1)
     return Nodes(
         place=place,
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
-        sag=wide**2 * bend / 8,
+        # A tube around a line holds the hull of its control points, but for what even motion of
+        # the joints bends.
+        sag=wide**2 * _bend(joint_path, arm, s) / 8,
         tolerance=tolerance,
         least=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
-        rest=rest,
-        vertex=np.where(resting, -1, vertex),
-        group=np.searchsorted((marks[1:] + marks[:-1]) / 2, s),
-        times=start.trajectory.time_at(ends),
-        near=NearPath.along(joint_path, arm, branch, path, s),
+        rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
+        vertex=np.where(resting, -1, _beside_corners(corner)),
+        group=np.searchsorted((marks.at[1:] + marks.at[:-1]) / 2, s),
+        times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
+        near=NearPath.along(joint_path(s), arm, branch, path, s),
         q=joint_path(s),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Marks:
+    """Rests and corners of a start, m of them.
+
+    Args:
+        at: Arc lengths on the start, ascending [m], (m,).
+        rest: Whether the tool rests there, (m,).
+        corner: Index of the corner in the tube; -1 for rests, (m,).
+        first: Distance to the next nodes [m], (m,); of no meaning for rests.
+    """
+
+    at: FloatArray
+    rest: BoolArray
+    corner: IntArray
+    first: FloatArray
+
+    @classmethod
+    def of(cls, path: Path, places: FloatArray, tube: Tube) -> _Marks:
+        """The marks of a path with places in a tube."""
+        at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
+        stops = np.concatenate([[0.0], path.stops, [path.length]])
+        turns = path_turns(tube)
+        gaps = np.diff(np.concatenate([[0.0], at, [path.length]]))
+        own = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
+        dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * own)
+        corner = np.flatnonzero(~_near(at, stops) & ~dense)
+        marks = np.concatenate([stops, at[corner]])
+        order = np.argsort(marks, kind="stable")
+        which = np.concatenate([np.full(len(stops), -1), corner])[order]
+        # The last entry is for rests, whose index is -1.
+        half = np.append(turns, 0.0)[which] / 2
+        own = _tolerance_at(tube, np.interp(marks[order], places[:, 1], places[:, 0]))
+        first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
+        return cls(marks[order], order < len(stops), which, first)
+
+
+def _beside_corners(corner: IntArray) -> IntArray:
+    """The corner that each node is at or next to; -1 for none, (n,)."""
+    found = corner.copy()
+    at = np.flatnonzero(corner >= 0)
+    for side in (np.maximum(at - 1, 0), np.minimum(at + 1, len(corner) - 1)):
+        free = found[side] < 0
+        found[side[free]] = corner[at[free]]
+    return found
 
 
 def _least_nearby(values: FloatArray) -> FloatArray:
@@ -255,42 +281,60 @@ def _spread(
     arm: Arm,
     tube: Tube,
     places: FloatArray,
-    marks: FloatArray,
-    is_rest: BoolArray,
-    first: FloatArray,
+    marks: _Marks,
     pitch: float,
 ) -> tuple[FloatArray, IntArray]:
     """Arc lengths of nodes, and the mark at which each is; -1 for none.
 
-    The distance between nodes grows from `first` at a mark by GROWTH from node to node.
+    The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
-    share = (1 - np.cos(np.linspace(0, np.pi, SAMPLES))) / 2
-    low, high = marks[:-1, None], marks[1:, None]
-    at = low + share * (high - low)
-    flat = at.ravel()
-    own = np.maximum(_tolerance_at(tube, np.interp(flat, places[:, 1], places[:, 0])), 1e-9)
-    bend = _bend(joint_path, arm, flat)
-    typical = max(float(np.median(bend)), 1e-3)
-    curved = bend + np.linalg.norm(path(flat, 2), axis=1)
-    most = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
-    rests = marks[is_rest]
-    stretch = np.diff(rests)[np.clip(np.searchsorted(rests, marks[:-1], side="right") - 1, 0, None)]
-    most = np.minimum(most.reshape(at.shape), stretch[:, None] / FEWEST)
-    step = most
-    for mark, way in ((0, at - low), (1, high - at)):
-        rest = is_rest[mark : len(marks) - 1 + mark, None]
-        edge = np.minimum(first[mark : len(marks) - 1 + mark, None], most)
-        begin = np.where(rest, AT_REST * most, edge)
-        step = np.minimum(step, begin + np.where(rest, GROWTH_AT_REST, GROWTH) * way)
-    density = 1 / (pitch * step)
-    parts = (density[:, 1:] + density[:, :-1]) / 2 * np.diff(at, axis=1)
-    total = np.concatenate([np.zeros((len(at), 1)), np.cumsum(parts, axis=1)], axis=1)
-    found, index = [], []
-    for i in range(len(at)):
-        count = max(int(np.ceil(total[i, -1])), 3 if is_rest[i] or is_rest[i + 1] else 1)
-        found.append(np.interp(np.arange(count) / count * total[i, -1], total[i], at[i]))
-        index += [i] + [-1] * (count - 1)
-    return np.append(np.concatenate(found), marks[-1]), np.array([*index, len(marks) - 1])
+    rests = marks.at[marks.rest]
+    at, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
+    typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
+    for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
+        own = np.maximum(_tolerance_at(tube, np.interp(at, places[:, 1], places[:, 0])), 1e-9)
+        bend = _bend(joint_path, arm, at)
+        curved = bend + np.linalg.norm(path(at, 2), axis=1)
+        step = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
+        i = np.clip(np.searchsorted(rests, at, side="right") - 1, 0, len(rests) - 2)
+        step = np.minimum(step, np.diff(rests)[i] / FEWEST)
+        k = np.searchsorted(at, marks.at)
+        step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
+        # Neighbouring distances differ by no more than the growth.
+        step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
+        step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
+        density = 1 / (pitch * step)
+        total = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(at)))
+        least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
+        count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
+        if not parts:
+            break
+        # Samples are denser where nodes will be.
+        at, _ = _divide(total[k], marks.at, np.maximum(count * PER_NODE, parts), (total, at))
+    s, mark = _divide(total[k], marks.at, count, (total, at))
+    return s, mark
+
+
+def _divide(
+    ends: FloatArray,
+    marks: FloatArray,
+    count: IntArray,
+    along: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, IntArray]:
+    """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none.
+
+    Args:
+        ends: Values at the marks that each stretch is divided evenly in, (m,).
+        marks: Arc lengths of the marks [m], (m,).
+        count: Parts of every stretch, (m - 1,).
+        along: These values over arc lengths, where they are others.
+    """
+    stretch = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
+    value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
+    s = value if along is None else np.interp(value, *along)
+    s = np.append(np.where(number == 0, marks[stretch], s), marks[-1])
+    return s, np.append(np.where(number == 0, stretch, -1), len(marks) - 1)
 
 
 def _frames(tangents: FloatArray) -> FloatArray:

@@ -91,23 +91,27 @@ class Motion:
 
 
 def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
-    """All rows of the limits.
+    """All rows of the limits, but for those on the tool's turning and of the joint ranges.
+
+    Turning depends on the orientation, which belongs to the place and not to the offsets: the exact
+    timing keeps its limits. Shapes that leave a joint range cannot be traced.
 
     Args:
         spline: The motion.
         arm: The arm.
         limits: The limits, one value per joint.
-        speeds: Assigned velocity of every span [m/s], infinite without one, (n,).
+        speeds: Assigned velocity at the end of every span [m/s], infinite without one, (n,).
     """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = np.diff(e, axis=0) / h[:, None]
-    found: list[SpanRows] = []
     n, dof = spline.q.shape
+    none = np.zeros((n, 0))
+    found = [SpanRows(none, np.zeros((n, 0, dof)), np.zeros((n, 0, dof)), none, none)]
     eye = np.eye(dof)
     both = np.broadcast_to(np.concatenate([eye, -eye]), (n, 2 * dof, dof))
     if limits.joint_acceleration is not None:
-        up, down = limits.acceleration_bounds(dof)
-        found.append(_acceleration(both, e, h, np.minimum(up, down)))
+        lower, upper = limits.acceleration_bounds(dof)
+        found.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
     if limits.joint_velocity is not None:
         found.append(_velocity(both, e, np.asarray(limits.joint_velocity)))
     ends = [
@@ -136,8 +140,8 @@ def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> S
 
 
 def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, most: FloatArray) -> SpanRows:
-    """`±(e_i - e_{i-1}) <= most h_i`."""
-    bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
+    """`±(e_i - e_{i-1}) <= most h_i`; the bounds of positive accelerations come first."""
+    bound = np.broadcast_to(most, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -both, both, -bound, bound * h[:, None])
 
@@ -237,22 +241,24 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
 
 
 def _torque(end: Motion, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
-    """`±(M (e_i - e_{i-1}) + h_i (c + g)) <= most h_i`, at one end of every span.
+    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
 
-    Coriolis torques c grow with the square of the velocity; M, g and friction count as constant.
+    Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
+    count as constant.
     """
     dynamics = end.arm.dynamics
     zero = np.zeros_like(end.e)
     mass = dynamics.mass_matrix(end.q)
     still = dynamics.torque(end.q, zero, zero)
-    bias = dynamics.torque(end.q, end.e, zero)
+    drag = dynamics.friction(end.e)
+    bias = dynamics.torque(end.q, end.e, zero) + drag
     bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
     torque = np.einsum("nij,nj->ni", mass, end.a) + bias
     value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", both, mass)
     square = np.sum(end.e**2, axis=1)
     share = 2 * h / np.where(square > 0, square, 1.0)
-    coriolis = np.einsum("nrj,nj->nr", both, bias - still)
+    coriolis = np.einsum("nrj,nj->nr", both, bias - still - drag)
     by_end = (share[:, None] * coriolis)[..., None] * end.e[:, None]
     before, after = -by_joints, np.array(by_joints)
     if last:

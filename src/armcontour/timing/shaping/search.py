@@ -7,11 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.errors import ArmContourError
-from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.timing.shaping._quadratic import solve_program
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
+from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
+from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
@@ -23,9 +26,13 @@ from armcontour.timing.shaping.wishes import Wishes
 FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends when this many iterations in sequence gain less than this share of the duration.
-IDLE, LEAST_GAIN = 4, 3e-6
+IDLE, LEAST_GAIN = 4, 1e-5
 # It also ends when so many in sequence leave the tube.
 MOST_TIGHTENED = 12
+# After each refusal in sequence a change is this share of what was proposed.
+LESS = 0.6
+# Corners of a long path go back to the best shape so often in an iteration.
+MOST_MENDED = 4
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
 WEIGHT = (1e-6, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
@@ -46,6 +53,8 @@ class _State:
         trust: Largest change of the offsets of each node, over the tolerance, (n,).
         inside: Share of the tolerance that offsets stay inside by, (n,).
         limits: Largest offsets along every side [m], (n, m).
+        refused: How many proposals in sequence were slower.
+        proposals: Number of quadratic programs that were solved.
     """
 
     best: Candidate
@@ -54,6 +63,8 @@ class _State:
     trust: FloatArray
     inside: FloatArray
     limits: FloatArray
+    refused: int = 0
+    proposals: int = 0
 
 
 @dataclass(slots=True)
@@ -106,33 +117,122 @@ class Search:
         """
         state, nodes = self.state, self.nodes
         try:
-            offsets, h = self._propose()
-            drawn = self._draw(offsets, h)
+            offsets, h, drawn = self._draw_most(*self._propose())
+            judged = None if drawn is None else self._judge(drawn)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
             return True
         if drawn is None:
             return False
-        path = self._path(drawn)
-        found = self.timer.candidate(SHAPED, path, drawn.places)
-        if found is None:
+        if judged is None:
             state.trust *= SHRINK
             return True
-        times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
-        groups = int(nodes.group[-1]) + 1
-        now = np.bincount(nodes.group, state.h, groups)
-        then = np.bincount(nodes.group, times, groups)
-        slower = then > now
+        found, times, slower = judged
         # The first spline only has to be: it may be slower than the start that it is drawn from.
-        if state.best is self.start or found.duration < state.best.duration:
+        better = state.best is self.start or found.duration < state.best.duration
+        if not better and self._keep_faster_parts(offsets, h, slower):
+            state.refused = 0
+            factor = np.where(slower, SHRINK, 1.0)
+        elif better:
             state.best, state.offsets, state.h = found, offsets, times
+            self._keep_near(found, drawn.knots)
+            state.refused = 0
             factor = np.where(slower, EASE, GROW)
         else:
+            state.refused += 1
             # Neighbours of a corner share its lines.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
         return True
+
+    def _keep_near(self, found: Candidate, knots: FloatArray) -> None:
+        """Let control points have the tool orientations, and redundant joints, of a candidate.
+
+        Args:
+            found: The candidate.
+            knots: Arc lengths of the knots on its path [m], (n + 1,).
+        """
+        if self.nodes.near.poses is None:
+            return
+        # Where control points of the arc length itself lie: at a rest they lie at the rest.
+        at = np.clip(knots, 0.0, found.path.length)
+        speed = found.trajectory.speed_at(at)
+        speed[self.nodes.rest] = 0.0
+        both = np.maximum(speed[:-1] + speed[1:], np.finfo(float).tiny)
+        s = at[:-1] + speed[:-1] / both * np.diff(at)
+        q = found.trajectory(found.trajectory.time_at(s))
+        near = NearPath.along(q, self.timer.arm, self.timer.branch, found.path, s)
+        self.nodes = replace(self.nodes, near=near, q=q)
+
+    def _judge(self, drawn: Drawn) -> tuple[Candidate, FloatArray, BoolArray] | None:
+        """The drawn path timed, its span times [s], and which corners are slower than before.
+
+        None if the arm cannot follow the path.
+        """
+        path = self._path(drawn)
+        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
+        if path is None or found is None:
+            return None
+        times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
+        now, then = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
+        return found, times, then > now
+
+    def _draw_most(
+        self, offsets: FloatArray, h: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Drawn | None]:
+        """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
+
+        Returns:
+            The offsets and times that are drawn, and their path; None if it leaves the tube.
+        """
+        for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
+            before = self.state.inside
+            drawn = self._draw(offsets, h)
+            if drawn is not None:
+                return offsets, h, drawn
+            left = np.bincount(self.nodes.group, self.state.inside > before) > 0
+            offsets, h = self._back(offsets, h, left)
+        return offsets, h, None
+
+    def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
+        """On a long path, keep a proposal but for the corners that are slower, if that pays."""
+        if not is_long(self.nodes.group) or slower.all():
+            return False
+        try:
+            offsets, h, drawn = self._draw_most(*self._back(offsets, h, slower))
+            judged = None if drawn is None else self._judge(drawn)
+        except ArmContourError:
+            return False
+        if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
+            return False
+        self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
+        self._keep_near(judged[0], drawn.knots)
+        return True
+
+    def _back(
+        self, offsets: FloatArray, h: FloatArray, corners: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """A proposal in which some corners go back to the best shape.
+
+        Their neighbours go back less and less.
+
+        Args:
+            offsets: Offsets of the proposal [m], (n, k).
+            h: Span times of the proposal [s], (n,).
+            corners: Whether each corner or rest goes back, (groups,).
+        """
+        group, state = self.nodes.group, self.state
+        stays = 1.0 - corners
+        edges = np.minimum(stays[1:], stays[:-1])
+        first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
+        count = np.bincount(group)
+        number = np.arange(len(group)) - (np.cumsum(count) - count)[group]
+        share = first + (number + 0.5) / count[group] * (last - first)
+        return (
+            state.offsets + share[:, None] * (offsets - state.offsets),
+            state.h + share * (h - state.h),
+        )
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
         """The spline of the joints for offsets [m] and span times [s]."""
@@ -144,29 +244,40 @@ class Search:
         """Offsets and span times of the quadratic program around the best shape."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
-        spline = self._spline(state.offsets, state.h)
-        steps = nodes.near.steps(spline.q, nodes.frames)
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
-        limits = self.timer.limits
-        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
-        assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
-        assigned = np.where(np.isnan(assigned), np.inf, assigned)
-        rows, bounds = assemble(
-            spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit
-        )
+        rows, bounds = self._limit_rows(state.offsets, state.h, unit)
         own, own_bounds = self._own_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
-        x, _ = solve_program(
+        x = solve_in_chunks(
             cost,
             np.concatenate([rows, own], axis=1),
             np.concatenate([bounds, own_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
+            # The start is no spline: nodes that stay on it may leave no solution.
+            place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
+        state.proposals += 1
         if not np.isfinite(x).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
+        # The trust region bounds offsets only; after refusals all changes are less.
+        x *= LESS**state.refused
         offsets = state.offsets + x[:, :k] * unit[:, None]
         return self._clip(offsets), state.h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+
+    def _limit_rows(
+        self, offsets: FloatArray, h: FloatArray, unit: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rows of the limits around offsets [m] and span times [s], and their bounds."""
+        nodes, limits = self.nodes, self.timer.limits
+        spline = self._spline(offsets, h)
+        steps = nodes.near.steps(spline.q, nodes.frames)
+        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
+        # The end of a span may lie on the segment of either node.
+        speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
+        assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
+        assigned = np.where(np.isnan(assigned), np.inf, assigned)
+        return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
     def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of each node alone: the tube, the trust region, and the least span time."""
@@ -200,6 +311,8 @@ class Search:
         spline = self._spline(offsets, h)
         objective = self.tube.objective
         drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
+        if self._nearly_stops(drawn):
+            return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
         reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
         plain = Path(segments=drawn.segments)
@@ -215,8 +328,12 @@ class Search:
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
         np.maximum.at(lacking, span, proof.segments + beside)
-        for k, excess in enumerate(vertices):
-            lacking[nodes.vertex == k] = np.maximum(lacking[nodes.vertex == k], excess)
+        at = self.tube.objective.breaks[self.tube.vertex]
+        for k in np.flatnonzero(vertices > proof.slack):
+            near = nodes.vertex == k
+            if not near.any():
+                near = np.abs(nodes.place - at[k]) == np.abs(nodes.place - at[k]).min()
+            lacking[near] = np.maximum(lacking[near], vertices[k])
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
@@ -228,12 +345,23 @@ class Search:
         state.offsets = self._clip(state.offsets)
         return None
 
-    def _path(self, drawn: Drawn) -> ShapedPath:
-        """The drawn path, whose outcome is not known yet."""
-        wishes = self.wishes
+    def _nearly_stops(self, drawn: Drawn) -> bool:
+        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
+        if not len(tiny):
+            return False
+        span = np.clip(np.searchsorted(drawn.knots, tiny, side="right") - 1, 0, len(nodes) - 1)
+        there = np.isin(nodes.group, nodes.group[span])
+        self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
+        return True
+
+    def _path(self, drawn: Drawn) -> ShapedPath | None:
+        """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
+        wishes, objective = self.wishes, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
-            objective=self.tube.objective,
+            objective=objective,
             places=drawn.places,
             tolerance=wishes.tolerance,
             line_tolerance=wishes.line_tolerance,
@@ -241,13 +369,32 @@ class Search:
             outcome=Outcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
-        return orient(path)
+        if objective.orientation is not None:
+            # As at the place, also where that follows the tangent.
+            plain = replace(objective, orientation=replace(objective.orientation, follows=False))
+            path, off = orient_shaped(path, plain, drawn.places, wishes.angular_tolerance)
+            if off > (np.inf if wishes.angular_tolerance is None else wishes.angular_tolerance):
+                return None
+        return path
+
+
+def why_not(objective: Path, tube: Tube) -> str | None:
+    """A clause that says why nothing can be shaped; None if something can.
+
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
+    """
+    if (tube.tolerance == 0).any():
+        # Splines of the joints do not keep to a line.
+        return "lines without a tolerance stay as they are: not shaped"
+    if _turns_at_corners(objective):
+        return "the orientation follows the tangent round corners: not shaped"
+    return None
 
 
 def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
-    """Searches from parabolas and from arcs, the faster ones first.
-
-    None where the arm cannot follow them, or where nothing may move.
+    """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
     Args:
         objective: The objective path.
@@ -255,24 +402,19 @@ def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> 
         timer: Times the shapes.
         wishes: What is wanted.
     """
-    if objective.orientation is not None and not objective.orientation.fixed:
-        return
-    # Without a tolerance nothing may move: splines of the joints do not keep to a line.
-    if (tube.tolerance == 0).any():
-        return
     starts = make_starts(objective, tube, wishes, SHARE)
     found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
         joint_path = timer.trace(start.path)
         nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
-        yield Search(nodes, start, tube, timer, wishes)
+        if not nodes.fixed.all():
+            yield Search(nodes, start, tube, timer, wishes)
 
 
-def orient(path: ShapedPath) -> ShapedPath:
-    """A shaped path with the tool orientation of its objective."""
-    orientation = path.objective.orientation
-    if orientation is None:
-        return path
-    breaks = np.array([0.0, path.length])
-    rows = {x: getattr(orientation, x)[:1] for x in ("starts", "first", "second", "f", "g")}
-    return replace(path, orientation=replace(orientation, breaks=breaks, **rows))
+def _turns_at_corners(objective: Path) -> bool:
+    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+
+    Where it follows a smooth tangent, shapes have the orientation of their places.
+    """
+    own = objective.orientation
+    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())

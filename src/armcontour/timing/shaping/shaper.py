@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import overload
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
+from armcontour._processes import map_in_processes
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
@@ -18,12 +20,16 @@ from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import Tracing, trace_program
-from armcontour.timing.shaping.search import make_searches
+from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
 
 # The search ends with the first start that saves this share of the duration.
 ENOUGH = 0.01
+
+
+# From so many contours on other processes shape them, which take a few seconds to start.
+MANY = 24
 
 
 @overload
@@ -148,7 +154,7 @@ class Shaping:
         Args:
             program: The program.
             start: As in `plan`.
-            progress: Called after every contour.
+            progress: Called after every iteration, or contour where there are many.
             named: Whether error messages start with the name of the contour.
 
         Raises:
@@ -158,18 +164,17 @@ class Shaping:
             with _named(x, i, named):
                 self.wishes.refuse_too_large(x.path)
         traced = self._trace(program, start)
-        moves, done, count = list(program.moves), 0, len(program.contours)
+        moves = list(program.moves)
+        tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
-            if not isinstance(move, Contour) or step.move is None or step.joint_path is None:
-                continue
-            timer = self._timer(step.joint_path)
+            if isinstance(move, Contour) and step.move is not None and step.joint_path is not None:
+                task = _Task(move.path, self._timer(step.joint_path), self.wishes)
+                tasks.append((step.move, move, task))
+        found = _shape_all([x[2] for x in tasks], progress)
+        for done, (i, move, _) in enumerate(tasks):
             with _named(move, done, named):
-                shaped = _shape(move.path, timer, self.wishes)
-            moves[step.move] = put_on_path(move, shaped)
-            done += 1
-            if progress is not None:
-                progress(Step(("shaping",), done / count))
+                moves[i] = put_on_path(move, found(done))
         first = self._timer(traced.joint_paths[0]).start
         return dataclasses.replace(program, moves=tuple(moves)), first
 
@@ -220,8 +225,57 @@ def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManage
     return locate_errors(contour_called(contour, number)) if wanted else nullcontext()
 
 
-def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
-    """The shaped path of one contour."""
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A contour to be shaped, as other processes get it.
+
+    Args:
+        objective: The objective path.
+        timer: Times its shapes.
+        wishes: What is wanted.
+    """
+
+    objective: Path
+    timer: Timer
+    wishes: Wishes
+
+
+def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
+    """What gives the shaped path of each contour, in order; many are shaped in other processes.
+
+    Raises where the path is asked for.
+    """
+    count = len(tasks)
+
+    def tell(done: float) -> None:
+        if progress is not None:
+            progress(Step(("shaping",), done / count))
+
+    if count < MANY:
+        return lambda i: _shape(tasks[i], lambda share: tell(i + share))
+    found = map_in_processes(_shape_or_error, tasks, done=tell)
+    tell(count)
+
+    def take(i: int) -> ShapedPath:
+        shaped = found[i]
+        if isinstance(shaped, ArmContourError):
+            raise shaped
+        return shaped
+
+    return take
+
+
+def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
+    """The shaped path of one contour, or why there is none."""
+    try:
+        return _shape(task, lambda share: None)
+    except ArmContourError as error:
+        return error
+
+
+def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
+    """The shaped path of one contour; `tell` is called with the share that is done."""
+    objective, timer, wishes = task.objective, task.timer, task.wishes
     tube = _tube(objective, wishes)
     known = _time_starts(objective, tube, timer, wishes)
     if not known:
@@ -230,16 +284,20 @@ def _shape(objective: Path, timer: Timer, wishes: Wishes) -> ShapedPath:
     durations = {x.name: x.duration for x in known}
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    for search in make_searches(objective, tube, timer, wishes):
+    note = why_not(objective, tube)
+    searches = make_searches(objective, tube, timer, wishes) if note is None else iter(())
+    for search in searches:
         left = wishes.iterations - len(history) + 1
         for _, found in zip(range(left), search.run(), strict=False):
             best = min(best, found, key=lambda x: x.duration)
             history.append(best.duration)
+            tell((len(history) - 1) / wishes.iterations)
         # Another start mostly leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
     durations["shaped"] = best.duration
-    outcome = Outcome(start=first.name, durations=durations, history=tuple(history))
+    outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
+    tell(1.0)
     return _shaped_path(objective, best, wishes, outcome)
 
 

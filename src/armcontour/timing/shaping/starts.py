@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_with_parabolas
@@ -20,8 +20,11 @@ from armcontour.timing.shaping.wishes import Wishes
 ARCS = "arcs"
 PARABOLAS = "parabolas"
 STOPS = "stops"
-# Corners that leave their zones are rounded to this share of the tolerance before, so often.
-LESS, MOST_ROUNDS = 0.6, 24
+# Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
+# them leave, to this share.
+HALVINGS, LESS = 14, 0.9
+# The tool stops at corners that cannot be rounded by this [m]: no arm resolves so small arcs.
+FINEST = 1e-8
 # A point of a start belongs to the objective this many tolerances to either side of its place.
 REACH = 6.0
 
@@ -114,25 +117,45 @@ def _round_within(
 
     A corner whose curve would leave its zone is rounded less.
     """
-    tolerance = np.full(len(objective) - 1, share * wishes.tolerance)
-    tolerance[tube.vertex - 1] = share * tube.vertex_tolerance
-    corners = objective.breaks[1:-1]
-    for _ in range(MOST_ROUNDS):
+    wanted = np.full(len(objective) - 1, share * wishes.tolerance)
+    wanted[tube.vertex - 1] = share * tube.vertex_tolerance
+
+    def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_(objective, tolerance=tolerance, angular_tolerance=wishes.angular_tolerance)
         places = match(tube, path, _places(path), REACH * wishes.tolerance)
-        proof = prove(tube, path, places)
-        if proof.ok:
+        return path, places, _corners_outside(tube, path, places)
+
+    path, places, bad = outside(wanted)
+    if not len(bad):
+        return path, places
+    low, high = np.where(np.isin(np.arange(len(wanted)), bad), 0.0, wanted), wanted.copy()
+    for _ in range(HALVINGS):
+        middle = np.where(low < high, (low + high) / 2, low)
+        bad = outside(middle)[2]
+        low[bad] = np.where(middle[bad] > low[bad], low[bad], LESS * low[bad])
+        high[bad] = middle[bad]
+        good = np.setdiff1d(np.flatnonzero(low < high), bad)
+        low[good] = middle[good]
+    for _ in range(HALVINGS):
+        low[low < FINEST] = 0.0
+        path, places, bad = outside(low)
+        if not len(bad):
             return path, places
-        middle = (path.breaks[:-1] + path.breaks[1:]) / 2
-        bad = middle[proof.segments > proof.slack]
-        place = np.interp(bad, places[:, 1], places[:, 0])
-        nearest = np.clip(np.searchsorted(corners, place), 1, max(len(corners) - 1, 1))
-        before = np.abs(corners[nearest - 1] - place)
-        after = np.abs(corners[np.minimum(nearest, len(corners) - 1)] - place)
-        rows = np.where(before <= after, nearest - 1, nearest)
-        less = np.unique(np.append(rows, tube.vertex[proof.vertices > proof.slack] - 1))
-        tolerance[less.astype(np.intp)] *= LESS
+        low[bad] *= LESS
     return None
+
+
+def _corners_outside(tube: Tube, path: RoundedPath, places: FloatArray) -> IntArray:
+    """Vertices between segments at which a rounded path leaves the tube or turns on the spot."""
+    proof = prove(tube, path, places)
+    middle = (path.breaks[:-1] + path.breaks[1:]) / 2
+    place = np.interp(middle[proof.segments > proof.slack], places[:, 1], places[:, 0])
+    at = tube.objective.breaks[tube.vertex]
+    nearest = np.abs(place[:, None] - at).argmin(axis=1) if len(at) else np.zeros(0, dtype=np.intp)
+    corners = path.corners
+    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < FINEST)]
+    far = tube.vertex[proof.vertices > proof.slack]
+    return np.unique(np.concatenate([tube.vertex[nearest], far, tiny])) - 1
 
 
 def _places(rounded: RoundedPath) -> FloatArray:

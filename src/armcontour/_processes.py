@@ -23,7 +23,7 @@ R = TypeVar("R")
 
 # Starting a process takes as long as some items, so that fewer of them are not given away.
 FEWEST = 12
-SERVE = "from armcontour.robustness._processes import serve; serve()"
+SERVE = "from armcontour._processes import serve; serve()"
 # Every process computes in one thread.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -150,7 +150,7 @@ def _send(pipe: IO[bytes], value: Any) -> None:
         pipe.write(data)
         pipe.flush()
     except OSError as error:
-        raise ExecutionError(f"A process that executes robots has ended: {error}.") from None
+        raise ExecutionError(f"Another process of this work has ended: {error}.") from None
 
 
 def _receive(pipe: IO[bytes]) -> Any:
@@ -163,9 +163,9 @@ def _receive(pipe: IO[bytes]) -> Any:
         worked, value = pickle.load(pipe)
     except (EOFError, OSError, pickle.UnpicklingError):
         raise ExecutionError(
-            "A process that executes robots has ended before it gave an answer, as when memory "
+            "Another process of this work has ended before it gave an answer, as when memory "
             "runs out: take fewer processes, or free some memory."
         ) from None
     if not worked:
-        raise RuntimeError(f"A process that executes robots failed: {value}")
+        raise RuntimeError(f"Another process of this work failed: {value}")
     return value

@@ -7,7 +7,7 @@ from operator import truediv
 import pytest
 
 import armcontour as ac
-from armcontour.robustness._processes import map_in_processes
+from armcontour._processes import map_in_processes
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)

@@ -1,0 +1,116 @@
+"""Shaped paths: the curve that the tool follows, places, and what makes no shaped path."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour._quintics import quintic
+from armcontour.geometry import Outcome, ShapedPath, SmoothCurve
+from armcontour.geometry.biarcs import biarcs
+from armcontour.geometry.segments import Segments
+
+OUTCOME = Outcome(start="arcs", durations={"arcs": 2.0, "stops": 3.0, "shaped": 1.5})
+
+
+def clothoid(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Arc lengths, points, tangents and bends of a curve whose curvature is 40 s."""
+    s = np.linspace(0, 0.3, 3001)
+    angle = 20 * s**2
+    tangents = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    middle = 20 * ((s[1:] + s[:-1]) / 2) ** 2
+    # Simpson's rule.
+    mean = np.stack([np.cos(middle), np.sin(middle)], axis=1)
+    steps = (tangents[:-1] + 4 * mean + tangents[1:]) / 6 * np.diff(s)[:, None]
+    points = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    bends = 40 * s[:, None] * np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    k = np.linspace(0, 3000, n + 1).astype(int)
+    return s[k], points[k], tangents[k], bends[k]
+
+
+@pytest.fixture(scope="module")
+def shaped() -> ShapedPath:
+    _, points, tangents, bends = clothoid(30)
+    first, second = biarcs(points[:-1], tangents[:-1], points[1:], tangents[1:])
+    segments = Segments.join([first, second])[np.arange(60).reshape(2, 30).T.ravel()]
+    breaks = segments.breaks[::2]
+    coefficients = quintic(
+        np.diff(breaks),
+        (points[:-1], tangents[:-1], bends[:-1]),
+        (points[1:], tangents[1:], bends[1:]),
+    )
+    objective = ac.Path.polyline(points[::10])
+    places = np.stack([np.linspace(0, objective.length, 31), breaks], axis=1)
+    return ShapedPath(
+        segments=segments,
+        objective=objective,
+        places=places,
+        tolerance=1e-3,
+        outcome=OUTCOME,
+        curve=SmoothCurve(breaks=breaks, coefficients=coefficients, spreads=np.zeros(30)),
+    )
+
+
+def test_the_curvature_is_that_of_the_curve_and_not_of_its_arcs(shaped):
+    s = np.linspace(0, shaped.length, 701)
+    bend = np.linalg.norm(shaped(s, 2), axis=1)
+    # The lengths of the arcs are those of the curve up to the fourth power of their turn.
+    np.testing.assert_allclose(bend, 40 * s, atol=2e-3)
+    arcs = shaped.curvatures[shaped.locate(s)]
+    assert np.abs(arcs - 40 * s).max() > 0.05
+    # Points of the arcs and of the curve are less than a micrometre apart.
+    off = np.linalg.norm(shaped(s) - ac.Path(segments=shaped.segments)(s), axis=1)
+    assert 0 < off.max() < 1e-6
+
+
+def test_both_sides_of_a_break_agree(shaped):
+    s = shaped.breaks[1:-1]
+    for order in range(3):
+        left, right = shaped(s, order, side="left"), shaped(s, order)
+        np.testing.assert_allclose(left, right, atol=1e-6 * 40**order)
+
+
+def test_a_traced_curve_has_its_curvature_in_the_joints(shaped, arm):
+    # Moved to where the arm reaches it.
+    moved = dataclasses.replace(
+        shaped,
+        segments=shaped.segments.replace(starts=shaped.segments.starts + (0.1, 0.2)),
+        curve=dataclasses.replace(
+            shaped.curve,
+            coefficients=shaped.curve.coefficients
+            + np.array([[[0.1, 0.2]]]) * np.eye(6)[0][None, :, None],
+        ),
+    )
+    joint_path = ac.trace(moved, arm)
+    s = np.linspace(0, moved.length, 400)
+    np.testing.assert_allclose(arm.forward(joint_path(s)), moved(s), atol=1e-9)
+    _, acceleration = arm.tool_motion(joint_path(s), joint_path(s, 1), joint_path(s, 2))
+    np.testing.assert_allclose(np.linalg.norm(acceleration, axis=1), 40 * s, atol=5e-2)
+
+
+def test_places_lead_from_the_objective_to_the_path(shaped):
+    found = shaped.place([0.0, shaped.objective.length / 2, shaped.objective.length])
+    np.testing.assert_allclose(found, [0, shaped.breaks[30], shaped.length], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "places", [[[0, 0], [1, 0.1]], [[0, 0], [0.1, 0.2], [0.05, 0.25], [1, 1]], [0, 1]]
+)
+def test_places_that_do_not_lead_along_both_paths_are_refused(shaped, places):
+    scale = [shaped.objective.length, shaped.length]
+    with pytest.raises(ac.InvalidInput, match="places of a shaped path"):
+        dataclasses.replace(
+            shaped, places=np.array(places) * (scale if np.ndim(places) == 2 else 1)
+        )
+
+
+def test_an_outcome_says_what_was_gained():
+    assert OUTCOME.gain == 0.25
+    again = pickle.loads(pickle.dumps(OUTCOME))
+    assert again.durations == OUTCOME.durations and again.start == "arcs"
+    with pytest.raises(TypeError):
+        OUTCOME.durations["arcs"] = 0.0
