@@ -9,7 +9,7 @@ def compare(name, objective, arm, limits, tolerance, **options):
     shaped = ac.plan(objective, arm, limits, method="shaped", tolerance=tolerance, **options)
     outcome = shaped.path.outcome
     print(
-        f"{name}: {shaped.duration:.3f} s, arcs take {arcs.duration:.3f} s; "
+        f"{name}: {shaped.duration:.2f} s, arcs take {arcs.duration:.2f} s; "
         f"{outcome.gain:.1%} less than {outcome.start}"
     )
     return shaped
@@ -27,7 +27,7 @@ taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, a
 executed = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
 for name, path in (("shaped", planned.path), ("objective", objective)):
     error = ac.evaluate(executed, path).contour_error
-    print(f"  executed within {error.max * 1e3:.3f} mm of the {name} path")
+    print(f"  executed within {error.max * 1e3:.2f} mm of the {name} path")
 
 ur5e = ac.load_arm("ur5e")
 seam = ac.Path.polyline([(0.35, -0.10, 0.15), (0.50, -0.10, 0.15), (0.50, 0.05, 0.20)])

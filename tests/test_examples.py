@@ -57,12 +57,12 @@ accelerations that saturate at the joints' limits
 set-points lead by 40 ms
 """,
     "09_fastest_path": """\
-1 mm: 5.021 s, arcs take 5.341 s; 4.0% less than stops
-5 mm, lines 0.1 mm: 4.879 s, arcs take 5.326 s; 5.1% less than parabolas
-5 mm: 4.738 s, arcs take 5.326 s; 7.8% less than parabolas
-  executed within 0.001 mm of the shaped path
-  executed within 4.992 mm of the objective path
-seam on a UR5e, 1 mm, ten iterations: 1.321 s, arcs take 1.351 s; 1.8% less than parabolas
+1 mm: 5.02 s, arcs take 5.34 s; 4.0% less than stops
+5 mm, lines 0.1 mm: 4.88 s, arcs take 5.33 s; 5.1% less than parabolas
+5 mm: 4.74 s, arcs take 5.33 s; 7.8% less than parabolas
+  executed within 0.00 mm of the shaped path
+  executed within 4.99 mm of the objective path
+seam on a UR5e, 1 mm, ten iterations: 1.33 s, arcs take 1.35 s; 1.3% less than parabolas
 """,
     "07_learning": """\
 run 1: contour error 1.614 mm RMS, 2.181 mm at most
