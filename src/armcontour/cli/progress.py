@@ -61,7 +61,8 @@ class Lines:
         if not self._wanted or now - self._last < EVERY:
             return
         self._last = now
-        print(words if more is None else f"{words}, {more}", file=sys.stderr, flush=True)
+        sys.stderr.write(f"{words if more is None else f'{words}, {more}'}\n")
+        sys.stderr.flush()
 
 
 class JobProgress:
