@@ -36,6 +36,7 @@ from armcontour.evaluation import Check, check
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.motion.smoothing import averages_joints
 from armcontour.robustness.monte_carlo import Spread
 
 # Lengths of the moving averages in command intervals, the likeliest fastest first.
@@ -272,6 +273,9 @@ class Search:
             found = [(max(a * period + b * slowest, period),) for a, b in BODY_WINDOWS]
             return sorted(dict.fromkeys(found))
         multiples = WINDOWS[self.goal.saturation]
+        if averages_joints(self.joint_path):
+            # One average of the joints leaves no jump that a second one would have to smooth.
+            multiples = tuple(x for x in multiples if len(x) < 2)
         return [tuple(x * period for x in windows) for windows in multiples]
 
     def _smooth_enough(self, found: Kept | None) -> bool:

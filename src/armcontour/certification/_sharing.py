@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armcontour._progress import Progress, Step
-from armcontour.arms import Limits
 from armcontour.certification._uses import Robot
 from armcontour.certification._whole import Assembly, Whole
 from armcontour.errors import InvalidInput, NotRealizable
@@ -37,7 +36,7 @@ NEAR = 0.9
 # When the unused part goes to the shape, the servo keeps this many times the part that it needed,
 # because the plan changes a little.
 KEPT_FOR_SERVO = 1.5
-# Paths are not rounded or shaped again for less than this share of the tolerance, or of limits.
+# Paths are not rounded or shaped again for less than this share of the tolerance.
 LEAST_GAIN = 1e-3
 
 
@@ -117,7 +116,7 @@ class Sharing:
             budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
             assert budget is not None
             self._refuse_slower(())
-            return self._reshape(self._search(budget, self.this))
+            return self._search(budget, self.this)
         budgets = [x * self._tightest for x in SERVO_SHARES]
         if goal.servo is not None:
             budgets = [goal.servo]
@@ -132,7 +131,7 @@ class Sharing:
             if best is not None and best.whole.worst < NEAR * budget:
                 break
         assert best is not None  # the search with the last share raises if it fails
-        return self._reshape(self._give_rest_to_shape(best))
+        return self._give_rest_to_shape(best)
 
     def _refuse_slower(self, budgets: Sequence[float]) -> None:
         """Refuse a run whose fastest plans are slower than the deadline, whatever the budget [m].
@@ -158,38 +157,25 @@ class Sharing:
         better = self._try(needed)
         return found if better is None or better.duration >= found.duration else better
 
-    def _reshape(self, found: Found) -> Found:
-        """Shape the path for the limits that derating leaves, if the plan gets faster so."""
-        rounding, derated = self.this.rounding, _derated(found)
-        if rounding is None or not rounding.free or derated is None:
-            return found
-        better = self._try(found.budget, found.this, derated)
-        return found if better is None or better.duration >= found.duration else better
-
-    def _try(
-        self, budget: float, this: Run | None = None, limits: Limits | None = None
-    ) -> Found | None:
+    def _try(self, budget: float) -> Found | None:
         """Find the fastest plan as `_search` does; None if no plan keeps the goal."""
         try:
-            return self._search(budget, this, limits)
+            return self._search(budget)
         except NotRealizable:
             return None
 
-    def _search(
-        self, budget: float, this: Run | None = None, limits: Limits | None = None
-    ) -> Found:
+    def _search(self, budget: float, this: Run | None = None) -> Found:
         """Find the fastest plan with a budget for the servo [m].
 
         Args:
             budget: The budget.
             this: The run with the tolerance of its shape; by default the shape gets the rest.
-            limits: Limits for which the path is shaped; by default those of the run.
 
         Raises:
             NotRealizable: No plan keeps the goal.
         """
         this = self.with_shape_of(budget) if this is None else this
-        objective, program = self._shape(this, limits)
+        objective, program = self._shape(this)
         robot = robot_of(self.job, this, self.goal)
         if robot.bodies:
             _refuse_other_jobs(program, robot)
@@ -208,19 +194,19 @@ class Sharing:
         finally:
             self.trials += assembly.trials
 
-    def _shape(self, this: Run, limits: Limits | None = None) -> tuple[Program, Program]:
-        """The program of a run before and after rounding or shaping, for limits by default its own.
+    def _shape(self, this: Run) -> tuple[Program, Program]:
+        """The program of a run before and after rounding or shaping.
 
         A certified plan derates what it has to: it leaves no reserve.
         """
         rounding = this.rounding
         if rounding is None or not rounding.free:
             return programs_of(self.job, this)
-        same = limits is None and rounding == self.with_shape_of(0.0).rounding
+        same = rounding == self.with_shape_of(0.0).rounding
         if same and self._programs is not None:
             return self._programs
         objective, _ = programs_of(self.job, replace(this, rounding=rounding.with_arcs))
-        free = replace(this, reserve=0.0, limits=this.limits if limits is None else limits)
+        free = replace(this, reserve=0.0)
         return objective, round_program(self.job, free, objective, self.progress)
 
     @property
@@ -283,21 +269,6 @@ def shape_part(path: Path) -> float:
     if not isinstance(path, RoundedPath) or not len(path.corners):
         return 0.0
     return float(path.corners.error.max())
-
-
-def _derated(found: Found) -> Limits | None:
-    """The limits of a robot, less what a plan derates of accelerations; None where it is little."""
-    limits, contours = found.whole.robot.limits, found.whole.contours
-    shares = np.concatenate([x.kept.trial.derating.share for x in contours])
-    widths = np.concatenate([x.kept.trial.derating.width for x in contours])
-    left = np.minimum(np.average(shares, axis=0, weights=widths), 1.0)
-    if left.min() > 1 - LEAST_GAIN or limits.joint_acceleration is None:
-        return None
-    down = limits.joint_deceleration
-    return limits.replace(
-        joint_acceleration=limits.joint_acceleration * left,
-        joint_deceleration=None if down is None else down * left,
-    )
 
 
 def _refuse_other_jobs(program: Program, robot: Robot) -> None:

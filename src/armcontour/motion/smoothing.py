@@ -47,7 +47,7 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
                 "Only motions along a joint path can be smoothed, and the method "
                 f"{trajectory.method} plans joint by joint: plan with the method optimal."
             )
-        jumps = _jumps(law.joint_path)
+        jumps = averages_joints(law.joint_path)
         laws += [
             average_joints(x, pair) if jumps else SmoothedLaw(law=x, windows=pair)
             for x in _between_rests(law)
@@ -57,8 +57,8 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
     )
 
 
-def _jumps(joint_path: JointPath) -> bool:
-    """Whether a path was shaped so that its curvature jumps when accelerations do."""
+def averages_joints(joint_path: JointPath) -> bool:
+    """Whether smoothing averages the joints: the path was shaped, and its curvature jumps."""
     path = joint_path.tool_path
     return isinstance(path, ShapedPath) and path.curve is not None
 
