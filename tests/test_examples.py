@@ -62,7 +62,7 @@ set-points lead by 40 ms
 5 mm: 4.74 s, arcs take 5.33 s; 7.8% less than parabolas
   executed within 0.00 mm of the shaped path
   executed within 4.99 mm of the objective path
-seam on a UR5e, 1 mm, ten iterations: 1.33 s, arcs take 1.35 s; 1.3% less than parabolas
+seam on a UR5e, 1 mm, ten iterations: 1.32 s, arcs take 1.35 s; 1.9% less than parabolas
 """,
     "07_learning": """\
 run 1: contour error 1.614 mm RMS, 2.181 mm at most
