@@ -240,7 +240,7 @@ def test_rounded_paths_that_differ_are_all_drawn() -> None:
         assert {x.name for x in drawn} == expected
         assert len({x.line.dash for x in drawn}) == 2
     title = figure.layout.title.text
-    assert "the first 4 of 6" in title and "those of the rounded path of plain" in title
+    assert "the first 4 of 6" in title and "(r, error: rounded path of plain)" in title
 
 
 def test_accelerations_have_a_limit_per_direction() -> None:
