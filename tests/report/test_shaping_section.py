@@ -257,6 +257,7 @@ def test_a_path_in_space_and_one_that_stops_everywhere() -> None:
     assert section is not None
     ((_, (motion,)),) = section.choices
     assert section.tables[0].rows[0][-1] == "0.0000"
+    assert section.notes == (f"run one: {still.outcome.note}.",)
 
 
 def test_contours_that_gain_most_come_first(tmp_path: FilePath) -> None:

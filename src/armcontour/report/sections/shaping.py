@@ -25,6 +25,7 @@ from armcontour.report.sections.shaping_figures import (
     along,
     magnified,
 )
+from armcontour.report.style import few
 from armcontour.timing.shaping.starts import ARCS
 
 # Largest number of contours with figures, and of rows of the table.
@@ -41,7 +42,8 @@ def shaping(study: Study) -> Section | None:
     if not found:
         return None
     shown = found[:MOST_CONTOURS]
-    notes = []
+    told = [(x.label, x.path.outcome.note) for x in found]
+    notes = [*few((f"{label}: {note}." for label, note in told if note is not None), "notes")]
     if len(found) > len(shown):
         notes.append(f"Figures show the {len(shown)} contours that gain the most time.")
     if len(found) > MOST_ROWS:
