@@ -22,8 +22,7 @@ class Outcome:
     """How the shape of a path was found.
 
     Args:
-        start: Name of the start that the path was shaped from, or that no shape was faster than:
-            "arcs", "parabolas" or "stops".
+        start: Name of the fastest start: "arcs", "parabolas" or "stops".
         durations: Least durations of all starts by their names, and of the path itself as "shaped"
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).

@@ -34,7 +34,7 @@ LESS = 0.6
 # Corners of a long path go back to the best shape so often in an iteration.
 MOST_MENDED = 4
 # Weights of the squares of offsets and of times, which make the quadratic program definite.
-WEIGHT = (1e-6, 1e-9)
+WEIGHT = (1e-3, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
 SPARE = 1.5
 SHAPED = "shaped"
@@ -249,6 +249,8 @@ class Search:
         own, own_bounds = self._own_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
+        # Offsets that gain nothing go back.
+        cost[:, :k] = WEIGHT[0] * state.offsets / np.where(unit > 0, unit, 1.0)[:, None]
         x = solve_in_chunks(
             cost,
             np.concatenate([rows, own], axis=1),
