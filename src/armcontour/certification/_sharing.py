@@ -34,8 +34,8 @@ from armcontour.timing.programs import time_program
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 NEAR = 0.9
 # When the unused part goes to the shape, the servo keeps this many times the part that it needed,
-# because the plan changes a little.
-KEPT_FOR_SERVO = 1.5
+# because the plan changes a little; more if no faster plan is found with the first of them.
+KEPT_FOR_SERVO = (1.5, 6.0)
 # Paths are not rounded or shaped again for less than this share of the tolerance.
 LEAST_GAIN = 1e-3
 
@@ -151,11 +151,14 @@ class Sharing:
 
     def _give_rest_to_shape(self, found: Found) -> Found:
         """Give the unused tolerance of the servo to the shape, if the plan gets faster."""
-        needed = KEPT_FOR_SERVO * found.whole.worst
-        if needed > found.budget - LEAST_GAIN * self._tightest:
-            return found
-        better = self._try(needed)
-        return found if better is None or better.duration >= found.duration else better
+        for kept in KEPT_FOR_SERVO:
+            needed = kept * found.whole.worst
+            if needed > found.budget - LEAST_GAIN * self._tightest:
+                break
+            better = self._try(needed)
+            if better is not None and better.duration < found.duration:
+                return better
+        return found
 
     def _try(self, budget: float) -> Found | None:
         """Find the fastest plan as `_search` does; None if no plan keeps the goal."""
