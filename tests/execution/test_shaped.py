@@ -12,7 +12,7 @@ SERVO = ac.ServoModel(kp=25, kv=150)
 PERIOD = 4e-3
 # One command interval of smoothing; the reserve is about what interpolated set-points add to
 # accelerations, so that servos saturate for some milliseconds at most.
-SMOOTHING, RESERVE = PERIOD, 0.010
+SMOOTHING, RESERVE = PERIOD, 0.012
 MOST_DEMAND = 1.01
 
 
