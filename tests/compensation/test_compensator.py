@@ -34,7 +34,7 @@ def smooth(duration=1.0, size=(0.4, -0.3)):
         joint_path=path,
         breaks=np.array([0.0, duration]),
         s=np.array([0.0, 1.0]),
-        rates=Rates(*np.array([[1 / duration], [0.0], [0.0]])),
+        rates=Rates(*np.array([[1 / duration], [0.0], [0.0], [0.0]])),
     )
     return ac.Trajectory(laws=(law,), method="hand")
 

@@ -36,7 +36,7 @@ def path_law(rates):
         joint_path=PATH,
         breaks=np.array([0.0, 1.0, 2.0]),
         s=np.array([0.0, 0.6, 1.2]),
-        rates=Rates(*np.transpose(rates)),
+        rates=Rates(*np.transpose(rates), jerk=np.zeros(len(rates))),
     )
 
 
@@ -85,7 +85,7 @@ def test_a_path_law_does_not_cross_a_joint_by_rounding():
         joint_path=path,
         breaks=np.array([0.0, 1 / 0.3, 2 / 0.3]),
         s=np.array([0.0, 1.0, 2.0]),
-        rates=Rates(*np.array([[0.3, 0.3], [0, 0], [0, 0]])),
+        rates=Rates(*np.array([[0.3, 0.3], [0, 0], [0, 0], [0, 0]])),
     )
     at = np.array([1 / 0.3, 1 / 0.3])
     np.testing.assert_allclose(law.on_interval(np.array([0, 1]), at, 1), [[0.3], [-1.5]])
@@ -102,7 +102,7 @@ def test_breaks_in_disorder_are_refused(breaks, refuses):
             joint_path=ac.JointPath.spline([(0.0,), (1.0,)]),
             breaks=np.array(breaks),
             s=np.zeros(n),
-            rates=Rates(*np.zeros((3, n - 1))),
+            rates=Rates(*np.zeros((4, n - 1))),
         ),
         ac.InvalidInput,
         *words,

@@ -45,7 +45,7 @@ def test_the_motion_solves_its_equation(case):
         joint_path=PATH,
         breaks=np.array([0.0, duration]),
         s=np.array([0.0, width]),
-        rates=Rates(*np.array([[begin], [u], [slope]])),
+        rates=Rates(*np.array([[begin], [u], [slope], [0.0]])),
     )
     t = np.linspace(0, duration, 21)
     found = solve_ivp(
@@ -106,8 +106,42 @@ def test_the_motion_does_not_jump_where_the_series_ends(sign, order):
         joint_path=PATH,
         breaks=np.array([0.0, 0.1]),
         s=np.array([0.0, 0.1]),
-        rates=Rates(*np.array([[0.5], [0.3], [slope]])),
+        rates=Rates(*np.array([[0.5], [0.3], [slope], [0.0]])),
     )
     before, after = law.path_position(np.zeros(2, dtype=int), t, order)
     expected = [0.5, 0.3, 0.5 * slope][order] * 2e-11  # what time itself changes
     assert after - before == pytest.approx(expected, rel=0.1, abs=2e-15)
+
+
+@pytest.mark.parametrize("ends", [False, True])
+def test_uniform_jerk_from_rest_and_to_rest(ends):
+    # Closed form: s = j t³ / 6 from rest, and its mirror image to rest.
+    jerk, duration = 3.0, 0.8
+    length = jerk * duration**3 / 6
+    speed, rate = jerk * duration**2 / 2, jerk * duration
+    start = (speed, -rate) if ends else (0.0, 0.0)
+    law = PathLaw(
+        joint_path=ac.JointPath.spline(np.array([[0.0, 0.0], [length, 2 * length]]), [0, length]),
+        breaks=np.array([0.0, duration]),
+        s=np.array([0.0, length]),
+        rates=Rates(*np.array([[start[0]], [start[1]], [0.0], [jerk]])),
+    )
+    t = np.linspace(0.0, duration, 9)
+    i = np.zeros(9, dtype=int)
+    since = duration - t if ends else t
+    way = jerk * since**3 / 6
+    side = -1.0 if ends else 1.0
+    for order, expected in enumerate(
+        (
+            length - way if ends else way,
+            jerk * since**2 / 2,
+            side * jerk * since,
+            np.full(9, jerk),
+        )
+    ):
+        found = law.path_position(i, t, order)
+        np.testing.assert_allclose(found, expected, atol=1e-14)
+        np.testing.assert_allclose(
+            law.on_interval(i, t, order), np.outer(expected, [1, 2]), atol=1e-13
+        )
+    np.testing.assert_allclose(law.reach(law.path_position(i, t))[1], t, atol=1e-8)

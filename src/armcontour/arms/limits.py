@@ -15,6 +15,7 @@ from armcontour._quantities import (
     Acceleration,
     AngularRate,
     AngularRateChange,
+    Jerk,
     JointAccelerations,
     JointAngles,
     JointJerks,
@@ -38,6 +39,8 @@ TOOL_LIMITS = {
     "centripetal_acceleration": "m/s²",
     "angular_speed": "rad/s",
     "angular_acceleration": "rad/s²",
+    "tool_jerk": "m/s³",
+    "path_jerk": "m/s³",
 }
 # The unit of every field of `Limits`.
 UNITS = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad") | TOOL_LIMITS
@@ -54,8 +57,7 @@ class Limits:
             amount [rad/s²], (dof,).
         joint_velocity: Largest velocity of each joint, either way [rad/s], (dof,).
         joint_torque: Largest torque of each joint's drive, either way [N m], (dof,).
-        joint_jerk: Largest jerk of each joint [rad/s³], (dof,), infinite where there is none. No
-            planner keeps it yet: `plan` refuses it unless told to ignore it.
+        joint_jerk: Largest jerk of each joint [rad/s³], (dof,), infinite where there is none.
         joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite where there is none.
         speed: Assigned velocity: tool speed asked for and not exceeded [m/s].
         tool_acceleration: Largest acceleration of the tool, as a vector's length [m/s²].
@@ -63,6 +65,8 @@ class Limits:
         angular_speed: Largest rate at which the tool turns [rad/s].
         angular_acceleration: Largest angular acceleration of the tool, as a vector's length
             [rad/s²].
+        tool_jerk: Largest jerk of the tool, as a vector's length [m/s³].
+        path_jerk: Largest third derivative of the arc length over time, either way [m/s³].
 
     Raises:
         InvalidInput: A limit that is not above zero, a deceleration without an acceleration, or a
@@ -81,6 +85,8 @@ class Limits:
     centripetal_acceleration: Acceleration | None = None
     angular_speed: AngularRate | None = None
     angular_acceleration: AngularRateChange | None = None
+    tool_jerk: Jerk | None = None
+    path_jerk: Jerk | None = None
 
     def __post_init__(self) -> None:
         if self.joint_deceleration is not None and self.joint_acceleration is None:

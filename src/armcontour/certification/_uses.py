@@ -369,7 +369,7 @@ def motion(
             if isinstance(law, JointAverage):
                 states[order, here] = law.on_interval(i, local, order)
             else:
-                states[order, here] = path_states(law.joint_path, ends, *along, order)
+                states[order, here] = path_states(law.joint_path, ends, along[: order + 1])
     return s, states
 
 

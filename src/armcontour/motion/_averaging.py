@@ -17,13 +17,13 @@ STEPS = 110
 
 @compiled()
 def advance(rates: Rates, i: int, u: float) -> tuple[float, float, float, float, float]:
-    """State of a law with path acceleration linear in s, at time u after the start of interval i.
+    """State of a law at time u after the start of interval i; its dds is linear in s or time.
 
     Returns:
         dds, ds, the distance from the start of the interval, and the first and second integral of
         that distance over time.
     """
-    ds, dds, slope = rates.ds[i], rates.dds[i], rates.slope[i]
+    ds, dds, slope, jerk = rates.ds[i], rates.dds[i], rates.slope[i], rates.jerk[i]
     z = slope * u * u
     # f_n = sum_j z^j / (2 j + n)!, which hyperbolic and circular functions are made of.
     f0, f1, f2, f3, f4 = 1.0, 1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0
@@ -44,11 +44,11 @@ def advance(rates: Rates, i: int, u: float) -> tuple[float, float, float, float,
             break
     v = u * u
     return (
-        ds * slope * u * f1 + dds * f0,
-        ds * f0 + dds * u * f1,
-        ds * u * f1 + dds * v * f2,
-        ds * v * f2 + dds * v * u * f3,
-        ds * v * u * f3 + dds * v * v * f4,
+        ds * slope * u * f1 + dds * f0 + jerk * u,
+        ds * f0 + dds * u * f1 + jerk * v / 2.0,
+        ds * u * f1 + dds * v * f2 + jerk * v * u / 6.0,
+        ds * v * f2 + dds * v * u * f3 + jerk * v * v / 24.0,
+        ds * v * u * f3 + dds * v * v * f4 + jerk * v * v * u / 120.0,
     )
 
 
@@ -160,9 +160,9 @@ def average(
         second: Length of the shorter window, or 0 [s].
 
     Returns:
-        s, ds and dds of the averaged law, (n, 3).
+        s, ds, dds and ddds of the averaged law, (n, 4).
     """
-    found = np.empty((len(t), 3))
+    found = np.empty((len(t), 4))
     last = len(breaks) - 1
     for k in range(len(t)):
         begin = t[k] - first - second
@@ -178,9 +178,10 @@ def average(
             found[k, 0] = origin + x[3, 3] / first
             found[k, 1] = x[3, 2] / first
             found[k, 2] = (x[3, 1] - x[0, 1]) / first
+            found[k, 3] = (x[3, 0] - x[0, 0]) / first
         else:
             area = first * second
-            for c in range(3):
+            for c in range(4):
                 found[k, c] = (x[3, 4 - c] - x[2, 4 - c] - x[1, 4 - c] + x[0, 4 - c]) / area
             found[k, 0] += origin
     return found

@@ -54,9 +54,9 @@ def path_rates(
             if at <= breaks[0] or at >= breaks[last]:
                 continue
             i = int(np.searchsorted(breaks, at, side="right")) - 1
-            slope = rates.slope[i]
+            slope, jerk = rates.slope[i], rates.jerk[i]
             d[2], d[1] = advance(rates, i, at - breaks[i])[:2]
-            d[3], d[4] = slope * d[1], slope * d[2]
+            d[3], d[4] = slope * d[1] + jerk, slope * d[2]
             found[k, 0] += signs[edge] * d[order] / area
             found[k, 1] += signs[edge] * d[order + 1] / area
             # ds and dds are sums of cosh and sinh, or of cos and sin, which are less.
@@ -68,7 +68,7 @@ def path_rates(
             elif order == 2:
                 found[k, 2] += abs(slope) * (abs(d[2]) * c + abs(d[1]) * root * h) / area
             else:
-                found[k, 2] += abs(slope) * speed / area
+                found[k, 2] += (abs(slope) * speed + abs(jerk)) / area
     return found
 
 

@@ -62,7 +62,7 @@ class JointAverage(LawAlongPath):
         return self.law.original if isinstance(self.law, JointAverage) else self.law
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t`; `i` is the interval that contains each."""
+        """S or a derivative at times `t`; `i` is the interval that contains each."""
         return self.way.path_position(i, t, order)
 
     def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -70,7 +70,7 @@ class JointAverage(LawAlongPath):
         return self.way.path_motion(i, t)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq or ddq: differences over the window of the original integral, q or dq."""
+        """Q or a derivative: differences over the window of what is one order below."""
         late = np.ravel(t)
         change = self._original(late, order - 1) - self._original(late - self.window, order - 1)
         return (change / self.window).reshape((*np.shape(t), -1))
@@ -80,7 +80,7 @@ class JointAverage(LawAlongPath):
         return self.way._reach_within(i, s)
 
     def _original(self, t: FloatArray, order: int) -> FloatArray:
-        """Integral (order -1), position or velocity of the original law, which rests at both ends.
+        """Integral (order -1), q, dq or ddq of the original law, which rests at both ends.
 
         The integral is that of positions from time 0 on.
         """
@@ -88,7 +88,8 @@ class JointAverage(LawAlongPath):
         at = np.clip(t, 0.0, law.breaks[-1])
         i = np.clip(np.searchsorted(law.breaks, at, side="right") - 1, 0, len(law.breaks) - 2)
         if order >= 0:
-            return law.on_interval(i, at, order)
+            found = law.on_interval(i, at, order)
+            return np.where((at == t)[:, None], found, 0.0) if order else found
         resting = law.on_interval(i, at, 0) * (t - at)[:, None]
         return self.integrals[i] + self._integrate(i, at) + resting
 

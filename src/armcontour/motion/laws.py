@@ -29,7 +29,7 @@ class Law(ABC):
 
     @abstractmethod
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq or ddq at times `t` [s] by the formula of interval `i`, (n, dof)."""
+        """Q or a derivative up to the third, at times `t` [s], of interval `i`, (n, dof)."""
 
 
 class LawAlongPath(Law):
@@ -43,7 +43,7 @@ class LawAlongPath(Law):
 
     @abstractmethod
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t` [s] by the formula of interval `i`, (n,)."""
+        """S or a derivative up to the third, at times `t` [s], of interval `i`, (n,)."""
 
     @abstractmethod
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
@@ -95,13 +95,13 @@ class LapLaw(Law):
         _refuse_disorder(self.breaks)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq or ddq (21)."""
+        """q, dq, ddq (21) or dddq, which is zero between breaks."""
         u = (t - self.breaks[i])[..., None]
         if order == 0:
             return np.asarray(self.q[i] + u * (self.dq[i] + u * self.ddq[i] / 2))
         if order == 1:
             return np.asarray(self.dq[i] + u * self.ddq[i])
-        return np.asarray(self.ddq[i])
+        return np.asarray(self.ddq[i] if order == 2 else np.zeros_like(self.ddq[i]))
 
 
 def stand_still(q: FloatArray, duration: float) -> LapLaw:
@@ -171,22 +171,27 @@ class LineLaw(LapLaw, LawAlongPath):
 
 
 class Rates(NamedTuple):
-    """Path speed and path acceleration of a `PathLaw` at the starts of its n intervals.
+    """Path speed and path acceleration of a `PathLaw` on its n intervals.
 
     Args:
         ds: Path speed at the start of every interval [m/s], (n,).
         dds: Path acceleration at the start of every interval [m/s²], (n,).
         slope: Slope of dds over s on every interval [1/s²], (n,).
+        jerk: Slope of dds over time [m/s³], (n,); not zero only on intervals without the other
+            slope, at whose start or end the motion rests.
     """
 
     ds: FloatArray
     dds: FloatArray
     slope: FloatArray
+    jerk: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PathLaw(LawAlongPath):
     """Motion along a joint path with a path acceleration that is linear in s on every interval.
+
+    Next to rests it may be linear in time instead, so that it starts and ends at zero.
 
     Every break of the joint path between the start and the end of the law must be a break of the
     law.
@@ -224,64 +229,69 @@ class PathLaw(LawAlongPath):
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """s, ds or dds at times `t` by the formula of interval `i`."""
         u = t - self.breaks[i]
-        ds, dds, slope = (x[i] for x in self.rates)
+        ds, dds, slope, jerk = (x[i] for x in self.rates)
         # The solution of `dds = dds_i + slope (s - s_i)`: hyperbolic or circular functions.
         c, h, p = _linear_motion(slope, u)
         if order == 0:
-            s = self.s[i] + ds * h + dds * p
+            s = self.s[i] + ds * h + dds * p + jerk * u**3 / 6
             # Rounding errors must not move s past a break, at which derivatives may jump.
             return np.asarray(np.clip(s, self.s[i], self.s[i + 1]))
-        return np.asarray(ds * c + dds * h if order == 1 else ds * slope * h + dds * c)
+        if order == 2:
+            return np.asarray(ds * slope * h + dds * c + jerk * u)
+        speed = ds * c + dds * h + jerk * u**2 / 2
+        return np.asarray(speed if order == 1 else slope * speed + jerk)
 
     def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """s, ds and dds at times `t` by the formula of interval `i`."""
         return self.path_position(i, t), self.path_position(i, t, 1), self.path_position(i, t, 2)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq or ddq by the chain rule."""
-        s = self.path_position(i, t)
-        ds = self.path_position(i, t, 1) if order else s
-        dds = self.path_position(i, t, 2) if order == 2 else s
-        return path_states(self.joint_path, (self.s[i], self.s[i + 1]), s, ds, dds, order)
+        """Q or a derivative by the chain rule."""
+        motion = tuple(self.path_position(i, t, k) for k in range(order + 1))
+        return path_states(self.joint_path, (self.s[i], self.s[i + 1]), motion)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
-        ds, dds, slope = (x[i] for x in self.rates)
+        ds, dds, slope, jerk = (x[i] for x in self.rates)
         width = s - self.s[i]
         # ds² grows by the integral of 2 dds over s, and dds is linear in s.
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
-        return np.asarray(self.breaks[i] + interval_times(width, ds, end, slope))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = self.breaks[i] + interval_times(width, ds, end, slope)
+            # Motion of uniform jerk from rest, or to rest: s grows with the third power of time.
+            since = np.cbrt(6 * width / jerk)
+            left = np.cbrt(6 * (self.s[i + 1] - s) / jerk)
+        from_rest, ramp = (ds == 0) & (dds == 0), jerk != 0
+        rests = np.where(from_rest, self.breaks[i] + since, self.breaks[i + 1] - left)
+        return np.asarray(np.where(ramp, rests, times))
 
 
 def path_states(
-    joint_path: JointPath,
-    ends: tuple[FloatArray, FloatArray],
-    s: FloatArray,
-    ds: FloatArray,
-    dds: FloatArray,
-    order: int,
+    joint_path: JointPath, ends: tuple[FloatArray, FloatArray], motion: tuple[FloatArray, ...]
 ) -> FloatArray:
-    """q, dq or ddq along a joint path by the chain rule.
+    """Q or a derivative up to the third along a joint path, by the chain rule.
 
     Args:
         joint_path: The joint path.
         ends: Arc lengths of the start and end of the law's interval at each s [m]. At a break of
             the joint path they decide between the interval before and after it.
-        s: Arc lengths [m].
-        ds: Path speeds, if the order is 1 or 2 [m/s].
-        dds: Path accelerations, if the order is 2 [m/s²].
-        order: 0, 1 or 2.
+        motion: s and its derivatives, up to the order that is asked for.
     """
+    s, order = motion[0], len(motion) - 1
     first = joint_path.locate(ends[0], side="right")
     last = joint_path.locate(ends[1], side="left")
     piece = np.clip(joint_path.locate(s), first, last)
     if order == 0:
         return joint_path.on_interval(piece, s)
-    dq_ds = joint_path.on_interval(piece, s, 1)
+    slope = joint_path.on_interval(piece, s, 1)
+    ds = motion[1][..., None]
     if order == 1:
-        return np.asarray(dq_ds * ds[..., None])
-    bend = joint_path.on_interval(piece, s, 2)
-    return np.asarray(bend * ds[..., None] ** 2 + dq_ds * dds[..., None])
+        return np.asarray(slope * ds)
+    bend, dds = joint_path.on_interval(piece, s, 2), motion[2][..., None]
+    if order == 2:
+        return np.asarray(bend * ds**2 + slope * dds)
+    third = joint_path.on_interval(piece, s, 3)
+    return np.asarray(third * ds**3 + 3 * bend * ds * dds + slope * motion[3][..., None])
 
 
 def _refuse_disorder(breaks: FloatArray) -> None:

@@ -63,20 +63,24 @@ class SmoothedLaw(LawAlongPath):
         return self.law.joint_path
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t`; `i` is the interval that contains each."""
+        """S or a derivative at times `t`; `i` is the interval that contains each."""
         found = self._path(np.ravel(t))[:, order].reshape(np.shape(t))
         return np.clip(found, self.s[i], self.s[i + 1]) if order == 0 else found
 
     def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """s, ds and dds at times `t`; `i` is the interval that contains each."""
-        found = self._path(np.ravel(t)).reshape((*np.shape(t), 3))
-        return np.clip(found[..., 0], self.s[i], self.s[i + 1]), found[..., 1], found[..., 2]
+        s, ds, dds, _ = self._motion(i, t)
+        return s, ds, dds
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq or ddq by the chain rule."""
-        return path_states(
-            self.joint_path, (self.s[i], self.s[i + 1]), *self.path_motion(i, t), order
-        )
+        """Q or a derivative by the chain rule."""
+        motion = self._motion(i, t)[: order + 1]
+        return path_states(self.joint_path, (self.s[i], self.s[i + 1]), motion)
+
+    def _motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, ...]:
+        """s, ds, dds and ddds at times `t`; `i` is the interval that contains each."""
+        found = np.moveaxis(self._path(np.ravel(t)).reshape((*np.shape(t), 4)), -1, 0)
+        return np.clip(found[0], self.s[i], self.s[i + 1]), *found[1:]
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
@@ -90,7 +94,7 @@ class SmoothedLaw(LawAlongPath):
         )
 
     def _path(self, t: FloatArray) -> FloatArray:
-        """s, ds and dds of the averaged law at times `t`, (n, 3)."""
+        """s, ds, dds and ddds of the averaged law at times `t`, (n, 4)."""
         at = np.ascontiguousarray(t, dtype=np.float64)
         return average(
             at, self.law.breaks, self.law.s, self.law.rates, self.integrals, *self.windows

@@ -200,17 +200,17 @@ class Trajectory:
         return np.array([0.0, *(x.t[1] for x in self.stretches)])
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions, velocities or accelerations, `t.shape + (dof,)` [rad, rad/s, rad/s²].
+        """Joint positions or their derivatives, `t.shape + (dof,)` [rad, rad/s, rad/s², rad/s³].
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
-            order: 0, 1 or 2.
+            order: 0, 1, 2 or 3.
             side: At a jump, "right" for the value after it, "left" for the value before it.
 
         Raises:
-            InvalidInput: A time is outside the trajectory, or the order is not 0, 1 or 2.
+            InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = self._clip_times(t, order)
+        at = self._clip_times(t, order, 3)
         result: FloatArray | None = None
         for k, of, i, local in self.locate(at.ravel(), side):
             values = self.laws[k].on_interval(i, local, order)
@@ -227,7 +227,7 @@ class Trajectory:
 
         Args:
             t: Times [s], (n,).
-            order: 0, 1 or 2.
+            order: 0, 1, 2 or 3.
         """
         found = self(np.clip(t, 0.0, self.duration), order)
         if order:
@@ -249,7 +249,7 @@ class Trajectory:
             InvalidInput: A time is outside the trajectory, the order is not 0, 1 or 2, or the laws
                 are not along one path.
         """
-        at = self._clip_times(t, order)
+        at = self._clip_times(t, order, 2)
         self._refuse_no_arc_length()
         found = np.empty(at.size)
         for k, of, i, local in self.locate(at.ravel(), side):
@@ -330,17 +330,17 @@ class Trajectory:
             i = np.clip(i, 0, len(own) - 2)
             yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
 
-    def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
+    def _clip_times(self, t: npt.ArrayLike, order: int, highest: int) -> FloatArray:
         """Times clipped to the trajectory, after refusing those outside and other orders.
 
         Raises:
-            InvalidInput: A time is outside the trajectory, or the order is not 0, 1 or 2.
+            InvalidInput: A time is outside the trajectory, or the order is not from 0 to `highest`.
         """
         at = np.asarray(t)
         if at.dtype != np.float64:
             at = _checks.numbers("t", t, "s")
-        if order not in (0, 1, 2):
-            raise InvalidInput(f"A trajectory has the orders 0, 1 and 2, not {order}.")
+        if order not in range(highest + 1):
+            raise InvalidInput(f"The order must be from 0 to {highest}, but is {order}.")
         slack = SLACK * self.duration
         outside = ~((at >= -slack) & (at <= self.duration + slack))
         if outside.any():

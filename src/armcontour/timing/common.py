@@ -60,7 +60,8 @@ def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: Float
     """
     lengths = np.diff(s)
     times = 2 * lengths / (start + end)
-    rates = Rates(ds=start, dds=(end - start) / times, slope=np.zeros_like(lengths))
+    none = np.zeros_like(lengths)
+    rates = Rates(ds=start, dds=(end - start) / times, slope=none, jerk=none)
     return PathLaw(
         joint_path=joint_path, breaks=np.concatenate([[0.0], np.cumsum(times)]), s=s, rates=rates
     )

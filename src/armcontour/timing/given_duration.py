@@ -122,7 +122,7 @@ def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory
         joint_path=law.joint_path,
         breaks=np.array([0.0, target - slower.duration]),
         s=end,
-        rates=Rates(ds=still, dds=still, slope=still),
+        rates=Rates(still, still, still, still),
     )
     return replace(slower, laws=(law, wait))
 
@@ -134,8 +134,10 @@ def _laws(trajectory: Trajectory) -> tuple[PathLaw, ...]:
 
 def _stretch(law: PathLaw, factor: float) -> PathLaw:
     """The same motion in `factor` times its time."""
-    ds, dds, slope = law.rates
-    rates = Rates(ds=ds / factor, dds=dds / factor**2, slope=slope / factor**2)
+    ds, dds, slope, jerk = law.rates
+    rates = Rates(
+        ds=ds / factor, dds=dds / factor**2, slope=slope / factor**2, jerk=jerk / factor**3
+    )
     return replace(law, breaks=law.breaks * factor, rates=rates)
 
 

@@ -641,7 +641,7 @@ def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
         joint_path=grid.joint_path,
         breaks=np.concatenate([[0.0], np.cumsum(times)]),
         s=grid.s,
-        rates=Rates(ds=speed[:-1], dds=start, slope=skew),
+        rates=Rates(ds=speed[:-1], dds=start, slope=skew, jerk=np.zeros_like(skew)),
     )
 
 

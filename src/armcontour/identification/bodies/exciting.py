@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,11 +79,8 @@ class WaveLaw(Law):
             for k in range(order + 1)
         ]
         window = [x[..., None] for x in _window(np.asarray(t), float(self.breaks[-1]))]
-        if order == 0:
-            return np.asarray(self.home + window[0] * waves[0])
-        if order == 1:
-            return np.asarray(window[1] * waves[0] + window[0] * waves[1])
-        return np.asarray(window[2] * waves[0] + 2 * window[1] * waves[1] + window[0] * waves[2])
+        parts = (math.comb(order, k) * window[order - k] * waves[k] for k in range(order + 1))
+        return np.asarray(sum(parts) + (self.home if order == 0 else 0.0))
 
     def scaled(self, by: FloatArray | float) -> WaveLaw:
         """The law with amplitudes times a factor, or one factor per joint."""
@@ -144,8 +142,8 @@ def propose(
     return best[1]
 
 
-def _window(t: FloatArray, duration: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A factor that rises from 0 to 1 and falls to 0 within RAMP, and its two derivatives."""
+def _window(t: FloatArray, duration: float) -> tuple[FloatArray, ...]:
+    """A factor that rises from 0 to 1 and falls to 0 within RAMP, and three derivatives."""
     late = t > duration / 2
     x = np.clip(np.where(late, duration - t, t) / RAMP, 0.0, 1.0)
     sign = np.where(late, -1.0, 1.0)
@@ -153,6 +151,7 @@ def _window(t: FloatArray, duration: float) -> tuple[FloatArray, FloatArray, Flo
         np.asarray(x**3 * (10 - 15 * x + 6 * x**2)),
         np.asarray(sign * 30 * x**2 * (1 - x) ** 2 / RAMP),
         np.asarray(60 * x * (1 - x) * (1 - 2 * x) / RAMP**2),
+        np.where((x > 0) & (x < 1), sign * 60 * (1 - 6 * x * (1 - x)) / RAMP**3, 0.0),
     )
 
 
