@@ -90,7 +90,8 @@ def test_a_smooth_corner_has_the_stated_curvature(turn):
 def test_no_point_of_a_smooth_corner_is_farther_from_the_lines_than_its_middle(smooth):
     c, objective = smooth.corners, smooth.objective
     far = [
-        objective.project(smooth(np.linspace(*x, 999))).distance.max() for x in zip(c.start, c.end)
+        objective.project(smooth(np.linspace(*x, 999))).distance.max()
+        for x in zip(c.start, c.end, strict=True)
     ]
     assert (far <= c.error * np.cos(c.turn / 2) * (1 + 1e-9)).all()
 

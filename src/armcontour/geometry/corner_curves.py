@@ -41,7 +41,13 @@ FEW, MANY = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
 
 
 class CornerCurve(ABC):
-    """A kind of curve for corners between two lines, by smallest radius r and half turn h."""
+    """A kind of curve for corners between two lines, by smallest radius r and half turn h.
+
+    Attributes:
+        smooth: Whether its curvature is 0 at its ends and nowhere jumps.
+    """
+
+    smooth = False
 
     @abstractmethod
     def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
@@ -155,6 +161,8 @@ class _Parabola(CornerCurve):
 
 class _SmoothBend(CornerCurve):
     """One smooth bend per corner, drawn as transitions."""
+
+    smooth = True
 
     def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
         return np.asarray(error / self.error(np.ones(1), half))

@@ -361,7 +361,8 @@ def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> Round
     which = np.concatenate([wishes.corner, kinked])
     lengths = np.append(found.length, 2 * tangents[len(wishes.corner) :])
     tangents = np.append(found.tangent, tangents[len(wishes.corner) :])
-    return _add_orientation(rounded, source, which, tangents, lengths, angle)
+    smooth = wishes.curve.smooth
+    return _add_orientation(rounded, source, which, tangents, lengths, angle, smooth=smooth)
 
 
 def _rounded_corners(
@@ -403,7 +404,7 @@ def _stop_reasons(
     """Why the tool stops at each corner; None where it does not, (n,)."""
     reasons = np.full(len(wishes.corner), NO_ROOM, dtype=object)
     if angle == 0:
-        reasons[largest_tangent(path, wishes.corner, _length_ratio(wishes), angle) == 0] = NO_ANGLE
+        reasons[_largest_tangent(path, wishes, angle) == 0] = NO_ANGLE
     reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
     if path.orientation is not None and path.orientation.follows:
         reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
@@ -475,7 +476,7 @@ def _tangent_lengths(
     """
     corner, half = wishes.corner, wishes.half
     bent = _beside_arcs(path, corner)
-    allowed = largest_tangent(path, corner, _length_ratio(wishes), angle)
+    allowed = _largest_tangent(path, wishes, angle)
     wanted = np.minimum(wishes.radius * wishes.curve.stretch(half), allowed)
     if bent.any():
         wanted[bent] = _wanted_blends(path, wishes, bent, angle)
@@ -486,7 +487,8 @@ def _tangent_lengths(
     wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
     # Blends of the orientation alone share the segments with the corners' arcs.
     which = np.concatenate([corner, kinked])
-    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle)
+    smooth = wishes.curve.smooth
+    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle, smooth=smooth)
     order = np.argsort(which)
     tangents = np.empty(len(which))
     tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
@@ -496,9 +498,10 @@ def _tangent_lengths(
     return tangents, wanted
 
 
-def _length_ratio(wishes: _Wishes) -> FloatArray:
-    """Length of the curve of each corner between two lines over its tangent length, (n,)."""
-    return np.asarray(wishes.long / wishes.curve.stretch(wishes.half))
+def _largest_tangent(path: Path, wishes: _Wishes, angle: float) -> FloatArray:
+    """Largest tangent lengths of corners between two lines that keep the angular tolerance [m]."""
+    ratio = wishes.long / wishes.curve.stretch(wishes.half)
+    return largest_tangent(path, wishes.corner, ratio, angle, smooth=wishes.curve.smooth)
 
 
 def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -> FloatArray:
@@ -571,6 +574,8 @@ def _add_orientation(
     tangent: FloatArray,
     length: FloatArray,
     angle: float,
+    *,
+    smooth: bool,
 ) -> RoundedPath:
     """The rounded path with the rounded orientation of its objective path.
 
@@ -581,6 +586,7 @@ def _add_orientation(
         tangent: Tangent length of each of these vertices [m], (k,).
         length: Length of what replaces them [m], (k,).
         angle: Angular tolerance [rad].
+        smooth: Whether the derivative of the angular rate must not jump.
     """
     path = rounded.objective
     if path.orientation is None:
@@ -588,9 +594,9 @@ def _add_orientation(
     if path.orientation.follows:
         cut = np.zeros(len(path))
         cut[which + 1] = tangent
-        orientation = follow_rounded(rounded.segments, path, source, cut, angle)
+        orientation = follow_rounded(rounded.segments, path, source, cut, angle, smooth=smooth)
         return dataclasses.replace(rounded, orientation=orientation)
-    orientation, off = round_orientation(path, which, tangent, length)
+    orientation, off = round_orientation(path, which, tangent, length, smooth=smooth)
     corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
