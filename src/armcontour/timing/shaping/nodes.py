@@ -146,20 +146,17 @@ def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> Flo
     return low
 
 
-def place_nodes(
-    start: Candidate, joint_path: JointPath, tube: Tube, arm: Arm, branch: str | None, pitch: float
-) -> Nodes:
+def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None, pitch: float) -> Nodes:
     """Nodes along a start, dense at corners and rests.
 
     Args:
         start: The start, with its timing.
-        joint_path: Its joint path.
         tube: The tube of the tolerance.
         arm: The arm.
         branch: For an arm in the plane, the branch of its inverse kinematics.
         pitch: Factor on the distances between nodes.
     """
-    path, places = start.path, start.places
+    path, places, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.of(path, places, tube)
     s, index = _spread(path, joint_path, arm, tube, places, marks, pitch)
     # A rest between two stretches has a node on either side.
