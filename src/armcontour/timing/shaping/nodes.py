@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.starts import Candidate
 
 # Distance between nodes at a corner that turns by 90°, over the tolerance, and its growth from node
-# to node away from the corner. The pitch of the nodes is a factor on all distances.
+# to node away from the corner.
 AT_CORNER = 0.045
 GROWTH = 0.12
 # Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
@@ -129,9 +130,12 @@ class Nodes:
         return tube.windows_between(low, high)
 
 
-def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> FloatArray:
+def _farthest(
+    fits: Callable[[FloatArray, FloatArray], BoolArray],
+    direction: FloatArray,
+    tolerance: FloatArray,
+) -> FloatArray:
     """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
-    assert callable(fits)
     low, alive = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
     for share in np.arange(MARCH, FARTHEST, MARCH):
         alive &= fits(share * tolerance, direction)
@@ -146,7 +150,7 @@ def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> Flo
     return low
 
 
-def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None, pitch: float) -> Nodes:
+def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> Nodes:
     """Nodes along a start, dense at corners and rests.
 
     Args:
@@ -154,11 +158,10 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None, pitc
         tube: The tube of the tolerance.
         arm: The arm.
         branch: For an arm in the plane, the branch of its inverse kinematics.
-        pitch: Factor on the distances between nodes.
     """
     path, places, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.of(path, places, tube)
-    s, index = _spread(path, joint_path, arm, tube, places, marks, pitch)
+    s, index = _spread(start, arm, tube, marks)
     # A rest between two stretches has a node on either side.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
@@ -272,19 +275,12 @@ def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(even, axis=1))
 
 
-def _spread(
-    path: Path,
-    joint_path: JointPath,
-    arm: Arm,
-    tube: Tube,
-    places: FloatArray,
-    marks: _Marks,
-    pitch: float,
-) -> tuple[FloatArray, IntArray]:
+def _spread(start: Candidate, arm: Arm, tube: Tube, marks: _Marks) -> tuple[FloatArray, IntArray]:
     """Arc lengths of nodes, and the mark at which each is; -1 for none.
 
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
+    path, places, joint_path = start.path, start.places, start.joint_path
     rests = marks.at[marks.rest]
     at, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
     typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
@@ -300,7 +296,7 @@ def _spread(
         # Neighbouring distances differ by no more than the growth.
         step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
         step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
-        density = 1 / (pitch * step)
+        density = 1 / step
         total = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(at)))
         least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
         count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
