@@ -14,6 +14,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.timing.limit_use import States
 
 # Directions in which a disc in space is bounded by planes.
 DIRECTIONS = 8
@@ -73,23 +74,6 @@ class SpanRows:
     scale: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
-    """The motion of joints and tool at one end of every span.
-
-    Args:
-        arm: The arm.
-        q: Joint positions [rad], (n, dof).
-        e: Joint velocities [rad/s], (n, dof).
-        a: Joint accelerations [rad/s²], (n, dof).
-    """
-
-    arm: Arm
-    q: FloatArray
-    e: FloatArray
-    a: FloatArray
-
-
 def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
     """All rows of the limits, but for those on the tool's turning and of the joint ranges.
 
@@ -114,10 +98,7 @@ def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> S
         found.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
     if limits.joint_velocity is not None:
         found.append(_velocity(both, e, np.asarray(limits.joint_velocity)))
-    ends = [
-        Motion(arm=arm, q=knots[:-1], e=e[:-1], a=a),
-        Motion(arm=arm, q=knots[1:], e=e[1:], a=a),
-    ]
+    ends = [States(arm, knots[:-1], e[:-1], a), States(arm, knots[1:], e[1:], a)]
     if np.isfinite(speeds).any():
         found.append(_tool_speed(ends[1], speeds))
     for last, x in enumerate(ends):
@@ -154,9 +135,9 @@ def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
     return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
 
 
-def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
+def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
     """`|J e_i| <= speed`."""
-    velocity = end.arm.tool_velocity(end.q, end.e)
+    velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     # Without a limit, any bound that does not bind.
@@ -168,16 +149,16 @@ def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
 
 
 def _tool_acceleration(
-    end: Motion, h: FloatArray, most: float, last: bool, *, across: bool
+    end: States, h: FloatArray, most: float, last: bool, *, across: bool
 ) -> SpanRows:
     """The acceleration of the tool in several directions, or its part across the motion.
 
     In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
     """
-    arm, q, e = end.arm, end.q, end.e
+    arm, q, e = end.arm, end.q, end.dq
     jacobian, rate = arm.jacobian(q), arm.jacobian_rate(q, e)
     velocity = np.einsum("nij,nj->ni", jacobian, e)
-    acceleration = np.einsum("nij,nj->ni", jacobian, end.a) + np.einsum("nij,nj->ni", rate, e)
+    acceleration = np.einsum("nij,nj->ni", jacobian, end.ddq) + np.einsum("nij,nj->ni", rate, e)
     speed = np.linalg.norm(velocity, axis=1)
     moving = speed > 0
     tangent = velocity / np.where(moving, speed, 1.0)[:, None]
@@ -240,26 +221,26 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
     return np.asarray(found)
 
 
-def _torque(end: Motion, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
+def _torque(end: States, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
     """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
 
     Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
     count as constant.
     """
     dynamics = end.arm.dynamics
-    zero = np.zeros_like(end.e)
+    zero = np.zeros_like(end.dq)
     mass = dynamics.mass_matrix(end.q)
     still = dynamics.torque(end.q, zero, zero)
-    drag = dynamics.friction(end.e)
-    bias = dynamics.torque(end.q, end.e, zero) + drag
+    drag = dynamics.friction(end.dq)
+    bias = dynamics.torque(end.q, end.dq, zero) + drag
     bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
-    torque = np.einsum("nij,nj->ni", mass, end.a) + bias
+    torque = np.einsum("nij,nj->ni", mass, end.ddq) + bias
     value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", both, mass)
-    square = np.sum(end.e**2, axis=1)
+    square = np.sum(end.dq**2, axis=1)
     share = 2 * h / np.where(square > 0, square, 1.0)
     coriolis = np.einsum("nrj,nj->nr", both, bias - still - drag)
-    by_end = (share[:, None] * coriolis)[..., None] * end.e[:, None]
+    by_end = (share[:, None] * coriolis)[..., None] * end.dq[:, None]
     before, after = -by_joints, np.array(by_joints)
     if last:
         after = after + by_end
