@@ -172,11 +172,7 @@ def _tool_acceleration(
         turn = np.where(moving, along / np.where(moving, speed, 1.0), 0.0)
         by_end = by_end - turn[:, None, None] * by_joints
     by_end = by_end * h[:, None, None]
-    before, after = -by_joints, np.array(by_joints)
-    if last:
-        after = after + by_end
-    else:
-        before = before + by_end
+    before, after = _by_both_ends(by_joints, by_end, last)
     time = np.einsum("nri,nij,nj->nr", d, rate, e) - most
     if across:
         # At rest nothing is across the motion.
@@ -241,13 +237,16 @@ def _torque(end: States, both: FloatArray, h: FloatArray, most: FloatArray, last
     share = 2 * h / np.where(square > 0, square, 1.0)
     coriolis = np.einsum("nrj,nj->nr", both, bias - still - drag)
     by_end = (share[:, None] * coriolis)[..., None] * end.dq[:, None]
-    before, after = -by_joints, np.array(by_joints)
-    if last:
-        after = after + by_end
-    else:
-        before = before + by_end
+    before, after = _by_both_ends(by_joints, by_end, last)
     time = np.einsum("nrj,nj->nr", both, bias) - bound
     return SpanRows(value, before, after, time, bound * h[:, None])
+
+
+def _by_both_ends(
+    by_change: FloatArray, by_end: FloatArray, last: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives by the velocities at both ends: by their change, and by the one at one end."""
+    return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 
 def assemble(
