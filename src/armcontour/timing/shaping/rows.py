@@ -50,9 +50,13 @@ class Spline:
     @property
     def knots(self) -> FloatArray:
         """Joint positions at the knots before, between and after the spans, (n + 1, dof)."""
-        q, h = self.q, self.h[:, None]
-        inner = (h[1:] * q[:-1] + h[:-1] * q[1:]) / (h[1:] + h[:-1])
-        return np.concatenate([q[:1], inner, q[-1:]])
+        return self.at_knots(self.q)
+
+    def at_knots(self, values: FloatArray) -> FloatArray:
+        """Values at the knots from those at the control points, (n, k) to (n + 1, k)."""
+        h = self.h[:, None]
+        inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
+        return np.concatenate([values[:1], inner, values[-1:]])
 
 
 @dataclass(slots=True)
