@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
+from armcontour.frames import perpendicular
 from armcontour.geometry import Path, Tube
 from armcontour.motion import JointPath
 from armcontour.timing.shaping.kinematics import NearPath
@@ -334,8 +335,7 @@ def _frames(tangents: FloatArray) -> FloatArray:
     """Unit vectors at right angles to tangents as columns, (n, dimension, dimension - 1)."""
     if tangents.shape[1] == 2:
         return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
-    least = np.eye(3)[np.argmin(np.abs(tangents), axis=1)]
-    first = np.cross(tangents, least)
+    first = perpendicular(tangents)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(tangents, first)], axis=2)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.frames import perpendicular
 from armcontour.timing.limit_use import States
 
 # Directions in which a disc in space is bounded by planes.
@@ -201,8 +202,7 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
         if across:
             part = part - np.sum(part * tangent, axis=1, keepdims=True) * tangent
         size = np.linalg.norm(part, axis=1, keepdims=True)
-        least = np.eye(3)[np.argmin(np.abs(tangent), axis=1)]
-        spare = np.cross(tangent, least)
+        spare = perpendicular(tangent)
         first = np.where(size > 1e-9, part / np.where(size > 1e-9, size, 1.0), spare)
         first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
         third = tangent if across else spare
