@@ -123,7 +123,7 @@ class Sampled:
         # With dds linear in s, ds² is a quadratic in s.
         x = share * self.width[:, None]
         square = ds**2 + x * (2 * dds + slope * x)
-        self.lowest = square.min(axis=1)
+        self.lowest = np.where(jerk[:, 0] == 0, square.min(axis=1), 0.0)
         speed = np.sqrt(np.maximum(square, 0.0))
         along = (x, speed, dds + slope * x, slope * speed)
         # With uniform jerk, s is a cubic in time.
