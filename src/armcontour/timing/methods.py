@@ -18,7 +18,7 @@ METHODS = (Method.OPTIMAL.value, Method.MAC.value, Method.CONVENTIONAL.value)
 PLANNING_METHODS = (*METHODS, Method.SHAPED.value)
 SHAPE_OPTIONS = ("tolerance", "line_tolerance", "zone", "angular_tolerance", "iterations")
 OPTIONS = {
-    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
+    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints", "iterations"),
     "mac": ("knots", "period"),
     "conventional": (),
     "shaped": (*SHAPE_OPTIONS, "intervals"),
