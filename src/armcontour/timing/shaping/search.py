@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._parts import number_parts
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
@@ -227,7 +228,7 @@ class Search:
         edges = np.minimum(stays[1:], stays[:-1])
         first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
         count = np.bincount(group)
-        number = np.arange(len(group)) - (np.cumsum(count) - count)[group]
+        _, number = number_parts(count)
         share = first + (number + 0.5) / count[group] * (last - first)
         return (
             state.offsets + share[:, None] * (offsets - state.offsets),
