@@ -10,6 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import PlanarTwoLink
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
+from armcontour.geometry.shaped import SHAPED
 from armcontour.jobs import Job, Run, RunResult
 from armcontour.motion import Trajectory
 from armcontour.report.sections.tolerance import tube_of
@@ -45,7 +46,8 @@ class ShapedContour:
     @property
     def saved(self) -> float:
         """Time that the shape saves [s]."""
-        return fastest_start(self.path)[1] - self.path.outcome.durations["shaped"]
+        outcome = self.path.outcome
+        return outcome.durations[outcome.start] - outcome.durations[SHAPED]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,13 +72,6 @@ class Variant:
     def origin(self, s: FloatArray) -> FloatArray:
         """Arc lengths on the objective path at arc lengths on this path [m]."""
         return np.interp(s, self.places[:, 1], self.places[:, 0])
-
-
-def fastest_start(path: ShapedPath) -> tuple[str, float]:
-    """Name and duration [s] of the fastest of the starts of a shaped path."""
-    starts = {name: x for name, x in path.outcome.durations.items() if name != "shaped"}
-    name = min(starts, key=lambda x: starts[x])
-    return name, starts[name]
 
 
 def variant_of(path: ShapedPath) -> Variant:

@@ -13,6 +13,7 @@ from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.shaped import SHAPED
 from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
@@ -38,7 +39,6 @@ MOST_MENDED = 4
 WEIGHT = (1e-3, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
 SPARE = 1.5
-SHAPED = "shaped"
 # The search starts from parabolas within this share of the tolerance.
 SHARE = 0.7
 

@@ -17,6 +17,7 @@ from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry.shaped import SHAPED
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
@@ -295,7 +296,7 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
         # Another start mostly leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
-    durations["shaped"] = best.duration
+    durations[SHAPED] = best.duration
     outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
     tell(1.0)
     return _shaped_path(objective, best, wishes, outcome)
