@@ -27,8 +27,6 @@ from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
 
 # The search ends with the first start that saves this share of the duration.
 ENOUGH = 0.01
-
-
 # From so many contours on other processes shape them, which take a few seconds to start.
 MANY = 24
 
