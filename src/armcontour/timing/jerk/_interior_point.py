@@ -1,0 +1,595 @@
+"""A feasible interior point method for the fastest speed along a path; compiled.
+
+The unknowns are the middle control points d of `a = ds²` on n cells, between the values of a at
+both ends. Each row couples three neighbours, so that every step solves a system of five diagonals.
+Every iterate keeps every row. See docs/concepts/jerk.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour._kernels import compiled
+
+# Share of the way to the nearest row that a step may go.
+NEAREST = 0.995
+# A step is shortened by this factor, at most so often, until it keeps all curved rows.
+SHORTER, MOST_SHORTER = 0.7, 60
+# The barrier falls by this factor, once Newton's decrement is below this share of the gap and the
+# step was longer than this share: faster rules end in tiny steps.
+FALL, CENTERED, LONG = 0.15, 0.1, 0.3
+# Gauss-Legendre nodes and weights on [0, 1], of the duration of a cell.
+NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+# The scaled diagonal is at least this far above zero.
+RIDGE = 1e-14
+TINY = 1e-300
+# What is minimized: the duration, or the speed at the start or at the end, with a minus sign.
+DURATION, START, END = 0, 1, 2
+
+
+class Section(NamedTuple):
+    """The problem between two rests, or other ends.
+
+    A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
+    are the values of a at the start and the end.
+
+    Args:
+        width: Lengths of the cells [m], (n,).
+        begin, end: Rows of the first and last control point of a on each cell, (n, 3) each.
+        ramps: Lengths of the cells of uniform jerk before the first and after the last cell [m],
+            (2,); 0 where there is none.
+        plain: Rows `low <= row <= high`, (n, m, 3).
+        low, high: Their bounds, (n, m).
+        curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
+            (n, k, 3).
+        jerk: Their limits, (k,).
+        of: The control point of each, (k,).
+        raised: Rows of the control points of a as a polynomial of the degree of the curved rows,
+            (n, j, 3).
+        round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (n, l, 3, 3).
+        radius, margin: Of the round rows, (n, l).
+        round_of: The control point of each, or -1 for a fixed radius, (l,).
+    """
+
+    width: FloatArray
+    begin: FloatArray
+    end: FloatArray
+    ramps: FloatArray
+    plain: FloatArray
+    low: FloatArray
+    high: FloatArray
+    curved: FloatArray
+    jerk: FloatArray
+    of: IntArray
+    raised: FloatArray
+    round: FloatArray
+    radius: FloatArray
+    margin: FloatArray
+    round_of: IntArray
+
+
+class _Duals(NamedTuple):
+    """One number for each bound of each row; slacks, multipliers, or their changes."""
+
+    low: FloatArray
+    high: FloatArray
+    curved: FloatArray
+    round: FloatArray
+    positive: FloatArray
+
+
+@compiled()
+def _duals(p: Section) -> _Duals:
+    n = len(p.width)
+    return _Duals(
+        np.zeros(p.low.shape),
+        np.zeros(p.low.shape),
+        np.zeros((n, p.curved.shape[1], 2)),
+        np.zeros((n, p.round.shape[1])),
+        np.zeros(n + 2),
+    )
+
+
+# Rows are read number by number: a view of each row would cost more than what is computed with it.
+
+
+@compiled(inline="always")
+def _end(rows: FloatArray, i: int, d: FloatArray) -> float:
+    """The value of the only row of cell i."""
+    return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
+
+
+@compiled(inline="always")
+def _of(rows: FloatArray, i: int, r: int, d: FloatArray) -> float:
+    """The value of row r of cell i."""
+    return float(rows[i, r, 0] * d[i] + rows[i, r, 1] * d[i + 1] + rows[i, r, 2] * d[i + 2])
+
+
+@compiled(inline="always")
+def _axis(rows: FloatArray, i: int, r: int, k: int, d: FloatArray) -> float:
+    """The value of axis k of the vector r of cell i."""
+    x, y, z = rows[i, r, k, 0], rows[i, r, k, 1], rows[i, r, k, 2]
+    return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
+
+
+@compiled(inline="always")
+def _tangents(p: Section, i: int, d: FloatArray, found: FloatArray) -> None:
+    """Write the control points of the tangent below a^(-1/2) in cell i, and slopes, (j, 4)."""
+    x = d[i + 1]
+    root = 1.0 / math.sqrt(x)
+    half = 0.5 * root / x
+    for k in range(p.raised.shape[1]):
+        point = _of(p.raised, i, k, d)
+        found[k, 0] = 1.5 * root - half * point
+        found[k, 1] = -half * p.raised[i, k, 0]
+        found[k, 2] = 1.5 * half * (point / x - 1.0) - half * p.raised[i, k, 1]
+        found[k, 3] = -half * p.raised[i, k, 2]
+
+
+@compiled(inline="always")
+def _radius(p: Section, i: int, r: int, tangents: FloatArray) -> Any:
+    """The radius of a round row, and its slope, (value, x, y, z)."""
+    k, radius = p.round_of[r], p.radius[i, r]
+    if k < 0:
+        return radius - p.margin[i, r], 0.0, 0.0, 0.0
+    value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
+    return radius * value - p.margin[i, r], radius * x, radius * y, radius * z
+
+
+@compiled(inline="always")
+def _square(p: Section, i: int, r: int, d: FloatArray) -> float:
+    """The square of the length of a vector of a round row."""
+    total = 0.0
+    for k in range(3):
+        total += _axis(p.round, i, r, k, d) ** 2
+    return total
+
+
+@compiled()
+def _slacks(p: Section, d: FloatArray, found: _Duals) -> None:
+    """Write how far d is from every bound."""
+    n = len(p.width)
+    tangents = np.empty((p.raised.shape[1], 4))
+    for i in range(n):
+        _tangents(p, i, d, tangents)
+        for r in range(p.plain.shape[1]):
+            f = _of(p.plain, i, r, d)
+            found.high[i, r], found.low[i, r] = p.high[i, r] - f, f - p.low[i, r]
+        for r in range(p.curved.shape[1]):
+            bound = p.jerk[r] * tangents[p.of[r], 0]
+            f = _of(p.curved, i, r, d)
+            found.curved[i, r, 0], found.curved[i, r, 1] = bound - f, bound + f
+        for r in range(p.round.shape[1]):
+            bound = _radius(p, i, r, tangents)[0]
+            # Without a radius the row is broken, whatever the vector.
+            found.round[i, r] = bound - _square(p, i, r, d) / bound if bound > 0.0 else -1.0
+    for i in range(n + 2):
+        found.positive[i] = d[i]
+
+
+@compiled()
+def least_slack(p: Section, d: FloatArray) -> float:
+    """The least share of any bound that d leaves; positive where d keeps every row."""
+    slack = _duals(p)
+    _slacks(p, d, slack)
+    least = 1.0
+    tangents = np.empty((p.raised.shape[1], 4))
+    for i in range(len(p.width)):
+        if d[i + 1] <= 0.0:
+            return -1.0
+        _tangents(p, i, d, tangents)
+        for r in range(p.plain.shape[1]):
+            f = abs(_of(p.plain, i, r, d))
+            if p.high[i, r] < math.inf:
+                least = min(least, slack.high[i, r] / max(abs(p.high[i, r]), f, TINY))
+            if p.low[i, r] > -math.inf:
+                least = min(least, slack.low[i, r] / max(abs(p.low[i, r]), f, TINY))
+        for r in range(p.curved.shape[1]):
+            left, right = slack.curved[i, r, 0], slack.curved[i, r, 1]
+            # The sum of both slacks is twice the bound.
+            least = min(least, min(left, right) / max(abs(left + right) / 2, TINY))
+        for r in range(p.round.shape[1]):
+            bound = abs(_radius(p, i, r, tangents)[0])
+            least = min(least, slack.round[i, r] / max(bound, TINY))
+    return least
+
+
+@compiled(inline="always")
+def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
+    """Add second derivatives and right sides of cell i to the diagonals."""
+    bands[0, i] += h[0]
+    bands[1, i] += h[1]
+    bands[2, i] += h[2]
+    bands[0, i + 1] += h[3]
+    bands[1, i + 1] += h[4]
+    bands[0, i + 2] += h[5]
+    right[i] += g[0]
+    right[i + 1] += g[1]
+    right[i + 2] += g[2]
+
+
+@compiled(inline="always")
+def _more(
+    h: tuple[float, float, float, float, float, float],
+    g: tuple[float, float, float],
+    row: tuple[float, float, float],
+    weight: float,
+    push: float,
+) -> Any:
+    """Second derivatives and right sides of one cell, with those of one more row."""
+    x, y, z = row
+    squares = (
+        h[0] + weight * x * x,
+        h[1] + weight * x * y,
+        h[2] + weight * x * z,
+        h[3] + weight * y * y,
+        h[4] + weight * y * z,
+        h[5] + weight * z * z,
+    )
+    return squares, (g[0] + push * x, g[1] + push * y, g[2] + push * z)
+
+
+@compiled()
+def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
+    """Duration [s]; adds its second derivatives and subtracts its gradient."""
+    n = len(p.width)
+    total = 0.0
+    for i in range(n):
+        first, last = _end(p.begin, i, d), _end(p.end, i, d)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
+        for k in range(3):
+            x = NODES[k]
+            b0, b1, b2 = (1.0 - x) * (1.0 - x), 2.0 * x * (1.0 - x), x * x
+            a = b0 * first + b1 * d[i + 1] + b2 * last
+            part = WEIGHTS[k] * p.width[i] / math.sqrt(a)
+            total += part
+            row = (
+                b0 * p.begin[i, 0] + b2 * p.end[i, 0],
+                b0 * p.begin[i, 1] + b2 * p.end[i, 1] + b1,
+                b0 * p.begin[i, 2] + b2 * p.end[i, 2],
+            )
+            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+        _add(bands, right, i, h, g)
+    for side in range(2):
+        if p.ramps[side] > 0.0:
+            i = 0 if side == 0 else n - 1
+            rows = p.begin if side == 0 else p.end
+            a = _end(rows, i, d)
+            part = 3.0 * p.ramps[side] / math.sqrt(a)
+            total += part
+            row = (rows[i, 0], rows[i, 1], rows[i, 2])
+            h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+            _add(bands, right, i, h, g)
+    return total
+
+
+@compiled()
+def _add_bounds(
+    p: Section,
+    d: FloatArray,
+    slack: _Duals,
+    dual: _Duals,
+    mu: float,
+    bands: FloatArray,
+    right: FloatArray,
+) -> None:
+    """Add what the barriers of all bounds contribute to Newton's system."""
+    n = len(p.width)
+    tangents = np.empty((p.raised.shape[1], 4))
+    for i in range(n):
+        _tangents(p, i, d, tangents)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
+        for r in range(p.plain.shape[1]):
+            weight, push = 0.0, 0.0
+            if p.high[i, r] < math.inf:
+                one = 1.0 / slack.high[i, r]
+                weight += dual.high[i, r] * one
+                push -= mu * one
+            if p.low[i, r] > -math.inf:
+                one = 1.0 / slack.low[i, r]
+                weight += dual.low[i, r] * one
+                push += mu * one
+            row = (p.plain[i, r, 0], p.plain[i, r, 1], p.plain[i, r, 2])
+            h, g = _more(h, g, row, weight, push)
+        for r in range(p.curved.shape[1]):
+            k = p.of[r]
+            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
+            for side in range(2):
+                sign = -1.0 if side == 0 else 1.0
+                one = 1.0 / slack.curved[i, r, side]
+                row = (
+                    p.jerk[r] * x + sign * p.curved[i, r, 0],
+                    p.jerk[r] * y + sign * p.curved[i, r, 1],
+                    p.jerk[r] * z + sign * p.curved[i, r, 2],
+                )
+                h, g = _more(h, g, row, dual.curved[i, r, side] * one, mu * one)
+        for r in range(p.round.shape[1]):
+            bound, x, y, z = _radius(p, i, r, tangents)
+            one, weight = 1.0 / slack.round[i, r], dual.round[i, r]
+            h, g = _more(h, g, _round_slope(p, i, r, d, tangents), weight * one, mu * one)
+            for k in range(3):
+                share = _axis(p.round, i, r, k, d) / bound
+                row = (
+                    p.round[i, r, k, 0] - share * x,
+                    p.round[i, r, k, 1] - share * y,
+                    p.round[i, r, k, 2] - share * z,
+                )
+                h, g = _more(h, g, row, 2.0 * weight / bound, 0.0)
+        _add(bands, right, i, h, g)
+    for i in range(n + 2):
+        if slack.positive[i] > 0.0:
+            bands[0, i] += dual.positive[i] / slack.positive[i]
+            right[i] += mu / slack.positive[i]
+
+
+@compiled(inline="always")
+def _round_slope(p: Section, i: int, r: int, d: FloatArray, tangents: FloatArray) -> Any:
+    """The slope of `bound - |vector|² / bound`, (x, y, z)."""
+    bound, x, y, z = _radius(p, i, r, tangents)
+    more = 1.0 + _square(p, i, r, d) / (bound * bound)
+    x, y, z = more * x, more * y, more * z
+    for k in range(3):
+        share = 2.0 * _axis(p.round, i, r, k, d) / bound
+        x -= share * p.round[i, r, k, 0]
+        y -= share * p.round[i, r, k, 1]
+        z -= share * p.round[i, r, k, 2]
+    return x, y, z
+
+
+@compiled(inline="always")
+def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
+    """The longest steps of slacks and multipliers so far, with those of one more row."""
+    one, other = reach
+    if -rise * one > NEAREST * slack:
+        one = -NEAREST * slack / rise
+    if -change * other > NEAREST * dual:
+        other = -NEAREST * dual / change
+    return one, other
+
+
+@compiled()
+def _changes(
+    p: Section,
+    d: FloatArray,
+    step: FloatArray,
+    slack: _Duals,
+    dual: _Duals,
+    mu: float,
+    change: _Duals,
+) -> tuple[float, float]:
+    """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
+    n = len(p.width)
+    reach = (1.0, 1.0)
+    tangents = np.empty((p.raised.shape[1], 4))
+    for i in range(n):
+        _tangents(p, i, d, tangents)
+        for r in range(p.plain.shape[1]):
+            rise = _of(p.plain, i, r, step)
+            if p.high[i, r] < math.inf:
+                room, old = slack.high[i, r], dual.high[i, r]
+                new = (mu + old * rise) / room - old
+                reach = _reach(room, old, -rise, new, reach)
+                change.high[i, r] = new
+            if p.low[i, r] > -math.inf:
+                room, old = slack.low[i, r], dual.low[i, r]
+                new = (mu - old * rise) / room - old
+                reach = _reach(room, old, rise, new, reach)
+                change.low[i, r] = new
+        for r in range(p.curved.shape[1]):
+            k = p.of[r]
+            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
+            common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
+            rise = _of(p.curved, i, r, step)
+            for side in range(2):
+                own = common - rise if side == 0 else common + rise
+                room, old = slack.curved[i, r, side], dual.curved[i, r, side]
+                new = (mu - old * own) / room - old
+                reach = _reach(room, old, own, new, reach)
+                change.curved[i, r, side] = new
+        for r in range(p.round.shape[1]):
+            x, y, z = _round_slope(p, i, r, d, tangents)
+            rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
+            room, old = slack.round[i, r], dual.round[i, r]
+            new = (mu - old * rise) / room - old
+            reach = _reach(room, old, rise, new, reach)
+            change.round[i, r] = new
+    for i in range(n + 2):
+        if slack.positive[i] > 0.0:
+            room, old = slack.positive[i], dual.positive[i]
+            new = (mu - old * step[i]) / room - old
+            reach = _reach(room, old, step[i], new, reach)
+            change.positive[i] = new
+    return reach
+
+
+@compiled()
+def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
+    """Whether d keeps a share of its old slack on every curved and round row."""
+    n = len(p.width)
+    share = 1.0 - NEAREST
+    tangents = np.empty((p.raised.shape[1], 4))
+    for i in range(n):
+        _tangents(p, i, d, tangents)
+        for r in range(p.curved.shape[1]):
+            bound = p.jerk[r] * tangents[p.of[r], 0]
+            f = _of(p.curved, i, r, d)
+            if bound - f < share * old.curved[i, r, 0] or bound + f < share * old.curved[i, r, 1]:
+                return False
+        for r in range(p.round.shape[1]):
+            bound = _radius(p, i, r, tangents)[0]
+            if bound <= 0.0 or bound - _square(p, i, r, d) / bound < share * old.round[i, r]:
+                return False
+    return True
+
+
+@compiled()
+def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
+    """Solve a symmetric system of five diagonals in place, by LDLᵀ with a scaled diagonal."""
+    n = len(right)
+    scale = np.empty(n)
+    for i in range(n):
+        scale[i] = 1.0 / math.sqrt(bands[0, i])
+    for i in range(n):
+        right[i] *= scale[i]
+        bands[0, i] = 1.0 + RIDGE
+        if i < n - 1:
+            bands[1, i] *= scale[i] * scale[i + 1]
+        if i < n - 2:
+            bands[2, i] *= scale[i] * scale[i + 2]
+    for i in range(n):
+        pivot = max(bands[0, i], RIDGE)
+        bands[0, i] = pivot
+        if i < n - 1:
+            one = bands[1, i] / pivot
+            bands[0, i + 1] -= one * bands[1, i]
+            right[i + 1] -= one * right[i]
+            if i < n - 2:
+                two = bands[2, i] / pivot
+                bands[1, i + 1] -= one * bands[2, i]
+                bands[0, i + 2] -= two * bands[2, i]
+                right[i + 2] -= two * right[i]
+                bands[2, i] = two
+            bands[1, i] = one
+    for i in range(n - 1, -1, -1):
+        total = right[i] / bands[0, i]
+        if i < n - 1:
+            total -= bands[1, i] * right[i + 1]
+        if i < n - 2:
+            total -= bands[2, i] * right[i + 2]
+        right[i] = total
+    for i in range(n):
+        right[i] *= scale[i]
+
+
+@compiled()
+def _hold(bands: FloatArray, right: FloatArray, free: int) -> None:
+    """Take the ends out of Newton's system, but for a free one."""
+    last = len(right) - 1
+    if free != START:
+        bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
+    if free != END:
+        bands[0, last], bands[1, last - 1], bands[2, last - 2], right[last] = 1.0, 0.0, 0.0, 0.0
+
+
+@compiled()
+def _move(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> None:
+    for i in range(len(d)):
+        trial[i] = d[i] + share * step[i]
+
+
+@compiled()
+def _count(p: Section, dual: _Duals) -> float:
+    """Number of bounds."""
+    found = dual.curved.size + dual.round.size
+    for i in range(p.low.shape[0]):
+        for r in range(p.low.shape[1]):
+            found += (p.low[i, r] > -math.inf) + (p.high[i, r] < math.inf)
+    return float(found + len(p.width))
+
+
+@compiled()
+def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
+    """Multipliers on the central path of mu."""
+    for i in range(p.low.shape[0]):
+        for r in range(p.low.shape[1]):
+            dual.low[i, r] = mu / slack.low[i, r] if p.low[i, r] > -math.inf else 0.0
+            dual.high[i, r] = mu / slack.high[i, r] if p.high[i, r] < math.inf else 0.0
+        for r in range(p.curved.shape[1]):
+            for side in range(2):
+                dual.curved[i, r, side] = mu / slack.curved[i, r, side]
+        for r in range(p.round.shape[1]):
+            dual.round[i, r] = mu / slack.round[i, r]
+    for i in range(len(slack.positive)):
+        if slack.positive[i] > 0.0:
+            dual.positive[i] = mu / slack.positive[i]
+
+
+@compiled()
+def _climb(dual: FloatArray, change: FloatArray, share: float) -> None:
+    """Add a share of the changes to multipliers."""
+    flat, more = dual.reshape(-1), change.reshape(-1)
+    for i in range(flat.size):
+        flat[i] += share * more[i]
+
+
+@compiled()
+def improve(
+    p: Section, d: FloatArray, goal: int, target: float, tolerance: float, most: int
+) -> int:
+    """Improve a strictly feasible d in place until its gap is small; returns the iterations.
+
+    Args:
+        p: The problem.
+        d: Control points of a [m²/s²], (n + 2,); those of the ends stay, but for the goal's.
+        goal: DURATION, START or END: what is minimized, or maximized for the two others.
+        target: The value of a at which the search for START or END ends.
+        tolerance: Share of the optimum within which the result is.
+        most: Largest number of iterations.
+    """
+    n = len(p.width)
+    slack, dual, change = _duals(p), _duals(p), _duals(p)
+    bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
+    end = 0 if goal == START else n + 1
+    # A fixed end has no barrier.
+    _slacks(p, d, slack)
+    for k in (0, n + 1):
+        if goal == DURATION or k != end:
+            slack.positive[k] = 0.0
+    size = _add_durations(p, d, bands, right) if goal == DURATION else target
+    bounds = _count(p, dual)
+    mu = size / bounds
+    _start_duals(p, slack, mu, dual)
+    for iteration in range(most):
+        bands[:], right[:] = 0.0, 0.0
+        if goal == DURATION:
+            size = _add_durations(p, d, bands, right)
+        else:
+            right[end] += 1.0
+        _add_bounds(p, d, slack, dual, mu, bands, right)
+        _hold(bands, right, goal)
+        trial[:] = right
+        _solve_bands(bands, right)
+        decrement = 0.0
+        for i in range(n + 2):
+            decrement += trial[i] * right[i]
+        reach = _changes(p, d, right, slack, dual, mu, change)
+        share = reach[0]
+        landed = goal != DURATION and d[end] + share * right[end] >= target
+        if landed:
+            share = (target - d[end]) / right[end]
+        _move(d, right, share, trial)
+        shortened = 0
+        while not _near_enough(p, trial, slack):
+            share *= SHORTER
+            shortened += 1
+            landed = False
+            if shortened > MOST_SHORTER:
+                return iteration
+            _move(d, right, share, trial)
+        d[:] = trial
+        if landed:
+            d[end] = target
+        _slacks(p, d, slack)
+        for k in (0, n + 1):
+            if goal == DURATION or k != end:
+                slack.positive[k] = 0.0
+        if landed:
+            return iteration + 1
+        _climb(dual.low, change.low, reach[1])
+        _climb(dual.high, change.high, reach[1])
+        _climb(dual.curved, change.curved, reach[1])
+        _climb(dual.round, change.round, reach[1])
+        _climb(dual.positive, change.positive, reach[1])
+        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
+            if bounds * mu <= 0.5 * tolerance * size:
+                return iteration + 1
+            mu *= FALL
+    return most
