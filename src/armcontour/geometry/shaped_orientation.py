@@ -29,7 +29,7 @@ from armcontour.geometry.orientation import (
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
-    shift_cubic,
+    shift,
 )
 from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
@@ -279,7 +279,7 @@ def _lay(runs: _Runs, place: PchipInterpolator, cut: FloatArray, *, axis_only: b
     middle = (begin + end) / 2
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
     j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    f, g = shift_cubic(place.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
+    f, g = shift(place.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
     f[:, 0] -= runs.at[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
