@@ -255,7 +255,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, corners=_FREE),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
     _with(PLANE, limits={"joint_deceleration": 0.7, "joint_acceleration": 0.7}),
-    _with(PLANE, limits={"joint_jerk": 100.0}, ignore_jerk=True),
+    _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
     _path(start=[0.30, 0.20], segments=[_LINE]),
     _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
     _path(start=[0.30, 0.20], segments=[{"center": [0.30, 0.23], "angle": 1.5}]),

@@ -388,15 +388,14 @@ def test_limits_of_joints_and_of_turning() -> None:
     assert found.angular_acceleration == pytest.approx(4 * np.pi)
 
 
-def test_corners_start_and_jerk() -> None:
+def test_corners_and_start() -> None:
     start = ["10 deg", -1, 1, 0, 0, 0]
-    found = job(start=start, ignore_jerk=True, runs={"one": {}, "two": {"ignore_jerk": False}})
+    found = job(start=start)
     assert found.runs[0].rounding is not None
     assert found.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))
     np.testing.assert_allclose(found.start, [np.radians(10), -1, 1, 0, 0, 0])
     assert found.start is not None and not found.start.flags.writeable
-    assert [x.ignore_jerk for x in found.runs] == [True, False]
-    assert job().start is None and not job().runs[0].ignore_jerk
+    assert job().start is None
 
 
 def test_experiments() -> None:
@@ -443,7 +442,15 @@ def test_experiments() -> None:
         ({"limits": {"joint_torque": "5 m"}}, "limits.joint_torque: must be a quantity in N m"),
         ({"limits": {"joint_lower": 1, "joint_upper": 0}}, "range of joint 1 is empty"),
         ({"limits": {"angular_speed": 0}}, "limits.angular_speed: must be above zero"),
-        ({"ignore_jerk": "yes"}, "ignore_jerk: must be true or false, not 'yes'"),
+        (
+            {"ignore_jerk": True},
+            "unknown key ignore_jerk: plans keep limits of jerk.*joint_jerk: n",
+        ),
+        ({"runs": {"one": {"ignore_jerk": True}}}, "unknown key runs.one.ignore_jerk: plans keep"),
+        ({"limits": {"joint_jerk": "5 rad/s^2"}}, "joint_jerk: must be a quantity in rad/s\\^3"),
+        ({"limits": {"tool_jerk": "-5 m/s^3"}}, "limits.tool_jerk: must be above zero"),
+        ({"limits": {"path_jerk": ".nan m/s^3"}}, "is not a quantity in m/s\\^3"),
+        ({"limits": {"joint_jerk": [100, 100]}}, "joint_jerk has 2 values, but the arm has 6"),
         ({"experiment": {"runs": ["three"]}}, "experiment.runs names the run three"),
         ({"experiment": {"noise": "1 m"}}, "experiment.noise: must be a quantity in rad"),
         ({"experiment": {"friction": 1}}, "experiment.friction: must be true or false, not 1"),
@@ -476,7 +483,6 @@ def test_the_schema_accepts_all_of_it() -> None:
             "orientation": {"follow_tangent": {"up": [0, 0, 1]}, "axis_only": True},
         },
         "start": ["10 deg", 0, 0, 0, 0, 0],
-        "ignore_jerk": True,
         "experiment": {"noise": "0.001 deg", "runs": ["one"]},
     }
     assert list(validator.iter_errors(json.loads(json.dumps(whole)))) == []

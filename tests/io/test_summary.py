@@ -26,9 +26,8 @@ JOB = {
         "points": [[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]],
         "orientation": [{"rpy": [np.pi, 0, x]} for x in (0, 0, 0.2)],
     },
-    "limits": {"speed": 0.25, "centripetal_acceleration": 1, "joint_jerk": 1000},
+    "limits": {"speed": 0.25, "centripetal_acceleration": 1},
     "corners": {"tolerance": "1 mm", "angular_tolerance": "0.05 deg"},
-    "ignore_jerk": True,
     "servo": {"kp": 25, "kv": 150},
     "experiment": {
         "runs": ["tried"],
@@ -60,12 +59,11 @@ def test_the_arm_says_what_is_assumed(found: Any) -> None:
         assert place["assumed"] == arm["assumed"]
 
 
-def test_configuration_and_what_was_ignored(found: Any, study: Study) -> None:
+def test_configuration(found: Any, study: Study) -> None:
     for name, result in study.runs.items():
         start = found["runs"][name]["start"]
         assert list(start) == list(study.job.arm.joint_names)
         assert list(start.values()) == result.trajectory(0.0).tolist()
-        assert found["runs"][name]["ignore_jerk"] is True
 
 
 def test_torques_beside_their_limits(found: Any, study: Study) -> None:

@@ -336,18 +336,19 @@ def test_runs_that_differ_behind_tracing_are_traced_once(in_space):
     assert study.runs["slow"].joint_path is not study.runs["one"].joint_path
 
 
-def test_limits_of_jerk_are_kept_or_ignored_but_never_forgotten(in_space, refuses):
+def test_limits_of_jerk_are_refused_before_any_run_starts(in_space, refuses):
     (this,) = in_space.runs
-    jerky = dataclasses.replace(this, limits=this.limits.replace(joint_jerk=100.0).for_joints(6))
+    jerky = this.limits.replace(joint_jerk=100.0).for_joints(6)
+    by_mac = dataclasses.replace(this, name="two", limits=jerky, timing="mac")
+    started: list[object] = []
     refuses(
-        lambda: ac.run(dataclasses.replace(in_space, runs=(jerky,))),
+        lambda: ac.run(dataclasses.replace(in_space, runs=(this, by_mac)), progress=started.append),
         ac.NotRealizable,
-        "Run one: ",
-        "ignore_jerk: true",
+        "Run two: The method mac keeps no limits of jerk, but there is joint_jerk",
+        "timing: {method: optimal}",
+        "limits: {joint_jerk: null}",
     )
-    ignoring = dataclasses.replace(jerky, ignore_jerk=True)
-    found = ac.run(dataclasses.replace(in_space, runs=(ignoring,))).runs["one"]
-    assert found.trajectory.duration > 0
+    assert not started
 
 
 def test_a_start_for_another_arm_is_refused(in_space, refuses):

@@ -108,3 +108,24 @@ def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
 )
 def test_windows_that_cannot_be(arm, traced, limits, smoothing, words, refuses):
     refuses(lambda: ac.plan(traced, arm, limits, smoothing=smoothing), ac.InvalidInput, *words)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["joint_jerk", "tool_jerk", "path_jerk"])
+def test_methods_without_limits_of_jerk_refuse_them(arm, traced, limits, refuses, method, name):
+    refuses(
+        lambda: ac.plan(traced, arm, limits.replace(**{name: 10.0}), method=method),
+        ac.NotRealizable,
+        f"The method {method} keeps no limits of jerk, but there is {name}",
+        "the method optimal",
+        f"limits.replace({name}=None)",
+        limit=name,
+    )
+
+
+def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
+    slow = limits.replace(speed=0.04)
+    endless = slow.replace(joint_jerk=[np.inf, np.inf])
+    assert endless.jerk_limits == ()
+    planned = ac.plan(traced, arm, endless, method="mac", knots=50)
+    assert planned.duration == ac.plan(traced, arm, slow, method="mac", knots=50).duration

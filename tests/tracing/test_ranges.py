@@ -66,14 +66,3 @@ def test_every_method_refuses(method, traced, arm, limits, refuses):
         ac.Unreachable,
         "beyond its upper limit",
     )
-    jerk = limits.replace(joint_jerk=10.0)
-    refuses(
-        lambda: ac.plan(traced, arm, jerk, method=method),
-        ac.NotRealizable,
-        "ignore_jerk=True",
-        "ignore_jerk: true",
-        limit="joint_jerk",
-    )
-    slow = jerk.replace(speed=0.04)
-    ignored = ac.plan(traced, arm, slow, method=method, ignore_jerk=True)
-    assert ignored.duration == ac.plan(traced, arm, slow, method=method, ignore_jerk=True).duration

@@ -42,6 +42,8 @@ TOOL_LIMITS = {
     "tool_jerk": "m/s³",
     "path_jerk": "m/s³",
 }
+# Limits of jerk, which only the method optimal keeps.
+JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
 # The unit of every field of `Limits`.
 UNITS = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad") | TOOL_LIMITS
 
@@ -173,6 +175,12 @@ class Limits:
     def of_joints(self) -> Limits:
         """The limits and ranges of the joints, without the limits of the tool."""
         return self.replace(**dict.fromkeys(TOOL_LIMITS, None))
+
+    @property
+    def jerk_limits(self) -> tuple[str, ...]:
+        """Names of the limits of jerk, without those that are infinite for every joint."""
+        given = {x: getattr(self, x) for x in JERK_LIMITS}
+        return tuple(x for x, y in given.items() if y is not None and np.isfinite(y).any())
 
     @property
     def of_tool(self) -> Limits:

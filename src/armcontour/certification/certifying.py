@@ -40,7 +40,6 @@ from armcontour.jobs.study import on_bodies
 from armcontour.motion import Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import worst_corner
-from armcontour.timing import refuse_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
@@ -79,7 +78,6 @@ def certify(
             f"Run {this.name} has smoothing, but a certified plan has windows of its own: leave "
             "smoothing out."
         )
-    refuse_jerk(this.limits, this.ignore_jerk)
     search = _Certifying(job, this, goal, under(progress))
     return search.certificate()
 

@@ -255,5 +255,5 @@ class _Point:
         """
         (this,) = job.runs
         traced = trace_run(job, this, programs_of(job, this)[1])
-        found = plan(traced, job.arm, this.limits, ignore_jerk=this.ignore_jerk)
+        found = plan(traced, job.arm, this.limits)
         return found.duration

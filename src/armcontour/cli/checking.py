@@ -57,7 +57,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     if job is not None:
         run = _run(job, x.run_name, limited=x.limits is None)
         path = programs_of(job, run)[1]
-        limits = run.limits.replace(joint_jerk=None) if run.ignore_jerk else run.limits
+        limits = run.limits
     if x.limits is not None:
         limits, deviation, angle = read_limits(x.limits, arm)
     if (deviation is not None or angle is not None) and path is None:

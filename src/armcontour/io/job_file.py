@@ -214,7 +214,6 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         duration=model.duration,
         smoothing=_windows(model.smoothing),
         reserve=timing.reserve,
-        ignore_jerk=job.ignore_jerk if model.ignore_jerk is None else model.ignore_jerk,
         experiment=experiment,
     )
 

@@ -345,7 +345,7 @@ class RunModel:
     Args:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
-        limits, corners, command_interval, ignore_jerk: As the keys of the job, for this run only.
+        limits, corners, command_interval: As the keys of the job, for this run only.
         until: End of the time over which errors are evaluated [s]; by default when the tool rests.
         duration: Time of the motion from start to end [s]; by default the shortest.
         smoothing: Window of a moving average of the plan's s(t), or two windows [s]: one makes
@@ -358,7 +358,6 @@ class RunModel:
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
     corners: Rounding | Literal["sharp"] | None = None
     command_interval: Interval | None = None
-    ignore_jerk: bool | None = None
     until: Interval | None = None
     duration: Interval | None = None
     smoothing: Interval | Annotated[list[Interval], Field(min_length=1, max_length=2)] | None = None
@@ -427,7 +426,6 @@ class JobModel:
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         limits: Limits; limits of the joints are the arm's own unless given here, null lifts one.
-        ignore_jerk: Whether to plan although the limits include jerk, which no method keeps.
         corners: How corners are rounded; `sharp` keeps sharp corners.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
@@ -447,7 +445,6 @@ class JobModel:
     path: PathModel
     process: Process | None = None
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
-    ignore_jerk: bool = False
     corners: Rounding | Literal["sharp"] = "sharp"
     servo: ServoModel
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None

@@ -34,6 +34,11 @@ EXPECTED = {
 }
 # Problems of a value that has the right type.
 OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal")
+# Keys that older files have, and what to write instead.
+GONE = {
+    "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: null} "
+    "to lift the arm's own",
+}
 NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
 # Characters of a key that are repeated in a message.
 SHOWN = 80
@@ -118,6 +123,8 @@ def _entries(number: int) -> str:
 def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     """The known key that is most similar to an unknown key, or all known keys."""
     *outer, name = keys
+    if name in GONE:
+        return GONE[name]
     kinds = list(_alternatives(schema, schema))
     for key in outer:
         kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, key))]

@@ -148,7 +148,6 @@ class Run:
         timing_options: Options of the timing method.
         compensation_options: Options of the compensation method.
         until: End of the time over which errors are evaluated [s]; None is when the tool rests.
-        ignore_jerk: Whether to plan although the limits include jerk, which no method keeps.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         duration: Time of the motion from start to end [s]; None is the shortest.
         smoothing: Windows of a moving average of s(t), none, one or two [s]; for the timing
@@ -169,7 +168,6 @@ class Run:
     timing_options: Mapping[str, Any] = field(default_factory=dict)
     compensation_options: Mapping[str, Any] = field(default_factory=dict)
     until: float | None = None
-    ignore_jerk: bool = False
     reserve: float = 0.0
     duration: float | None = None
     smoothing: tuple[float, ...] = ()
@@ -191,7 +189,6 @@ class Run:
         """Keyword arguments of `plan` for this run."""
         return {
             "method": self.timing,
-            "ignore_jerk": self.ignore_jerk,
             "reserve": self.reserve,
             "smoothing": self.smoothing,
             **self.timing_options,

@@ -37,7 +37,7 @@ from armcontour.timing import (
     Tracing,
     assigned_time,
     explain,
-    refuse_jerk,
+    refuse_unkept_jerk,
     with_reserve,
 )
 
@@ -251,6 +251,10 @@ def _do_runs(
     progress: Progress | None,
 ) -> Mapping[str, Result]:
     """Results of all runs by their names; `do` gets the results of the earlier runs, too."""
+    for x in job.runs:
+        # Refused before any work, which can take minutes.
+        with locate_errors(f"Run {x.name}"):
+            refuse_unkept_jerk(x.timing, x.limits)
     found: dict[str, Result] = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
@@ -321,8 +325,6 @@ def _teach(
     simulated: bool = False,
 ) -> RunPlan:
     """Do the steps of one run from its objective path to its taught data."""
-    # Refused before tracing, which can take seconds.
-    refuse_jerk(this.limits, this.ignore_jerk)
     earlier = list(earlier)
     done_before = [(x.run, x.trajectory.duration) for x in earlier]
     # Refused before planning, by the least duration: rounding may halve the length of the path.

@@ -2,14 +2,13 @@
 
 from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
 from armcontour.timing.fastest_configuration import trace_fastest
-from armcontour.timing.methods import METHODS, PLANNING_METHODS
+from armcontour.timing.methods import METHODS, PLANNING_METHODS, refuse_unkept_jerk
 from armcontour.timing.planner import (
     RESERVED,
     assigned_time,
     intervals_of,
     plan,
     refuse_endless,
-    refuse_jerk,
     with_reserve,
 )
 from armcontour.timing.program_tracing import Tracing, choose_start, trace_program
@@ -29,7 +28,7 @@ __all__ = [
     "intervals_of",
     "plan",
     "refuse_endless",
-    "refuse_jerk",
+    "refuse_unkept_jerk",
     "shape",
     "trace_fastest",
     "trace_program",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from armcontour.arms import Arm, Limits
+from armcontour.errors import NotRealizable
 from armcontour.motion import JointPath, Law, Method, Trajectory, smooth
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
@@ -128,3 +129,26 @@ def plan_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
         limits: Limits of the arm, one value per joint.
     """
     return plan_optimal(joint_path, arm, limits.of_joints, intervals=RAPID_INTERVALS)
+
+
+def refuse_unkept_jerk(method: str, limits: Limits) -> None:
+    """Refuse limits of jerk for the methods that keep none.
+
+    Args:
+        method: One of PLANNING_METHODS.
+        limits: The limits.
+
+    Raises:
+        NotRealizable: There are limits of jerk, and the method keeps none.
+    """
+    given = limits.jerk_limits
+    if not given or method in (Method.OPTIMAL, Method.SHAPED):
+        return
+    names = " and ".join(given)
+    raise NotRealizable(
+        f"The method {method} keeps no limits of jerk, but there is {names}: plan by the method "
+        f"optimal (in a job, timing: {{method: optimal}}), or lift {names} with "
+        f"limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, limits: "
+        f"{{{', '.join(f'{x}: null' for x in given)}}}).",
+        limit=given[0],
+    )

@@ -26,6 +26,7 @@ from armcontour.timing.methods import (
     MoveTiming,
     Smoothed,
     Timing,
+    refuse_unkept_jerk,
 )
 from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program
@@ -53,7 +54,6 @@ def plan(
     method: str = "optimal",
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
-    ignore_jerk: bool = False,
     reserve: float = 0.0,
     duration: float | None = None,
     smoothing: npt.ArrayLike = (),
@@ -75,7 +75,6 @@ def plan(
         branch: For an arm in the plane: the branch of its inverse kinematics.
         start: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
-        ignore_jerk: Plan in spite of limits of jerk, which no method keeps yet.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         duration: Time from start to end [s], for the method "optimal": contours are slowed down by
             one factor, rapids and dwells are not. By default the motion is the fastest.
@@ -96,12 +95,12 @@ def plan(
             intervals than fit in memory, or a speed at which the motion takes too long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
-            duration, or there are limits of jerk.
+            duration, or it keeps no limits of jerk and there are some.
     """
     _checks.choice("method", method, PLANNING_METHODS)
     arm = _arm_of(path, arm, limits)
     bounds = _bounds(arm, limits)
-    refuse_jerk(bounds, ignore_jerk)
+    refuse_unkept_jerk(method, bounds)
     _refuse_options(method, options, arm, memory)
     timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
     windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
@@ -393,18 +392,3 @@ def _refuse_foreign(
             )
         with x.named():
             refuse_out_of_range(x.joint_path, limits)
-
-
-def refuse_jerk(limits: Limits, ignored: bool) -> None:
-    """Refuse limits of jerk unless they are ignored on purpose.
-
-    Raises:
-        NotRealizable: There are limits of jerk.
-    """
-    if limits.joint_jerk is not None and not ignored:
-        raise NotRealizable(
-            "No planner keeps limits of jerk yet: pass ignore_jerk=True (in a job, "
-            "ignore_jerk: true) to plan without them, or lift them with "
-            "limits.replace(joint_jerk=None).",
-            limit="joint_jerk",
-        )

@@ -72,7 +72,7 @@ def test_every_arm_can_be_planned_with(name):
     arm = ac.load_arm(name)
     assert arm.source and arm.chain.assumed
     assert arm.limits.joint_acceleration is not None and arm.limits_hint == ""
-    assert arm.limits.joint_jerk is None  # no planner keeps it
+    assert arm.limits.joint_jerk is None  # for whoever asks for it
     if name != "pmk3s":  # the paper gives no others
         assert arm.limits.joint_torque is not None and arm.limits.joint_velocity is not None
         lower, upper = arm.limits.joint_range(arm.dof)

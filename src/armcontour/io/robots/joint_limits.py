@@ -108,7 +108,7 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
         if len(lacking) == len(joints):
             continue
         if name == "joint_jerk":
-            # No planner keeps jerk limits, so that joints without one do no harm.
+            # Unlike other limits, jerk may be limited for some joints only.
             values = [math.inf if value is None else value for value in values]
         elif lacking:
             raise InvalidInput(

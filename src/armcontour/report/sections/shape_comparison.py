@@ -136,7 +136,6 @@ def time_variant(variant: Variant, contour: ShapedContour, job: Job) -> Trajecto
         this.limits,
         branch=job.branch,
         start=None if planar else contour.start,
-        ignore_jerk=this.ignore_jerk,
         reserve=this.reserve,
         memory=job.memory,
     )
