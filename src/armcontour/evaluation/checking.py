@@ -158,9 +158,10 @@ def check(
     """Check a joint trajectory of any source against limits and a path.
 
     A law, such as a `Trajectory`, is judged on both sides of every break and at random times
-    between breaks; with a limit of jerk its accelerations must not jump. Samples are judged as they stand, and between samples by means that every motion
-    through them must reach. A reported violation is real, except for the rounding allowed for; a
-    peak between samples may be higher than reported.
+    between breaks; with a limit of jerk its accelerations must not jump. Samples are judged as they
+    stand, and between samples by means that every motion through them must reach. A reported
+    violation is real, except for the rounding allowed for; a peak between samples may be higher
+    than reported.
 
     In a program, tool limits are judged along contours with their leads, and joint limits on every
     move. Samples are assigned to contours so that the tool stays nearest to them.
