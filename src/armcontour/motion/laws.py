@@ -146,15 +146,17 @@ class LineLaw(LapLaw, LawAlongPath):
         object.__setattr__(self, "s", _checks.lock_floats(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds: the tool's position, velocity or acceleration along the line."""
+        """S or a derivative: the tool's position and its derivatives along the line."""
         q = self.on_interval(i, t, 0)
         if order == 0:
             return np.clip(self._along(q), self.s[i], self.s[i + 1])
         dq = self.on_interval(i, t, 1)
         if order == 1:
             return np.asarray(self.arm.tool_velocity(q, dq) @ self.direction)
-        found = self.arm.tool_acceleration(q, dq, self.on_interval(i, t, 2))
-        return np.asarray(found @ self.direction)
+        ddq = self.on_interval(i, t, 2)
+        if order == 2:
+            return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
+        return np.asarray(self.arm.tool_jerk(q, dq, ddq, np.zeros_like(q)) @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
@@ -227,7 +229,7 @@ class PathLaw(LawAlongPath):
         return np.append(self.rates.ds, self.path_position(last, self.breaks[-1:], 1))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t` by the formula of interval `i`."""
+        """S or a derivative at times `t` by the formula of interval `i`."""
         u = t - self.breaks[i]
         ds, dds, slope, jerk = (x[i] for x in self.rates)
         # The solution of `dds = dds_i + slope (s - s_i)`: hyperbolic or circular functions.
