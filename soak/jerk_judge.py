@@ -179,24 +179,24 @@ class Sampled:
         self.piece = np.searchsorted(self.path.breaks, middle, side="right") - 1
         self.piece = np.clip(self.piece, 0, len(self.path.breaks) - 2)
 
-    def slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The first three derivatives of q by s, (n, k, dof) each."""
+    def slopes(self) -> list[np.ndarray]:
+        """q and its first three derivatives by s, (n, k, dof) each."""
         start = self.law.s[:-1] - self.path.breaks[self.piece]
         wide = np.diff(self.path.breaks)[self.piece][:, None]
         share = (start[:, None] + self.x) / wide
         c = self.path.coefficients[self.piece][:, :, None]
         found = []
-        for order in (1, 2, 3):
+        for order in range(4):
             factors = [np.prod(np.arange(k - order + 1.0, k + 1.0)) for k in range(6)]
             powers = sum(
                 factors[k] * share[..., None] ** (k - order) * c[:, k] for k in range(order, 6)
             )
             found.append(powers / wide[..., None] ** order)
-        return found[0], found[1], found[2]
+        return found
 
     def joints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Velocity, acceleration and jerk of the joints, (n, k, dof) each."""
-        q1, q2, q3 = self.slopes()
+        _, q1, q2, q3 = self.slopes()
         ds, dds, ddds = (x[..., None] for x in self.motion)
         return q1 * ds, q2 * ds**2 + q1 * dds, q3 * ds**3 + 3 * q2 * ds * dds + q1 * ddds
 

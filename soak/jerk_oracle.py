@@ -86,6 +86,11 @@ class Timing:
     square: np.ndarray
 
 
+def read_durations() -> dict[str, float]:
+    """What the splines take [s], by name."""
+    return dict(json.loads(KEPT.read_text())["durations"])
+
+
 def splines() -> Iterator[tuple[str, ac.JointPath, ac.Limits]]:
     """The five splines at both factors of jerk to acceleration, each with a name."""
     for factor in FACTORS:
