@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
@@ -107,6 +108,22 @@ class Ends:
             needed=given,
             allowed=allowed,
         )
+
+
+def refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
+    """Refuse a start or end speed; `x` and `allowed` are squares of speeds [m²/s²].
+
+    Raises:
+        NotRealizable: Always.
+    """
+    raise NotRealizable(
+        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high: at {s:.6g} m along the path the "
+        f"limits allow {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
+        s=s,
+        limit=f"{name} speed",
+        needed=float(np.sqrt(x)),
+        allowed=float(np.sqrt(max(allowed, 0.0))),
+    )
 
 
 def _round_down(speed: float) -> float:

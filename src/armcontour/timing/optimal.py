@@ -39,7 +39,7 @@ from armcontour.timing.constraints import (
     turning_of,
 )
 from armcontour.timing.constraints._rows import margin_lost
-from armcontour.timing.end_speeds import END, START, Ends
+from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
     AT_AN_INTERVAL,
     Grid,
@@ -49,6 +49,7 @@ from armcontour.timing.grid import (
     place_grid,
     split,
 )
+from armcontour.timing.jerk import JerkLimits, Task, limit_jerk
 from armcontour.timing.vanishing import reparametrize, standing
 
 # Where the margin between grid points costs more than this share of a limit, the grid is refined,
@@ -129,8 +130,13 @@ def plan_optimal(
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
 
+    jerk = JerkLimits.of(limits, joint_path.dof)
+
     def solve(start: float, end: float) -> PathLaw:
-        return _solve(placed, _Task(tuple(active), start, end, arm), most)
+        law = _solve(placed, _Task(tuple(active), start, end, arm), most)
+        if jerk is None:
+            return law
+        return limit_jerk(law, Task(tuple(active), jerk, start, end, intervals))
 
     try:
         law = solve(start_speed, end_speed)
@@ -291,7 +297,7 @@ class Problem:
         start, end = start_speed**2, end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
             if value > ceiling[place] * (1 + PLAY):
-                _refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
+                refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
         start, end = min(start, float(ceiling[0])), min(end, float(ceiling[-1]))
         # Where dq_ds vanishes, the joints rest at any ds.
         if start == 0 and grid.s[0] in self.standing:
@@ -314,11 +320,11 @@ class Problem:
             end,
         )
         if stuck == 0 and np.inf > start > most[0] * (1 + PLAY):
-            _refuse_speed("start", start, float(most[0]), float(grid.s[0]))
+            refuse_speed("start", start, float(most[0]), float(grid.s[0]))
         if stuck >= 0:
             _refuse_stuck(grid, stuck)
         if not any_end and x[-1] < end * (1 - PLAY):
-            _refuse_speed("end", end, float(x[-1]), float(grid.s[-1]))
+            refuse_speed("end", end, float(x[-1]), float(grid.s[-1]))
         return np.asarray(x)
 
     def skews(self, x: FloatArray) -> FloatArray:
@@ -642,18 +648,6 @@ def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
         breaks=np.concatenate([[0.0], np.cumsum(times)]),
         s=grid.s,
         rates=Rates(ds=speed[:-1], dds=start, slope=skew, jerk=np.zeros_like(skew)),
-    )
-
-
-def _refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
-    """Refuse a start or end speed; `x` and `allowed` are squares of speeds [m²/s²]."""
-    raise NotRealizable(
-        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high: at {s:.6g} m along the path the "
-        f"limits allow {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
-        s=s,
-        limit=f"{name} speed",
-        needed=float(np.sqrt(x)),
-        allowed=float(np.sqrt(max(allowed, 0.0))),
     )
 
 

@@ -1,0 +1,322 @@
+"""Limits of jerk: a plan without them becomes the fastest plan with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray
+from armcontour.errors import NotRealizable
+from armcontour.motion import PathLaw, Rates, interval_times
+from armcontour.timing.constraints import Bounds, Constraint, JointDerivatives
+from armcontour.timing.end_speeds import refuse_speed
+from armcontour.timing.grid import Grid
+from armcontour.timing.jerk._interior_point import (
+    DURATION,
+    END,
+    START,
+    Section,
+    improve,
+    least_slack,
+)
+from armcontour.timing.jerk.mesh import Mesh, Rest, place_mesh, split_mesh
+from armcontour.timing.jerk.rows import JerkLimits, Rows, control_points
+
+# Cells of a plan by default, and at least so many for each piece of the joint path.
+DEFAULT_CELLS, PER_PIECE = 1000, 1.5
+# The first pass has this share of the cells, and at least so many.
+COARSER, FEWEST = 5, 60
+# Shares of the optimum within which the passes end, and their largest numbers of iterations.
+ROUGH, EXACT = 1e-2, 1e-4
+MOST_ITERATIONS = 150
+# A pass starts from this share of the plan before, or from smaller ones.
+INSIDE = 0.9
+LESS, MOST_LESS = 0.5, 400
+# A start must be this far from every bound, as a share of the bound.
+CLEAR = 1e-4
+# Margins are computed for so many times the ds², dds and slope of the first pass, and for ds² down
+# to LEAST of it where rows ask for that.
+HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
+LEAST = 0.3
+# A plan that comes nearer to these bounds than this share is made again with wider ones.
+TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
+# Cells whose margins take more than this share of a limit are split.
+LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
+# A jump of d2q_ds2 counts if it is this share of its size, and if at the plan's speed the joint's
+# jerk needs longer than this share of the duration for it.
+KINK, TOO_SHORT = 1e-6, 1e-8
+# The rates at a rest are those at this share of its section.
+NEAR_REST = 5e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planning problem with limits of jerk.
+
+    Args:
+        active: The constraints of the planner without jerk.
+        jerk: The limits of jerk.
+        start_speed, end_speed: Path speeds at the start and the end [m/s].
+        cells: About so many cells; None for the default.
+        iterations: Largest number of iterations of each pass.
+    """
+
+    active: tuple[Constraint, ...]
+    jerk: JerkLimits
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+    cells: int | None = None
+    iterations: int = MOST_ITERATIONS
+
+
+def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
+    """Plan the fastest motion with limits of jerk.
+
+    Args:
+        law: The fastest motion without them.
+        task: The limits.
+
+    Raises:
+        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
+    """
+    pieces = len(law.joint_path.breaks) - 1
+    cells = max(DEFAULT_CELLS, int(PER_PIECE * pieces)) if task.cells is None else task.cells
+    ends, at_rest = _sections(law, task)
+    rests = _rests(law, task, ends)
+    mesh = place_mesh(law, max(cells // COARSER, FEWEST), ends, at_rest, rests)
+    rough = Rows(mesh, task.active, task.jerk, None, _squares(law, mesh))
+    found = _law(mesh, _solve(rough, (law, 0.0), task, ROUGH))
+    mesh = place_mesh(found, cells, ends, at_rest, rests)
+    if rough.exact:
+        rows = Rows(mesh, task.active, task.jerk, None, _squares(found, mesh))
+        return _law(mesh, _solve(rows, (found, INSIDE), task, EXACT))
+    return _solve_with_margins(mesh, found, task)
+
+
+def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
+    """The second pass, where limits need margins between the ends of cells.
+
+    Raises:
+        NotRealizable: Margins leave no room however small the cells, or as `limit_jerk`.
+    """
+    bracketed = any(x.bracketed for x in task.active)
+    splits, wider = 0, 1.0
+    while True:
+        bounds = _bounds(mesh, near, wider, bracketed)
+        rows = Rows(mesh, task.active, task.jerk, bounds, _squares(near, mesh))
+        if splits < MOST_SPLITS and (rows.lost > LARGEST_MARGIN).any():
+            parts = np.ceil(np.sqrt(rows.lost / LARGEST_MARGIN))
+            mesh, splits = split_mesh(mesh, np.clip(parts, 1, MOST_PARTS)), splits + 1
+            continue
+        found = _law(mesh, _solve(rows, (near, INSIDE), task, EXACT))
+        if wider >= WIDEST or not _touches(mesh, bounds, found):
+            return found
+        near, wider = found, wider * WIDER
+
+
+def _sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
+    """Ends of the sections of a path [m], and whether the motion rests there."""
+    path, inner = law.joint_path, law.s[1:-1]
+    stops = np.union1d(path.stops, _bends(law, task.jerk))
+    stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
+    if len(inner):
+        stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
+    ends = np.concatenate([law.s[:1], stops, law.s[-1:]])
+    at_rest = np.ones((len(ends) - 1, 2), dtype=bool)
+    at_rest[0, 0], at_rest[-1, 1] = task.start_speed == 0, task.end_speed == 0
+    return ends, at_rest
+
+
+def _bends(law: PathLaw, jerk: JerkLimits) -> FloatArray:
+    """Breaks of the joint path at which d2q_ds2 of a joint with a limit of jerk jumps [m]."""
+    path, inner = law.joint_path, np.arange(1, len(law.joint_path.breaks) - 1)
+    at = path.breaks[inner]
+    before, after = (path.on_interval(inner - side, at, 2) for side in (1, 0))
+    jump = np.abs(after - before)
+    size = KINK * (np.abs(before) + np.abs(after))
+    limit = np.where(np.isfinite(jerk.joint), jerk.joint, np.inf)
+    if np.isfinite([jerk.path, jerk.tool]).any():
+        limit = np.minimum(limit, 0.0)
+    square = _square_at(law, np.clip(at, law.s[0], law.s[-1]))[:, None]
+    soon = TOO_SHORT * law.breaks[-1] * limit
+    return np.asarray(at[((jump > size) & (jump * square > soon)).any(axis=1)])
+
+
+def _rests(law: PathLaw, task: Task, ends: FloatArray) -> list[tuple[Rest, Rest]]:
+    """How the motion may start and end in each section."""
+    grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
+    path = JointDerivatives.on(grid)
+    none = np.zeros(len(grid))
+    found = [x.largest_u(grid, path, none) for x in task.active]
+    acceleration = np.min([x for x in found if x is not None], axis=0)
+    with np.errstate(divide="ignore"):
+        jerk = (task.jerk.joint / np.abs(path.first).max(axis=0)).min(axis=1)
+    jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
+    near = NEAR_REST * np.diff(ends)
+
+    def at(s: FloatArray) -> list[Rest]:
+        i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
+        return [Rest(float(x), float(y)) for x, y in zip(acceleration[i], jerk[i], strict=True)]
+
+    return list(zip(at(ends[:-1] + near), at(ends[1:] - near), strict=True))
+
+
+def _square_at(law: PathLaw, s: FloatArray) -> FloatArray:
+    """ds² of a plan at arc lengths [m²/s²], (n,)."""
+    return np.asarray(law.path_position(*law.reach(s), 1) ** 2)
+
+
+def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
+    """ds² of a plan in the middles of cells [m²/s²], (n,)."""
+    return _square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
+
+
+def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
+    """Bounds of ds², dds and its slope on every cell, around a plan."""
+    ds, dds, slope, _ = near.rates
+    width = np.diff(near.s)
+    speed = near.speeds
+    x = np.maximum(speed[:-1], speed[1:]) ** 2
+    last = near.path_position(np.arange(len(width)), near.breaks[1:], 2)
+    u = np.maximum(np.abs(dds), np.abs(last))
+    change = np.maximum(np.abs(slope), u / width)
+    least = np.minimum(speed[:-1], speed[1:]) ** 2
+    # Cells of the other plan that each cell touches, and their neighbours.
+    s = mesh.grid.s
+    first = np.searchsorted(near.s, s[:-1], side="right") - 2
+    count = np.searchsorted(near.s, s[1:], side="left") + 1
+    first, count = np.clip(first, 0, len(width) - 1), np.clip(count, 1, len(width))
+    around = np.stack([first, np.maximum(count, first + 1)], axis=1).ravel()
+
+    def largest(values: FloatArray) -> FloatArray:
+        padded = np.append(values, -np.inf)
+        return np.asarray(np.maximum.reduceat(padded, around)[::2])
+
+    most = largest(x)
+    lowest = -largest(-least) * LEAST / wider if bracketed else np.zeros(len(mesh.grid))
+    return Bounds(
+        x=HEADROOM * wider * most,
+        u=HEADROOM_RATE * wider * largest(u),
+        skew=HEADROOM_SLOPE * wider * largest(change),
+        least=np.where(mesh.ramps, 0.0, lowest),
+    )
+
+
+def _touches(mesh: Mesh, bounds: Bounds, law: PathLaw) -> bool:
+    """Whether a plan comes near the bounds from which its margins follow."""
+    inner = ~mesh.ramps
+    speed, (_, dds, slope, _) = law.speeds**2, law.rates
+    near = 1 - TOO_NEAR
+    x = np.maximum(speed[:-1], speed[1:]) > near * bounds.x
+    low = np.minimum(speed[:-1], speed[1:]) * near < bounds.least
+    u = np.abs(dds) > near * bounds.u
+    return bool(((x | low | u | (np.abs(slope) > near * bounds.skew)) & inner).any())
+
+
+def _solve(
+    rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
+) -> list[FloatArray]:
+    """Control points of ds² of every section, with both ends.
+
+    Args:
+        rows: The rows of all sections.
+        near: A plan to start from, as in `_start`.
+        task: The problem.
+        tolerance: Share of the optimum.
+
+    Raises:
+        NotRealizable: As `limit_jerk`.
+    """
+    mesh, found = rows.mesh, []
+    speeds = np.square([task.start_speed, task.end_speed])
+    for k, at_rest in enumerate(mesh.at_rest):
+        p = rows.of_section(k)
+        s = mesh.grid.s[mesh.sections[k] : mesh.sections[k + 1] + 1]
+        targets = np.where(at_rest, 0.0, speeds)
+        d = _start(p, s, at_rest, near, targets)
+        for goal, end, target in ((START, 0, targets[0]), (END, -1, targets[1])):
+            if target > d[end]:
+                improve(p, d, goal, target, EXACT, MOST_ITERATIONS)
+                if d[end] < target:
+                    name = "start" if goal == START else "end"
+                    refuse_speed(name, target, float(d[end]), float(s[end]))
+        improve(p, d, DURATION, 0.0, tolerance, task.iterations)
+        found.append(d)
+    return found
+
+
+def _start(
+    p: Section,
+    s: FloatArray,
+    at_rest: BoolArray,
+    near: tuple[PathLaw, float],
+    targets: FloatArray,
+) -> FloatArray:
+    """Control points of ds² of one section that keep every row, with its ends.
+
+    Args:
+        p: The rows.
+        s: Ends of the cells of the section [m].
+        at_rest: Whether the motion rests at its ends.
+        near: A plan, and the share of its ds² to begin with; for the share 0 its largest ds².
+        targets: ds² at both ends [m²/s²].
+
+    Raises:
+        NotRealizable: No motion keeps the rows, however slow.
+    """
+    inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
+    middle = (inner[:-1] + inner[1:]) / 2
+    law, share = near
+    d = np.empty(len(middle) + 2)
+    d[1:-1] = _square_at(law, middle)
+    if share == 0:
+        way, share = (middle - s[0]) / (s[-1] - s[0]), 1.0
+        shape = np.where(at_rest[0], way, 1.0) * np.where(at_rest[1], 1 - way, 1.0)
+        d[1:-1] = d[1:-1].max() * (shape / shape.max()) ** (4 / 3)
+    d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[1:-1].min(), targets))
+    for _ in range(MOST_LESS):
+        if least_slack(p, share * d) > CLEAR:
+            return np.asarray(share * d)
+        share *= LESS
+    where = float(s[int(np.argmin(p.high.min(axis=1)))])
+    raise NotRealizable(
+        f"At {where:.6g} m along the path the limits allow no motion at all, however slow.", s=where
+    )
+
+
+def _law(mesh: Mesh, found: Sequence[FloatArray]) -> PathLaw:
+    """The time law of control points of ds² of all sections."""
+    grid, width = mesh.grid, mesh.grid.width
+    begin, end = control_points(mesh)
+    n = len(grid)
+    ds, dds, slope, jerk, left = np.zeros((5, n))
+    for k, d in enumerate(found):
+        first, last = mesh.sections[k : k + 2]
+        start, stop = mesh.at_rest[k]
+        cells = slice(first + int(start), last - int(stop))
+        around = np.stack([d[:-2], d[1:-1], d[2:]], axis=1)
+        a0, a2 = (np.sum(x[cells] * around, axis=1) for x in (begin, end))
+        h = width[cells]
+        ds[cells], left[cells] = np.sqrt(a0), np.sqrt(a2)
+        dds[cells] = (d[1:-1] - a0) / h
+        slope[cells] = (a0 - 2 * d[1:-1] + a2) / h**2
+        if start:
+            left[first] = ds[first + 1]
+        if stop:
+            ds[last - 1] = left[last - 2]
+            dds[last - 1] = -2 / 3 * ds[last - 1] ** 2 / width[last - 1]
+    ramps = mesh.ramps
+    times = np.empty(n)
+    moving = ~ramps
+    times[moving] = interval_times(width[moving], ds[moving], left[moving], slope[moving])
+    # Uniform jerk from or to rest: the way is a third of the larger speed times the time.
+    times[ramps] = 3 * width[ramps] / (ds + left)[ramps]
+    jerk[ramps] = 6 * width[ramps] / times[ramps] ** 3
+    return PathLaw(
+        joint_path=grid.joint_path,
+        breaks=np.concatenate([[0.0], np.cumsum(times)]),
+        s=grid.s,
+        rates=Rates(ds=ds, dds=dds, slope=slope, jerk=jerk),
+    )

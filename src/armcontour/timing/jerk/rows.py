@@ -1,0 +1,328 @@
+"""The rows of the interior point: what limits mean for the control points of ds²."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.arms import Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.timing.constraints import (
+    Bounds,
+    Constraint,
+    Disc,
+    JointAcceleration,
+    JointDerivatives,
+    JointVelocity,
+)
+from armcontour.timing.constraints import Rows as GeneralRows
+from armcontour.timing.jerk._interior_point import Section
+from armcontour.timing.jerk._polynomials import motion_rows, raised, to_bernstein
+from armcontour.timing.jerk.mesh import Mesh
+
+# A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
+LEAST_SHARE = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class JerkLimits:
+    """Limits of jerk, infinite where there is none.
+
+    Args:
+        joint: Of each joint [rad/s³], (dof,).
+        path: Of the arc length [m/s³].
+        tool: Of the tool [m/s³].
+    """
+
+    joint: FloatArray
+    path: float
+    tool: float
+
+    @classmethod
+    def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
+        """The limits of jerk among limits; None if there are none."""
+        joint = or_unlimited(limits.joint_jerk, dof)
+        path, tool = (np.inf if x is None else x for x in (limits.path_jerk, limits.tool_jerk))
+        if not (np.isfinite(joint).any() or np.isfinite([path, tool]).any()):
+            return None
+        return cls(np.broadcast_to(joint, (dof,)), float(path), float(tool))
+
+
+class Rows:
+    """All rows of a mesh, from which the sections take theirs.
+
+    Args:
+        mesh: The cells.
+        active: The constraints of the planner.
+        jerk: The limits of jerk.
+        bounds: Bounds of ds² and dds on the cells that hold for the plan, from which margins
+            between the ends follow; None for no margins.
+        about: Without bounds: ds² on each cell near which rows that stand for a curve are
+            linearized, (n,).
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        active: Sequence[Constraint],
+        jerk: JerkLimits,
+        bounds: Bounds | None,
+        about: FloatArray,
+    ) -> None:
+        self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
+        grid = mesh.grid
+        self.path = JointDerivatives.on(grid)
+        self.degree = _degree(grid.joint_path.coefficients)
+        self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
+        self.bounded = np.full((2, grid.joint_path.dof), np.inf)
+        self.speeds = np.full(grid.joint_path.dof, np.inf)
+        self.ceilings: list[FloatArray] = []
+        self.general: list[GeneralRows] = []
+        self.discs: list[Disc] = []
+        for x in active:
+            self._add(x, about)
+        self.section = self._whole()
+
+    def _add(self, x: Constraint, about: FloatArray) -> None:
+        """Add what a constraint asks for."""
+        grid, path, bounds = self.mesh.grid, self.path, self.bounds
+        if isinstance(x, JointVelocity):
+            self.speeds = np.minimum(self.speeds, x.limit)
+            return
+        if isinstance(x, JointAcceleration):
+            self.bounded = np.minimum(self.bounded, [-x.low, x.high])
+            return
+        ceiling, disc = x.ceiling(grid, path, bounds), x.disc(grid, path, bounds)
+        rows = x.rows_about(grid, path, about) if bounds is None else x.rows(grid, path, bounds)
+        if ceiling is not None:
+            first, last = ceiling.x
+            self.ceilings.append(np.stack([first, (first + last) / 2, last], axis=1))
+            if ceiling.lost is not None:
+                self.lost = np.maximum(self.lost, ceiling.lost)
+        if disc is not None:
+            self.discs.append(disc)
+        if rows is not None:
+            self.general.append(rows)
+            room = np.minimum(rows.high, -rows.low).min(axis=0)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = np.where(np.isfinite(room), rows.margin / room, 0.0)
+            self.lost = np.maximum(self.lost, np.where(room > 0, share, 1.0).max(axis=1))
+
+    @property
+    def exact(self) -> bool:
+        """Whether all limits are polynomials, which need no margins."""
+        return not (self.ceilings or self.discs or self.general)
+
+    def of_section(self, k: int) -> Section:
+        """The rows of one section, without its cells of uniform jerk."""
+        first, last = self.mesh.sections[k : k + 2]
+        ramps = np.zeros(2)
+        if self.mesh.at_rest[k, 0]:
+            ramps[0] = self.mesh.grid.width[first]
+            first += 1
+        if self.mesh.at_rest[k, 1]:
+            last -= 1
+            ramps[1] = self.mesh.grid.width[last]
+        p = self.section
+        cells = {
+            name: getattr(p, name)[first:last]
+            for name in Section._fields
+            if name not in ("ramps", "jerk", "of", "round_of")
+        }
+        return p._replace(ramps=ramps, **cells)
+
+    def _whole(self) -> Section:
+        """The rows of all cells."""
+        grid, n = self.mesh.grid, len(self.mesh.grid)
+        begin, end = control_points(self.mesh)
+        acceleration, jerk = self._motion()
+        plain, low, high = self._plain(acceleration)
+        curved, limits = [jerk], [np.repeat(self.jerk.joint[self._jerky()], self.degree)]
+        if np.isfinite(self.jerk.path):
+            slope = np.array([1.0, -2.0, 1.0]) / grid.width[:, None] ** 2
+            curved.append(np.repeat(slope[:, None], self.degree, axis=1))
+            limits.append(np.full(self.degree, self.jerk.path))
+        rows = np.concatenate(curved, axis=1)
+        vectors, radius = self._round()
+        points = np.broadcast_to(raised(self.degree - 1), (n, self.degree, 3))
+
+        def local(x: FloatArray) -> FloatArray:
+            """Rows of control points of a on each cell as rows of the unknowns."""
+            around = (slice(None),) + (None,) * (x.ndim - 2)
+            found = x[..., :1] * begin[around] + x[..., 2:] * end[around]
+            found[..., 1] += x[..., 1]
+            return np.asarray(found)
+
+        return Section(
+            width=grid.width,
+            begin=begin,
+            end=end,
+            ramps=np.zeros(2),
+            plain=local(plain),
+            low=low,
+            high=high,
+            curved=local(rows),
+            jerk=np.concatenate(limits),
+            of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
+            raised=local(points),
+            round=local(vectors),
+            radius=radius,
+            margin=np.zeros_like(radius),
+            round_of=np.full(radius.shape[1], -1),
+        )
+
+    def _jerky(self) -> IntArray:
+        """Joints that have a limit of jerk."""
+        return np.flatnonzero(np.isfinite(self.jerk.joint))
+
+    def _motion(self) -> tuple[FloatArray, FloatArray]:
+        """Rows of the accelerations and jerks of the limited joints, joint after joint."""
+        grid, degree = self.mesh.grid, self.degree
+        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0)), self._jerky()
+        n = len(grid)
+        found = (
+            np.empty((n, len(joints[0]) * (degree + 1), 3)),
+            np.empty((n, len(joints[1]) * degree, 3)),
+        )
+        powers = to_bernstein(degree), to_bernstein(degree - 1)
+        path = grid.joint_path
+        motion_rows(
+            path.coefficients, path.breaks, grid.piece, grid.s, degree, powers, joints, found
+        )
+        return found
+
+    def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
+        grid, n, bounds = self.mesh.grid, len(self.mesh.grid), self.bounds
+        none = np.full((n, 3), np.inf)
+        top = np.min([none, self._speed_ceiling(), *self.ceilings], axis=0)
+        bottom = -none
+        h = grid.width[:, None]
+        u = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]]) / h[:, None]
+        x = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        rows, low, high = [np.broadcast_to(np.eye(3), (n, 3, 3))], [bottom], [top]
+        if bounds is not None:
+            top = np.minimum(top, bounds.x[:, None])
+            least = np.where(bounds.least > 0, bounds.least, -np.inf)
+            low, high = [np.broadcast_to(least[:, None], (n, 3))], [top]
+            slope = np.array([[[1.0, -2.0, 1.0]]]) / h[:, None] ** 2
+            most = np.stack([bounds.u, bounds.u, np.abs(bounds.skew)], axis=1)
+            rows.append(np.concatenate([u, slope], axis=1))
+            low.append(-most)
+            high.append(most)
+        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0))
+        rows.append(acceleration)
+        for sign, out in ((-1, low), (1, high)):
+            limit = np.repeat(sign * self.bounded[(sign + 1) // 2, joints], self.degree + 1)
+            out.append(np.broadcast_to(limit, acceleration.shape[:2]))
+        for y in self.general:
+            for e in range(2):
+                rows.append(y.a[e][..., None] * u[:, e : e + 1] + y.b[e][..., None] * x[e])
+                low.append(y.low[e] + y.margin)
+                high.append(y.high[e] - y.margin)
+        bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
+        self._bound_next_to_ramps(top)
+        return np.concatenate(rows, axis=1), bottom, top
+
+    def _round(self) -> tuple[FloatArray, FloatArray]:
+        """Round rows of the discs, (n, 2 discs, 3, 3), and their radii."""
+        n, h = len(self.mesh.grid), self.mesh.grid.width
+        vectors, radius = np.zeros((n, 2 * len(self.discs), 3, 3)), []
+        for k, disc in enumerate(self.discs):
+            for e in range(2):
+                vectors[:, 2 * k + e, 0, e : e + 2] = np.array([-1.0, 1.0]) / h[:, None]
+                vectors[:, 2 * k + e, 1, 2 * e] = disc.c[e]
+                radius.append(disc.r)
+        return vectors, np.stack(radius, axis=1) if radius else np.zeros((n, 0))
+
+    def _speed_ceiling(self) -> FloatArray:
+        """Bounds of the control points of a under joint velocity limits, (n, 3)."""
+        limited = np.isfinite(self.speeds)
+        if not limited.any():
+            return np.full((len(self.mesh.grid), 3), np.inf)
+        width, limit = self.mesh.grid.width[:, None], self.speeds[limited]
+        bulge = width**2 / 8 * self.path.third[:, limited]
+        # |q'| over its limit lies below a line, and the tangent of 1 / line² below that.
+        first, last = (np.abs(x[:, limited]) + bulge for x in self.path.first)
+        first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
+        middle = (first + last) / 2
+        change = (last - first) / middle
+        level = 1 / np.maximum(first, last) ** 2
+        tangent = 1 / middle**2
+        steep = np.abs(change) > 1 - LEAST_SHARE
+        points = [
+            np.where(steep, level, tangent * (1 + change)),
+            np.where(steep, level, tangent),
+            np.where(steep, level, tangent * (1 - change)),
+        ]
+        return np.asarray(np.min(points, axis=2).T)
+
+    def _bound_next_to_ramps(self, top: FloatArray) -> None:
+        """Lower the bounds of a where cells of uniform jerk end, so that these keep all limits."""
+        mesh = self.mesh
+        largest = self._largest_at_ramps()
+        starts = mesh.sections[:-1][mesh.at_rest[:, 0]]
+        ends = mesh.sections[1:][mesh.at_rest[:, 1]] - 1
+        top[starts + 1, 0] = np.minimum(top[starts + 1, 0], largest[starts])
+        top[ends - 1, 2] = np.minimum(top[ends - 1, 2], largest[ends])
+
+    def _largest_at_ramps(self) -> FloatArray:
+        """Largest a at the moving end of cells of uniform jerk, (n,); other cells mean nothing.
+
+        From rest, `a = A (s / h)^(4/3)`; at its end dds is `2 A / 3 h`, the jerk `2 A^1.5 / 9 h²`.
+        """
+        path, h = self.path, self.mesh.grid.width
+        wide = h[:, None]
+        first = np.abs(path.first).max(axis=0) + wide**2 / 8 * path.third
+        second = np.abs(path.second).max(axis=0) + wide * path.third
+        rate = 2 / (3 * h)
+        found = [np.min([y for x in self.ceilings for y in x.T], axis=0)] if self.ceilings else []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found.append(((self.speeds / first) ** 2).min(axis=1))
+            pull = second + first * rate[:, None]
+            found.append((self.bounded.min(axis=0) / pull).min(axis=1))
+            jerk = path.third + 2 * second / wide + 2 / 9 * first / wide**2
+            found.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
+            found.append((self.jerk.path * 4.5 * h**2) ** (2 / 3))
+            for y in self.general:
+                for sign, room in ((1, y.high), (-1, -y.low)):
+                    up = np.maximum(sign * y.a, 0).max(axis=0) * rate[:, None]
+                    up += np.maximum(sign * y.b, 0).max(axis=0)
+                    left = np.maximum(room.min(axis=0) - y.margin, 0)
+                    found.append(np.where(up > 0, left / up, np.inf).min(axis=1))
+            for x in self.discs:
+                found.append(x.r / np.hypot(x.c.max(axis=0), rate))
+            if self.bounds is not None:
+                found += [self.bounds.x, self.bounds.u / rate]
+        return np.asarray(np.nanmin(found, axis=0))
+
+
+def control_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """Rows of the first and last control point of a on every cell, (n, 3) each.
+
+    Inside a section both are means of the neighbours, so that a has a continuous slope. Next to a
+    cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
+    """
+    width = mesh.grid.width
+    begin, end = np.zeros((2, len(width), 3))
+    total = width[:-1] + width[1:]
+    begin[1:, 0], begin[1:, 1] = width[1:] / total, width[:-1] / total
+    end[:-1, 1], end[:-1, 2] = width[1:] / total, width[:-1] / total
+    for (first, last), rests in zip(
+        zip(mesh.sections[:-1], mesh.sections[1:], strict=True), mesh.at_rest, strict=True
+    ):
+        begin[first], end[last - 1] = (1, 0, 0), (0, 0, 1)
+        if rests[0]:
+            begin[first + 1] = (0, 1 / (1 + 2 * width[first + 1] / (3 * width[first])), 0)
+        if rests[1]:
+            end[last - 2] = (0, 1 / (1 + 2 * width[last - 2] / (3 * width[last - 1])), 0)
+    return begin, end
+
+
+def _degree(coefficients: FloatArray) -> int:
+    """Degree of a joint path, at least 3."""
+    used = np.flatnonzero(coefficients.any(axis=(0, 2)))
+    return max(3, int(used[-1]) if len(used) else 3)
