@@ -14,6 +14,7 @@ import dataclasses
 from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
-from armcontour.geometry.corner_curves import ARC, PARABOLA, CornerCurve
+from armcontour.geometry.corner_curves import ARC, PARABOLA, SMOOTH, CornerCurve
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
@@ -36,6 +37,8 @@ from armcontour.geometry.rounded_orientation import (
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped import ShapedPath
 
+# What does not jump along a rounded path: its tangent, or its curvature, too.
+Continuity: TypeAlias = Literal["tangent", "curvature"]
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is left
 # out [m].
 SLIVER = 1e-12
@@ -143,6 +146,7 @@ def round_corners(
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
+    continuity: Continuity = "tangent",
 ) -> RoundedPath:
     """Replace every corner of a path by an arc, by the paper's case I or case II.
 
@@ -157,6 +161,10 @@ def round_corners(
     (zero tolerance, a turn of 180°, segments without room) the corner stays sharp, and the tool
     stops there; `corners.reason` says why. A corner beside an arc becomes two tangent arcs.
 
+    With continuity "curvature" the curvature does not jump either, so that a motion with a limit of
+    jerk need not stop: a corner between two lines becomes a smooth bend, with the same corner error
+    on more of both lines, whose radius in the middle is `corners.radius`.
+
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
     the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
     angular rate jumps. An orientation that follows the tangent may leave it by that angle where
@@ -169,17 +177,21 @@ def round_corners(
         acceleration: Centripetal acceleration at that speed [m/s²], a number or (vertices,); with
             `tolerance` alone it is only used to report the corner speed (16).
         angular_tolerance: Largest angle between the orientation and its value at the vertex [rad].
+        continuity: "tangent", or "curvature" for corners that can be run without stopping under a
+            limit of jerk.
 
     Raises:
-        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
-            the orientation needs an angular tolerance.
+        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
+            continuity is neither of them, or the orientation needs an angular tolerance.
     """
+    _checks.choice("continuity", continuity, get_args(Continuity))
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
             "Python arguments of round_corners, in a job keys of corners."
         )
-    return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, ARC)
+    curve = SMOOTH if continuity == "curvature" else ARC
+    return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
 
 
 def round_with_parabolas(
@@ -675,7 +687,7 @@ def _cut(rows: Segments, cut: FloatArray) -> Segments:
     """Segments shortened by the tangent lengths of their ends' corners [m], (n + 1,)."""
     starts = rows.starts + cut[:-1, None] * rows.tangents
     shorter = rows.replace(starts=starts, lengths=rows.lengths - cut[:-1] - cut[1:])
-    later = (rows.curvatures > 0) & (cut[:-1] > 0)
+    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
     if not later.any():
         return shorter
     i, begin = np.flatnonzero(later), cut[:-1][later]
