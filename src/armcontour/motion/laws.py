@@ -180,7 +180,7 @@ class Rates(NamedTuple):
         dds: Path acceleration at the start of every interval [m/s²], (n,).
         slope: Slope of dds over s on every interval [1/s²], (n,).
         jerk: Slope of dds over time [m/s³], (n,); not zero only on intervals without the other
-            slope, at whose start or end the motion rests.
+            slope that belong to a motion of uniform jerk from rest, or to rest.
     """
 
     ds: FloatArray
@@ -260,12 +260,10 @@ class PathLaw(LawAlongPath):
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             times = self.breaks[i] + interval_times(width, ds, end, slope)
-            # Motion of uniform jerk from rest, or to rest: s grows with the third power of time.
-            since = np.cbrt(6 * width / jerk)
-            left = np.cbrt(6 * (self.s[i + 1] - s) / jerk)
-        from_rest, ramp = (ds == 0) & (dds == 0), jerk != 0
-        rests = np.where(from_rest, self.breaks[i] + since, self.breaks[i + 1] - left)
-        return np.asarray(np.where(ramp, rests, times))
+            # Uniform jerk: s grows with the third power of the time from the rest, or to it.
+            since = dds / jerk
+            rests = self.breaks[i] + np.cbrt(since**3 + 6 * width / jerk) - since
+        return np.asarray(np.where(jerk != 0, rests, times))
 
 
 def path_states(
