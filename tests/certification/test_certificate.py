@@ -111,6 +111,23 @@ def test_other_intervals(period, slowest, budget):
     assert result.speed <= 0.15 * (1 + 1e-3)
 
 
+def test_limits_of_jerk_are_kept():
+    base = job()
+    run = base.runs[0]
+    run = replace(run, limits=run.limits.replace(joint_jerk=36.0))
+    found = ac.certify(replace(base, runs=(run,)), servo=2e-6)
+    executed, result = judged(found)
+    assert found.windows == ()
+    # Slower by what linear interpolation adds to a uniform acceleration, 0.25 % at 4 ms.
+    assert 0 < found.cost < 6e-3 and (found.largest_headroom < 0.01).all()
+    assert result.contour_error.max <= 2e-7
+    assert (executed.peak_demand <= 0.72 * (1 + 1e-6)).all()
+    # The taught data of the plan itself, by differences.
+    q = found.trajectory(np.arange(0.0, found.duration, 1e-3))
+    for order, limit in ((2, 0.72), (3, 36.0)):
+        assert np.abs(np.diff(q, order, axis=0)).max() / 1e-3**order <= limit * (1 + 1e-4)
+
+
 def test_held_set_points():
     held = job(period="1 ms", servo=", interpolation: step")
     found = ac.certify(held, servo=1e-5, saturation="report")

@@ -66,7 +66,7 @@ def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robo
     robot = replace(robot, saturated=False)
     found = [
         x
-        for multiples in WINDOWS
+        for multiples in (((),) if robot.limits.jerk_limits else WINDOWS)
         if (x := _derate(joint_path, approach, robot, multiples)) is not None
     ]
     if not found:

@@ -267,6 +267,9 @@ class Search:
 
     def _windows(self) -> list[tuple[float, ...]]:
         """Lengths of moving averages to try [s]."""
+        if self.setting.limits.jerk_limits:
+            # Averages along a path that bends exceed limits of jerk, which smooth the plan already.
+            return [()]
         period, kv = self.setting.run.period, self.setting.servo.kv
         if self.setting.bodies and kv is not None:
             slowest = 1 / float(kv.min())
