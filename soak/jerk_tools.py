@@ -118,8 +118,9 @@ def _limits(rng: np.random.Generator, arm: Any, path: ac.JointPath) -> ac.Limits
     if arm.has_bodies and rng.random() < CHANCE:
         torque = np.abs(tool.torque()).max(axis=(0, 1))
         still = np.abs(tool.torque(still=True)).max(axis=(0, 1))
-        share = rng.uniform(0.3, 1.1, dof)
-        wanted["joint_torque"] = 1.05 * still + share * (torque - 0.9 * still) + 1e-3
+        # The arm can hold itself, against its friction too.
+        least = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
+        wanted["joint_torque"] = least + rng.uniform(0.1, 1.0, dof) * torque
     return ac.Limits(**wanted)
 
 
