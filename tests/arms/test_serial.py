@@ -75,6 +75,49 @@ def test_the_jacobians_rate_and_the_drift_agree_with_differences(arm3, states):
     np.testing.assert_allclose(exact, arm3.twist_drift(q, dq)[:, :3], atol=1e-12)
 
 
+def exact_jerk(arm, states):
+    """The third derivative of the product of all transformations, by Cauchy's integral."""
+    chain, (q, dq, ddq, dddq) = arm.chain, states
+
+    def point(t):
+        angles = q + t * (dq + t * (ddq / 2 + t * dddq / 6))
+        place, turn = chain.base.position + 0j, chain.base.rotation + 0j
+        for k, (x, y, z) in enumerate(chain.axes):
+            place, turn = place + turn @ chain.positions[k], turn @ chain.rotations[k]
+            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            s, c = np.sin(angles[k]), np.cos(angles[k])
+            turn = turn @ (np.eye(3) + s * cross + (1 - c) * cross @ cross)
+        for x in (chain.tip, chain.tool):
+            place, turn = place + turn @ x.position, turn @ x.rotation
+        return place
+
+    # Joint positions are whole functions of time, so the sum over a circle has all digits.
+    around = 0.5 * np.exp(2j * np.pi * np.arange(64) / 64)
+    return 6 * np.mean([point(t) / t**3 for t in around], axis=0).real
+
+
+def test_the_tools_jerk_has_all_digits(arm3):
+    states = np.random.default_rng(3).normal(size=(4, arm3.dof))
+    found = arm3.tool_jerk(*states)
+    exact = exact_jerk(arm3, states)
+    np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-12)
+    # What an arm of a user's own has by itself.
+    own = ac.Arm.tool_jerk(arm3, *states)
+    size = np.abs(states[1]).sum() ** 3
+    np.testing.assert_allclose(own, exact, atol=1e-12 * size)
+
+
+def test_the_jerk_of_many_states_is_that_of_each(arm3):
+    states = np.random.default_rng(4).normal(size=(4, 2, 3, arm3.dof))
+    found = arm3.tool_jerk(*states)
+    assert found.shape == (2, 3, 3)
+    np.testing.assert_array_equal(found[1, 2], arm3.tool_jerk(*states[:, 1, 2]))
+    # At rest there is no way to go along.
+    q, rest, _, dddq = states
+    found = ac.Arm.tool_jerk(arm3, q, rest * 0, rest * 0, dddq)
+    np.testing.assert_allclose(found, arm3.tool_velocity(q, dddq), atol=1e-12)
+
+
 def test_pinocchio_sees_the_same_arm():
     arm = crooked()
     chain, model, joint = arm.chain, pin.Model(), 0
@@ -201,3 +244,6 @@ def test_the_plane_arm_in_space_is_the_same_arm(arm):
     np.testing.assert_allclose(
         space.tool_acceleration(q, dq, ddq)[:, :2], arm.tool_acceleration(q, dq, ddq), atol=1e-13
     )
+    jerk = arm.tool_jerk(q, dq, ddq, dq)
+    np.testing.assert_allclose(space.tool_jerk(q, dq, ddq, dq)[:, :2], jerk, atol=1e-13)
+    np.testing.assert_allclose(ac.Arm.tool_jerk(arm, q, dq, ddq, dq), jerk, atol=1e-10)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.motion import Method, PathLaw, Rates
 from armcontour.timing import explain
-from armcontour.timing.constraints import SecondOrder
+from armcontour.timing.constraints import IntervalEnds, SecondOrder, jerks_of
+from armcontour.timing.grid import grid_through
 
 
 def robot(dof):
@@ -79,6 +81,72 @@ def test_a_further_constraint_is_named():
     found = explain(planned, robot(1), limits, constraints=[weak])
     assert_tiled(found, planned)
     assert set(names(found)) == {"joint 1 torque"}
+
+
+RAMP, JERK = 0.2, 5.0  # s, m/s³
+SLOPE = 40.0  # 1/s²
+
+
+def smooth_law(joint_path):
+    """Uniform jerk from rest, half a wave of the path acceleration, uniform jerk to rest.
+
+    The plan has rests at both ends, and its jerk is largest in the middle of the wave.
+    """
+    speed, most = JERK * RAMP**2 / 2, JERK * RAMP
+    ramp, wave = JERK * RAMP**3 / 6, 2 * most / SLOPE
+    s = np.cumsum([0.0, ramp, wave, speed * RAMP - most * RAMP**2 / 2 + JERK * RAMP**3 / 6])
+    time = 2 * np.arctan(most / (speed * np.sqrt(SLOPE))) / np.sqrt(SLOPE)
+    return PathLaw(
+        joint_path=joint_path,
+        breaks=np.cumsum([0.0, RAMP, time, RAMP]),
+        s=s,
+        rates=Rates(
+            ds=np.array([0.0, speed, speed]),
+            dds=np.array([0.0, most, -most]),
+            slope=np.array([0.0, -SLOPE, 0.0]),
+            jerk=np.array([JERK, 0.0, JERK]),
+        ),
+    )
+
+
+def smooth_length():
+    return 2 * JERK * RAMP**3 / 6 + 2 * JERK * RAMP / SLOPE
+
+
+def test_jerk_is_named_where_it_binds():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, -2.0)])
+    scale = path.breaks[-1] / smooth_length()
+    path = ac.JointPath(breaks=path.breaks / scale, coefficients=path.coefficients)
+    planned = ac.Trajectory(laws=(smooth_law(path),), method=Method.OPTIMAL)
+    # In the middle of the wave, ds² = ds1² + dds1² / slope; both joints move evenly along s.
+    middle = SLOPE * np.sqrt((JERK * RAMP**2 / 2) ** 2 + (JERK * RAMP) ** 2 / SLOPE)
+    slope = 2.0 / smooth_length()
+    t, s = planned.breaks, planned.laws[0].s
+    np.testing.assert_allclose(np.abs(planned(t[1:3].mean(), 3)[1]), slope * middle, rtol=1e-12)
+    limits = ac.Limits(joint_jerk=[np.inf, slope * middle])
+    found = explain(planned, robot(2), limits)
+    assert names(found) == ["joint 2 jerk"]
+    assert [x.limit for x in found.bindings] == ["nothing", "jerk", "nothing"]
+    assert (found.bindings[1].t, found.bindings[1].s) == (tuple(t[1:3]), tuple(s[1:3]))
+    assert found.bindings[1].share == pytest.approx(1, abs=1e-12)
+    # Next to rests jerk is uniform.
+    assert found.bindings[0].share == pytest.approx(JERK / middle, abs=1e-12)
+
+
+def test_the_tools_jerk_is_the_largest_along_an_interval(arm):
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
+    path = ac.JointPath(breaks=path.breaks * smooth_length(), coefficients=path.coefficients)
+    law = smooth_law(path)
+    ends = IntervalEnds(arm, law, grid_through(path, law.s))
+    tool, along = (x.usage(ends)[:, 0] for x in jerks_of(ac.Limits(tool_jerk=1, path_jerk=1), 2))
+    assert along[0] == pytest.approx(JERK) and along[2] == pytest.approx(JERK)
+    planned = ac.Trajectory(laws=(law,), method=Method.OPTIMAL)
+    for k in range(3):
+        t = np.linspace(*law.breaks[k : k + 2], 201)[1:-1]
+        dq, ddq, dddq = (planned(t, order)[:, 0] for order in (1, 2, 3))
+        # The stretched arm turns on a circle.
+        jerk = (arm.link1 + arm.link2) * np.hypot(dddq - dq**3, 3 * dq * ddq)
+        assert tool[k] == pytest.approx(jerk.max(), rel=0.02)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -10,12 +10,13 @@ from armcontour.timing.limit_use import States, allowed, quantity, ratio
 
 REACH = 0.250 + 0.215  # m, the PMK-3s stretched out
 DQ, DDQ = np.array([2.0, -1.5, 0.0]), np.array([0.3, -4.0, 5.0])  # rad/s, rad/s²
+DDDQ = np.array([7.0, 0.0, -3.0])  # rad/s³
 
 
 def about_joint(arm, joint):
     """Only one joint moves; of the arm in the plane the elbow is straight."""
-    rates = np.zeros((2, 3, arm.dof))
-    rates[:, :, joint] = DQ, DDQ
+    rates = np.zeros((3, 3, arm.dof))
+    rates[:, :, joint] = DQ, DDQ, DDDQ
     return States(arm, np.zeros((3, arm.dof)), *rates)
 
 
@@ -26,10 +27,21 @@ def about_joint(arm, joint):
         # At rest there is no direction for a part of the acceleration to be at right angles to.
         ("centripetal_acceleration", REACH * DQ**2),
         ("tool_acceleration", REACH * np.hypot(DDQ, DQ**2)),
+        ("tool_jerk", REACH * np.hypot(DDDQ - DQ**3, 3 * DQ * DDQ)),
     ],
 )
 def test_a_tool_on_a_circle(arm, name, expected):
     np.testing.assert_allclose(quantity(name, about_joint(arm, 0)), expected, rtol=1e-12)
+
+
+def test_jerk_needs_states_that_know_theirs(arm, refuses):
+    states = about_joint(arm, 1)
+    limits = ac.Limits(joint_jerk=[np.inf, 10.0])
+    found = ratio("joint_jerk", limits, states)
+    np.testing.assert_allclose(found, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
+    without = States(arm, states.q, states.dq, states.ddq)
+    for name in ("joint_jerk", "tool_jerk"):
+        refuses(lambda name=name: quantity(name, without), ac.InvalidInput, "states with dddq")
 
 
 def test_the_last_joint_turns_the_tool():
@@ -52,7 +64,7 @@ def test_what_is_not_limited_is_not_used(arm):
         assert not ratio(name, ac.Limits(), states).any()
 
 
-@pytest.mark.parametrize("name", ["sped", "joint_jerk", "joint_lower", "joint_deceleration"])
+@pytest.mark.parametrize("name", ["sped", "path_jerk", "joint_lower", "joint_deceleration"])
 def test_an_unknown_limit_is_refused(arm, refuses, name):
     refuses(
         lambda: quantity(name, about_joint(arm, 0)),

@@ -1,4 +1,4 @@
-"""Compiled kinematics of a chain: poses, Jacobians and bias accelerations of many states."""
+"""Compiled kinematics of a chain: poses, Jacobians, bias accelerations and jerks of many states."""
 
 from __future__ import annotations
 
@@ -144,6 +144,62 @@ def write_bias_acceleration(
 
 
 @compiled()
+def write_jerk(
+    origins: FloatArray,
+    directions: FloatArray,
+    pose: FloatArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    dddq: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the third derivative of the tool point of one state into `out`, (3,).
+
+    The loop computes from link to link the angular velocity w, its first and second derivative e
+    and f, and the jerk of the next joint's origin: a vector l of a link has the derivatives
+    `l1 = w x l`, `l2 = e x l + w x l1` and `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of
+    the next joint.
+    """
+    w0 = w1 = w2 = 0.0
+    e0 = e1 = e2 = 0.0
+    f0 = f1 = f2 = 0.0
+    j0 = j1 = j2 = 0.0
+    n = len(dq)
+    for k in range(n):
+        d0, d1, d2 = directions[k, 0], directions[k, 1], directions[k, 2]
+        a0, a1, a2 = w1 * d2 - w2 * d1, w2 * d0 - w0 * d2, w0 * d1 - w1 * d0
+        b0 = e1 * d2 - e2 * d1 + w1 * a2 - w2 * a1
+        b1 = e2 * d0 - e0 * d2 + w2 * a0 - w0 * a2
+        b2 = e0 * d1 - e1 * d0 + w0 * a1 - w1 * a0
+        r1, r2, r3 = dq[k], ddq[k], dddq[k]
+        f0 += d0 * r3 + 2.0 * a0 * r2 + b0 * r1
+        f1 += d1 * r3 + 2.0 * a1 * r2 + b1 * r1
+        f2 += d2 * r3 + 2.0 * a2 * r2 + b2 * r1
+        e0 += d0 * r2 + a0 * r1
+        e1 += d1 * r2 + a1 * r1
+        e2 += d2 * r2 + a2 * r1
+        w0 += d0 * r1
+        w1 += d1 * r1
+        w2 += d2 * r1
+        if k + 1 < n:
+            l0 = origins[k + 1, 0] - origins[k, 0]
+            l1 = origins[k + 1, 1] - origins[k, 1]
+            l2 = origins[k + 1, 2] - origins[k, 2]
+        else:
+            l0 = pose[0, 3] - origins[k, 0]
+            l1 = pose[1, 3] - origins[k, 1]
+            l2 = pose[2, 3] - origins[k, 2]
+        a0, a1, a2 = w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0
+        b0 = e1 * l2 - e2 * l1 + w1 * a2 - w2 * a1
+        b1 = e2 * l0 - e0 * l2 + w2 * a0 - w0 * a2
+        b2 = e0 * l1 - e1 * l0 + w0 * a1 - w1 * a0
+        j0 += f1 * l2 - f2 * l1 + 2.0 * (e1 * a2 - e2 * a1) + w1 * b2 - w2 * b1
+        j1 += f2 * l0 - f0 * l2 + 2.0 * (e2 * a0 - e0 * a2) + w2 * b0 - w0 * b2
+        j2 += f0 * l1 - f1 * l0 + 2.0 * (e0 * a1 - e1 * a0) + w0 * b1 - w1 * b0
+    out[0], out[1], out[2] = j0, j1, j2
+
+
+@compiled()
 def poses(
     rotations: FloatArray,
     positions: FloatArray,
@@ -195,6 +251,23 @@ def drifts(
     out = np.empty((n, 6))
     for i in range(n):
         write_bias_acceleration(origins[i], directions[i], pose[i], dq[i], out[i])
+    return out
+
+
+@compiled()
+def jerks(
+    origins: FloatArray,
+    directions: FloatArray,
+    pose: FloatArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    dddq: FloatArray,
+) -> FloatArray:
+    """Tool jerks of all states, (n, 3), from the results of `poses`."""
+    n = len(origins)
+    out = np.empty((n, 3))
+    for i in range(n):
+        write_jerk(origins[i], directions[i], pose[i], dq[i], ddq[i], dddq[i], out[i])
     return out
 
 

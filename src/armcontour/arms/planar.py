@@ -128,6 +128,22 @@ class PlanarTwoLink(Arm):
         near = -rate1 * self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
         return np.stack([near + far, far], axis=-1)
 
+    def tool_jerk(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
+    ) -> FloatArray:
+        """Tool jerk [m/s³], (..., 2), in closed form; arguments as of every arm."""
+        angles = [self._angles(x) for x in (q, dq, ddq, dddq)]
+        found = np.zeros((*np.shape(angles[0][0]), 2))
+        for length, (at, rate, second, third) in zip(
+            (self.link1, self.link2), zip(*angles, strict=True), strict=True
+        ):
+            outward = np.stack([np.sin(at), np.cos(at)], axis=-1)
+            across = np.stack([np.cos(at), -np.sin(at)], axis=-1)
+            found = found + length * (
+                (third - rate**3)[..., None] * across - (3 * rate * second)[..., None] * outward
+            )
+        return found
+
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
         """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
 

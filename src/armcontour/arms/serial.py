@@ -191,6 +191,15 @@ class SerialArm(Arm):
         """Tool acceleration [m/s²]."""
         return self.tool_twist_rate(q, dq, ddq)[..., :3]
 
+    def tool_jerk(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
+    ) -> FloatArray:
+        """Tool jerk [m/s³], (..., 3), from link to link; arguments as of every arm."""
+        leading, (rows, *rates) = self._rows(q, dq, ddq, dddq)
+        pose, origins, directions = self._places(rows)
+        found = _kernels().jerks(origins, directions, pose, *rates)
+        return np.asarray(found.reshape(*leading, 3))
+
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import Method, PathLaw, Trajectory
-from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed
+from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed, jerks_of
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
 
@@ -174,7 +174,11 @@ def _explain_law(
     offsets: tuple[float, float],
 ) -> _LawExplanation:
     """Explain one law; `offsets` are its start time [s] and start arc length [m] in the motion."""
-    active = [*constraints_of(law.joint_path, arm, bounds), *constraints]
+    active = [
+        *constraints_of(law.joint_path, arm, bounds),
+        *jerks_of(bounds, arm.dof),
+        *constraints,
+    ]
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
     ends = IntervalEnds(arm, law, grid)

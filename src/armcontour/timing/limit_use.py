@@ -24,19 +24,21 @@ SLOWEST = 1e-6
 
 @dataclass(frozen=True)
 class States:
-    """Joint states of an arm, with the tool velocities and accelerations that they cause.
+    """Joint states of an arm, with the motion of the tool that they cause.
 
     Args:
         arm: The arm.
         q: Joint positions [rad], (n, dof).
         dq: Joint velocities [rad/s], (n, dof).
         ddq: Joint accelerations [rad/s²], (n, dof).
+        dddq: Joint jerks [rad/s³], (n, dof); None where they are not asked for.
     """
 
     arm: Arm
     q: FloatArray
     dq: FloatArray
     ddq: FloatArray
+    dddq: FloatArray | None = None
 
     @cached_property
     def tool_velocity(self) -> FloatArray:
@@ -47,6 +49,17 @@ class States:
     def tool_acceleration(self) -> FloatArray:
         """Tool accelerations [m/s²], (n, dimension)."""
         return self.arm.tool_acceleration(self.q, self.dq, self.ddq)
+
+    @property
+    def joint_jerk(self) -> FloatArray:
+        """Joint jerks [rad/s³], (n, dof).
+
+        Raises:
+            InvalidInput: The states were made without them.
+        """
+        if self.dddq is None:
+            raise InvalidInput("The use of a limit of jerk needs states with dddq.")
+        return self.dddq
 
 
 def require_orientation(arm: Arm) -> SerialArm:
@@ -67,7 +80,8 @@ def quantity(name: str, states: States) -> FloatArray:
     """The quantity that a limit applies to, in the unit of the limit.
 
     Args:
-        name: A field of `Limits`; "joint_acceleration" stands for deceleration too.
+        name: A field of `Limits`; "joint_acceleration" stands for deceleration too. Of
+            "path_jerk" states know nothing: it belongs to a law along a path.
         states: The motion.
 
     Returns:
@@ -76,7 +90,7 @@ def quantity(name: str, states: States) -> FloatArray:
 
     Raises:
         InvalidInput: There is no such limit, the arm has no masses for torques, or the tool has no
-            orientation for angular motion.
+            orientation for angular motion, or the states have no jerk.
     """
     if name not in QUANTITIES:
         raise InvalidInput(
@@ -135,10 +149,12 @@ def _length(vectors: npt.ArrayLike) -> FloatArray:
 QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     "joint_velocity": lambda x: np.abs(x.dq),
     "joint_acceleration": lambda x: x.ddq,
+    "joint_jerk": lambda x: np.abs(x.joint_jerk),
     "joint_torque": lambda x: np.abs(x.arm.torque(x.q, x.dq, x.ddq)),
     "speed": lambda x: _length(x.tool_velocity),
     "tool_acceleration": lambda x: _length(x.tool_acceleration),
     "centripetal_acceleration": _centripetal,
+    "tool_jerk": lambda x: _length(x.arm.tool_jerk(x.q, x.dq, x.ddq, x.joint_jerk)),
     "angular_speed": _angular_speed,
     "angular_acceleration": _angular_acceleration,
 }

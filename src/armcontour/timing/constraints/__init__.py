@@ -14,6 +14,7 @@ from armcontour.timing.constraints.base import (
     JointDerivatives,
     Rows,
 )
+from armcontour.timing.constraints.jerk import jerks_of
 from armcontour.timing.constraints.joint_acceleration import JointAcceleration
 from armcontour.timing.constraints.joint_torque import JointTorque
 from armcontour.timing.constraints.joint_velocity import JointVelocity
@@ -43,5 +44,6 @@ __all__ = [
     "ToolAcceleration",
     "ToolMetric",
     "ToolSpeed",
+    "jerks_of",
     "turning_of",
 ]

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath, PathLaw
 from armcontour.timing.constraints._rows import derivatives
@@ -76,6 +76,8 @@ class _Memory(threading.local):
 
 
 _memory = _Memory()
+# Shares of the time of an interval at which what is not known from its ends is looked at.
+INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 # A block of more numbers than this (16 MB) is not kept.
 MOST_KEPT = 2_000_000
 # References to an unused block during the check: the attribute, the local name, the argument.
@@ -147,7 +149,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class IntervalEnds:
-    """A plan at the starts (index 0) and ends (1) of all intervals.
+    """A plan at the starts (index 0) and ends (1) of all intervals, and inside them.
 
     Args:
         arm: The arm.
@@ -184,6 +186,19 @@ class IntervalEnds:
         x, u = self.x[..., None], self.u[..., None]
         dq, ddq = self.path.first * np.sqrt(x), self.path.first * u + self.path.second * x
         return States(self.arm, q, dq.reshape(q.shape), ddq.reshape(q.shape))
+
+    @cached_property
+    def places(self) -> tuple[IntArray, FloatArray]:
+        """The interval and time [s] of places in every interval, its ends too, (places n,) each."""
+        breaks = self.law.breaks
+        t = breaks[:-1] + INSIDE * np.diff(breaks)
+        t[-1] = breaks[1:]
+        return np.tile(np.arange(len(self.grid)), len(t)), t.ravel()
+
+    @cached_property
+    def inside(self) -> States:
+        """Joint states with their jerks at all `places`."""
+        return States(self.arm, *(self.law.on_interval(*self.places, k) for k in range(4)))
 
 
 class Constraint:
