@@ -13,6 +13,7 @@ from armcontour.frames import (
     exp,
     from_rpy,
     log,
+    perpendicular,
     quaternions,
     rotations,
     shortest,
@@ -70,6 +71,13 @@ def test_the_cross_matrix_crosses():
     np.testing.assert_allclose(
         np.einsum("nij,nj->ni", cross_matrix(v), w), np.cross(v, w), atol=1e-15
     )
+
+
+def test_perpendicular_vectors_are_at_right_angles_and_hardly_shorter():
+    v = np.array([unit(x) for x in [*AXES, (1, 1, 1)]])
+    found = perpendicular(v)
+    np.testing.assert_allclose(np.sum(found * v, axis=1), 0.0, atol=1e-15)
+    assert np.linalg.norm(found, axis=1).min() == pytest.approx(np.sqrt(2 / 3))
 
 
 @pytest.mark.parametrize("turn", [0.0, 1e-14, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi])

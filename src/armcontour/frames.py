@@ -181,7 +181,7 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     axis = np.cross(a, b)
     size = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = angle_between(a, b)[..., None]
-    any_axis = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=-1)])
+    any_axis = perpendicular(a)
     any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit = np.where(size > 1e-12, axis / size, any_axis)
@@ -189,6 +189,11 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a
     unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
     return np.asarray(unit * angle)
+
+
+def perpendicular(vectors: FloatArray) -> FloatArray:
+    """A vector at right angles to each of several, (..., 3); at most 19% shorter."""
+    return np.cross(vectors, np.eye(3)[np.argmin(np.abs(vectors), axis=-1)])
 
 
 def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:

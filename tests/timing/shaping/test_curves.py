@@ -38,7 +38,7 @@ def case(request):
     timer = Timer(arm, arm.limits.for_joints(arm.dof), branch, start)
     path, places = make_starts(objective, tube, wishes, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)
-    nodes = place_nodes(candidate, timer.trace(path), tube, arm, branch, 1.0)
+    nodes = place_nodes(candidate, tube, arm, branch)
     return arm, objective, tube, nodes
 
 

@@ -132,7 +132,7 @@ def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: I
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
     arcs, breaks, coefficients = _fit(begin, (points[1:], into, end[2]))
-    ends = _place_knots(spline, place)
+    ends = spline.at_knots(place[:, None])[:, 0]
     at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
     segments = _with_columns(arcs, objective, at)
     curve = SmoothCurve(
@@ -178,13 +178,6 @@ def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends
     tangent = velocity / speed
     along = np.sum(acceleration * tangent, axis=1, keepdims=True)
     return arm.forward(q), tangent, (acceleration - along * tangent) / speed**2
-
-
-def _place_knots(spline: Spline, place: FloatArray) -> FloatArray:
-    """Arc lengths on the objective at the knots [m], (n + 1,)."""
-    h = spline.h
-    inner = (h[1:] * place[:-1] + h[:-1] * place[1:]) / (h[1:] + h[:-1])
-    return np.concatenate([place[:1], inner, place[-1:]])
 
 
 def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segments:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
+from armcontour.frames import perpendicular
 from armcontour.geometry import Path, Tube
 from armcontour.motion import JointPath
 from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.starts import Candidate
 
 # Distance between nodes at a corner that turns by 90°, over the tolerance, and its growth from node
-# to node away from the corner. The pitch of the nodes is a factor on all distances.
+# to node away from the corner.
 AT_CORNER = 0.045
 GROWTH = 0.12
 # Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
@@ -129,9 +131,12 @@ class Nodes:
         return tube.windows_between(low, high)
 
 
-def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> FloatArray:
+def _farthest(
+    fits: Callable[[FloatArray, FloatArray], BoolArray],
+    direction: FloatArray,
+    tolerance: FloatArray,
+) -> FloatArray:
     """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
-    assert callable(fits)
     low, alive = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
     for share in np.arange(MARCH, FARTHEST, MARCH):
         alive &= fits(share * tolerance, direction)
@@ -146,22 +151,18 @@ def _farthest(fits: object, direction: FloatArray, tolerance: FloatArray) -> Flo
     return low
 
 
-def place_nodes(
-    start: Candidate, joint_path: JointPath, tube: Tube, arm: Arm, branch: str | None, pitch: float
-) -> Nodes:
+def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> Nodes:
     """Nodes along a start, dense at corners and rests.
 
     Args:
         start: The start, with its timing.
-        joint_path: Its joint path.
         tube: The tube of the tolerance.
         arm: The arm.
         branch: For an arm in the plane, the branch of its inverse kinematics.
-        pitch: Factor on the distances between nodes.
     """
-    path, places = start.path, start.places
+    path, places, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.of(path, places, tube)
-    s, index = _spread(path, joint_path, arm, tube, places, marks, pitch)
+    s, index = _spread(start, arm, tube, marks)
     # A rest between two stretches has a node on either side.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
@@ -275,19 +276,12 @@ def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(even, axis=1))
 
 
-def _spread(
-    path: Path,
-    joint_path: JointPath,
-    arm: Arm,
-    tube: Tube,
-    places: FloatArray,
-    marks: _Marks,
-    pitch: float,
-) -> tuple[FloatArray, IntArray]:
+def _spread(start: Candidate, arm: Arm, tube: Tube, marks: _Marks) -> tuple[FloatArray, IntArray]:
     """Arc lengths of nodes, and the mark at which each is; -1 for none.
 
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
+    path, places, joint_path = start.path, start.places, start.joint_path
     rests = marks.at[marks.rest]
     at, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
     typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
@@ -303,7 +297,7 @@ def _spread(
         # Neighbouring distances differ by no more than the growth.
         step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
         step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
-        density = 1 / (pitch * step)
+        density = 1 / step
         total = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(at)))
         least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
         count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
@@ -341,8 +335,7 @@ def _frames(tangents: FloatArray) -> FloatArray:
     """Unit vectors at right angles to tangents as columns, (n, dimension, dimension - 1)."""
     if tangents.shape[1] == 2:
         return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
-    least = np.eye(3)[np.argmin(np.abs(tangents), axis=1)]
-    first = np.cross(tangents, least)
+    first = perpendicular(tangents)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(tangents, first)], axis=2)
 

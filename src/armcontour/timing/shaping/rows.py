@@ -14,6 +14,8 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.frames import perpendicular
+from armcontour.timing.limit_use import States
 
 # Directions in which a disc in space is bounded by planes.
 DIRECTIONS = 8
@@ -49,9 +51,13 @@ class Spline:
     @property
     def knots(self) -> FloatArray:
         """Joint positions at the knots before, between and after the spans, (n + 1, dof)."""
-        q, h = self.q, self.h[:, None]
-        inner = (h[1:] * q[:-1] + h[:-1] * q[1:]) / (h[1:] + h[:-1])
-        return np.concatenate([q[:1], inner, q[-1:]])
+        return self.at_knots(self.q)
+
+    def at_knots(self, values: FloatArray) -> FloatArray:
+        """Values at the knots from those at the control points, (n, k) to (n + 1, k)."""
+        h = self.h[:, None]
+        inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
+        return np.concatenate([values[:1], inner, values[-1:]])
 
 
 @dataclass(slots=True)
@@ -71,23 +77,6 @@ class SpanRows:
     after: FloatArray
     time: FloatArray
     scale: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
-    """The motion of joints and tool at one end of every span.
-
-    Args:
-        arm: The arm.
-        q: Joint positions [rad], (n, dof).
-        e: Joint velocities [rad/s], (n, dof).
-        a: Joint accelerations [rad/s²], (n, dof).
-    """
-
-    arm: Arm
-    q: FloatArray
-    e: FloatArray
-    a: FloatArray
 
 
 def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
@@ -114,10 +103,7 @@ def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> S
         found.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
     if limits.joint_velocity is not None:
         found.append(_velocity(both, e, np.asarray(limits.joint_velocity)))
-    ends = [
-        Motion(arm=arm, q=knots[:-1], e=e[:-1], a=a),
-        Motion(arm=arm, q=knots[1:], e=e[1:], a=a),
-    ]
+    ends = [States(arm, knots[:-1], e[:-1], a), States(arm, knots[1:], e[1:], a)]
     if np.isfinite(speeds).any():
         found.append(_tool_speed(ends[1], speeds))
     for last, x in enumerate(ends):
@@ -154,9 +140,9 @@ def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
     return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
 
 
-def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
+def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
     """`|J e_i| <= speed`."""
-    velocity = end.arm.tool_velocity(end.q, end.e)
+    velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     # Without a limit, any bound that does not bind.
@@ -168,16 +154,16 @@ def _tool_speed(end: Motion, speeds: FloatArray) -> SpanRows:
 
 
 def _tool_acceleration(
-    end: Motion, h: FloatArray, most: float, last: bool, *, across: bool
+    end: States, h: FloatArray, most: float, last: bool, *, across: bool
 ) -> SpanRows:
     """The acceleration of the tool in several directions, or its part across the motion.
 
     In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
     """
-    arm, q, e = end.arm, end.q, end.e
+    arm, q, e = end.arm, end.q, end.dq
     jacobian, rate = arm.jacobian(q), arm.jacobian_rate(q, e)
     velocity = np.einsum("nij,nj->ni", jacobian, e)
-    acceleration = np.einsum("nij,nj->ni", jacobian, end.a) + np.einsum("nij,nj->ni", rate, e)
+    acceleration = np.einsum("nij,nj->ni", jacobian, end.ddq) + np.einsum("nij,nj->ni", rate, e)
     speed = np.linalg.norm(velocity, axis=1)
     moving = speed > 0
     tangent = velocity / np.where(moving, speed, 1.0)[:, None]
@@ -191,11 +177,7 @@ def _tool_acceleration(
         turn = np.where(moving, along / np.where(moving, speed, 1.0), 0.0)
         by_end = by_end - turn[:, None, None] * by_joints
     by_end = by_end * h[:, None, None]
-    before, after = -by_joints, np.array(by_joints)
-    if last:
-        after = after + by_end
-    else:
-        before = before + by_end
+    before, after = _by_both_ends(by_joints, by_end, last)
     time = np.einsum("nri,nij,nj->nr", d, rate, e) - most
     if across:
         # At rest nothing is across the motion.
@@ -220,8 +202,7 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
         if across:
             part = part - np.sum(part * tangent, axis=1, keepdims=True) * tangent
         size = np.linalg.norm(part, axis=1, keepdims=True)
-        least = np.eye(3)[np.argmin(np.abs(tangent), axis=1)]
-        spare = np.cross(tangent, least)
+        spare = perpendicular(tangent)
         first = np.where(size > 1e-9, part / np.where(size > 1e-9, size, 1.0), spare)
         first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
         third = tangent if across else spare
@@ -240,33 +221,36 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
     return np.asarray(found)
 
 
-def _torque(end: Motion, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
+def _torque(end: States, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
     """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
 
     Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
     count as constant.
     """
     dynamics = end.arm.dynamics
-    zero = np.zeros_like(end.e)
+    zero = np.zeros_like(end.dq)
     mass = dynamics.mass_matrix(end.q)
     still = dynamics.torque(end.q, zero, zero)
-    drag = dynamics.friction(end.e)
-    bias = dynamics.torque(end.q, end.e, zero) + drag
+    drag = dynamics.friction(end.dq)
+    bias = dynamics.torque(end.q, end.dq, zero) + drag
     bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
-    torque = np.einsum("nij,nj->ni", mass, end.a) + bias
+    torque = np.einsum("nij,nj->ni", mass, end.ddq) + bias
     value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", both, mass)
-    square = np.sum(end.e**2, axis=1)
+    square = np.sum(end.dq**2, axis=1)
     share = 2 * h / np.where(square > 0, square, 1.0)
     coriolis = np.einsum("nrj,nj->nr", both, bias - still - drag)
-    by_end = (share[:, None] * coriolis)[..., None] * end.e[:, None]
-    before, after = -by_joints, np.array(by_joints)
-    if last:
-        after = after + by_end
-    else:
-        before = before + by_end
+    by_end = (share[:, None] * coriolis)[..., None] * end.dq[:, None]
+    before, after = _by_both_ends(by_joints, by_end, last)
     time = np.einsum("nrj,nj->nr", both, bias) - bound
     return SpanRows(value, before, after, time, bound * h[:, None])
+
+
+def _by_both_ends(
+    by_change: FloatArray, by_end: FloatArray, last: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives by the velocities at both ends: by their change, and by the one at one end."""
+    return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 
 def assemble(

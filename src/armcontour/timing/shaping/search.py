@@ -407,8 +407,7 @@ def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> 
     starts = make_starts(objective, tube, wishes, SHARE)
     found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
-        joint_path = timer.trace(start.path)
-        nodes = place_nodes(start, joint_path, tube, timer.arm, timer.branch, 1.0)
+        nodes = place_nodes(start, tube, timer.arm, timer.branch)
         if not nodes.fixed.all():
             yield Search(nodes, start, tube, timer, wishes)
 

@@ -16,10 +16,10 @@ from armcontour._processes import map_in_processes
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
-from armcontour.geometry import Outcome, Path, RoundedPath, ShapedPath, Tube
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
-from armcontour.timing.program_tracing import Tracing, trace_program
+from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
@@ -202,21 +202,21 @@ class Shaping:
             sharp = trace(program)
         except ArmContourError:
             return rounded
-        return min(rounded, sharp, key=self._least_duration)
+        first, other = (ends_of(x.joint_paths[0])[0] for x in (rounded, sharp))
+        if np.abs(first - other).max() <= SAME_POSITION:
+            return rounded
 
-    def _least_duration(self, traced: Tracing) -> float:
-        """Duration of the fastest start of a single path in the configuration of a tracing [s]."""
-        objective = traced.program.path
-        if isinstance(objective, RoundedPath):
-            objective = objective.objective
-        tube, timer = _tube(objective, self.wishes), self._timer(traced.joint_paths[0])
-        known = _time_starts(objective, tube, timer, self.wishes)
-        return min((x.duration for x in known), default=np.inf)
+        def least_duration(traced: Tracing) -> float:
+            tube, timer = _tube(program.path, self.wishes), self._timer(traced.joint_paths[0])
+            known = _time_starts(program.path, tube, timer, self.wishes)
+            return min((x.duration for x in known), default=np.inf)
+
+        return min(rounded, sharp, key=least_duration)
 
     def _timer(self, joint_path: JointPath) -> Timer:
         """What times paths in the configuration of a joint path."""
         planar = isinstance(self.arm, PlanarTwoLink)
-        start = None if planar else joint_path(joint_path.breaks[0])
+        start = None if planar else ends_of(joint_path)[0]
         return Timer(self.arm, self.limits, self.branch, start, self.intervals)
 
 

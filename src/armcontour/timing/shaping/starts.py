@@ -38,12 +38,14 @@ class Candidate:
         name: Name of its shape.
         path: The path.
         places: Arc lengths on the objective and on the path that belong together [m], (n, 2).
+        joint_path: The joint path along the path.
         trajectory: The fastest motion along the path.
     """
 
     name: str
     path: Path
     places: FloatArray
+    joint_path: JointPath
     trajectory: Trajectory
 
     @property
@@ -81,10 +83,13 @@ class Timer:
     def candidate(self, name: str, path: Path, places: FloatArray) -> Candidate | None:
         """A path with its fastest timing; None where the arm cannot follow the path."""
         try:
-            trajectory = self.time(self.trace(path))
+            joint_path = self.trace(path)
+            trajectory = self.time(joint_path)
         except ArmContourError:
             return None
-        return Candidate(name=name, path=path, places=places, trajectory=trajectory)
+        return Candidate(
+            name=name, path=path, places=places, joint_path=joint_path, trajectory=trajectory
+        )
 
 
 def make_starts(
