@@ -136,7 +136,7 @@ def plan_optimal(
         law = _solve(placed, _Task(tuple(active), start, end, arm), most)
         if jerk is None:
             return law
-        return limit_jerk(law, Task(tuple(active), jerk, start, end, intervals))
+        return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals))
 
     try:
         law = solve(start_speed, end_speed)
@@ -161,7 +161,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
         active.append(JointAcceleration(*limits.acceleration_bounds(joint_path.dof)))
     if limits.joint_torque is not None:
         active.append(JointTorque(arm, limits.joint_torque))
-    tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
+    tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
     if joint_path.tool_path is None:
         if tool:
             raise InvalidInput(

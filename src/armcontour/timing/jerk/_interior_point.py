@@ -8,7 +8,7 @@ Every iterate keeps every row. See docs/concepts/jerk.md.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 # The scaled diagonal is at least this far above zero.
 RIDGE = 1e-14
+TINY = 1e-300
 # What is minimized: the duration, or the speed at the start or at the end, with a minus sign.
 DURATION, START, END = 0, 1, 2
 
@@ -94,96 +95,143 @@ def _duals(p: Section) -> _Duals:
     )
 
 
-@compiled(inline="always")
-def _of(row: FloatArray, i: int, d: FloatArray) -> float:
-    """The value of a row of cell i."""
-    return float(row[0] * d[i] + row[1] * d[i + 1] + row[2] * d[i + 2])
+# Rows are read number by number: a view of each row would cost more than what is computed with it.
 
 
 @compiled(inline="always")
-def _add_square(bands: FloatArray, i: int, v: FloatArray, weight: float) -> None:
-    """Add `weight v vᵀ` of cell i to the diagonals."""
-    bands[0, i] += weight * v[0] * v[0]
-    bands[1, i] += weight * v[0] * v[1]
-    bands[2, i] += weight * v[0] * v[2]
-    bands[0, i + 1] += weight * v[1] * v[1]
-    bands[1, i + 1] += weight * v[1] * v[2]
-    bands[0, i + 2] += weight * v[2] * v[2]
+def _end(rows: FloatArray, i: int, d: FloatArray) -> float:
+    """The value of the only row of cell i."""
+    return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
 
 
 @compiled(inline="always")
-def _add_row(vector: FloatArray, i: int, v: FloatArray, weight: float) -> None:
-    """Add `weight v` of cell i to a vector."""
-    for k in range(3):
-        vector[i + k] += weight * v[k]
+def _of(rows: FloatArray, i: int, r: int, d: FloatArray) -> float:
+    """The value of row r of cell i."""
+    return float(rows[i, r, 0] * d[i] + rows[i, r, 1] * d[i + 1] + rows[i, r, 2] * d[i + 2])
 
 
 @compiled(inline="always")
-def _tangent(raised: FloatArray, i: int, d: FloatArray, slope: FloatArray) -> float:
-    """A control point of the tangent below a^(-1/2) in cell i, and its slope, (3,)."""
+def _axis(rows: FloatArray, i: int, r: int, k: int, d: FloatArray) -> float:
+    """The value of axis k of the vector r of cell i."""
+    x, y, z = rows[i, r, k, 0], rows[i, r, k, 1], rows[i, r, k, 2]
+    return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
+
+
+@compiled(inline="always")
+def _tangents(p: Section, i: int, d: FloatArray, found: FloatArray) -> None:
+    """Write the control points of the tangent below a^(-1/2) in cell i, and slopes, (j, 4)."""
     x = d[i + 1]
     root = 1.0 / math.sqrt(x)
     half = 0.5 * root / x
-    point = _of(raised, i, d)
-    for k in range(3):
-        slope[k] = -half * raised[k]
-    slope[1] += 1.5 * half * (point / x - 1.0)
-    return float(1.5 * root - half * point)
+    for k in range(p.raised.shape[1]):
+        point = _of(p.raised, i, k, d)
+        found[k, 0] = 1.5 * root - half * point
+        found[k, 1] = -half * p.raised[i, k, 0]
+        found[k, 2] = 1.5 * half * (point / x - 1.0) - half * p.raised[i, k, 1]
+        found[k, 3] = -half * p.raised[i, k, 2]
 
 
 @compiled(inline="always")
-def _radius(p: Section, i: int, r: int, d: FloatArray, slope: FloatArray) -> float:
-    """The radius of a round row, and its slope, (3,)."""
-    k = p.round_of[r]
+def _radius(p: Section, i: int, r: int, tangents: FloatArray) -> Any:
+    """The radius of a round row, and its slope, (value, x, y, z)."""
+    k, radius = p.round_of[r], p.radius[i, r]
     if k < 0:
-        for j in range(3):
-            slope[j] = 0.0
-        return float(p.radius[i, r] - p.margin[i, r])
-    found = p.radius[i, r] * _tangent(p.raised[i, k], i, d, slope)
-    for j in range(3):
-        slope[j] *= p.radius[i, r]
-    return float(found - p.margin[i, r])
+        return radius - p.margin[i, r], 0.0, 0.0, 0.0
+    value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
+    return radius * value - p.margin[i, r], radius * x, radius * y, radius * z
+
+
+@compiled(inline="always")
+def _square(p: Section, i: int, r: int, d: FloatArray) -> float:
+    """The square of the length of a vector of a round row."""
+    total = 0.0
+    for k in range(3):
+        total += _axis(p.round, i, r, k, d) ** 2
+    return total
 
 
 @compiled()
-def slacks(p: Section, d: FloatArray, found: _Duals) -> float:
-    """Write how far d is from every bound into `found`; returns the least share of any bound."""
+def _slacks(p: Section, d: FloatArray, found: _Duals) -> None:
+    """Write how far d is from every bound."""
     n = len(p.width)
-    least = math.inf
-    slope = np.empty(3)
+    tangents = np.empty((p.raised.shape[1], 4))
     for i in range(n):
+        _tangents(p, i, d, tangents)
         for r in range(p.plain.shape[1]):
-            f = _of(p.plain[i, r], i, d)
-            high, low = p.high[i, r] - f, f - p.low[i, r]
-            found.high[i, r], found.low[i, r] = high, low
-            if high < math.inf:
-                least = min(least, high / max(abs(p.high[i, r]), abs(f), 1e-300))
-            if low < math.inf:
-                least = min(least, low / max(abs(p.low[i, r]), abs(f), 1e-300))
+            f = _of(p.plain, i, r, d)
+            found.high[i, r], found.low[i, r] = p.high[i, r] - f, f - p.low[i, r]
         for r in range(p.curved.shape[1]):
-            bound = p.jerk[r] * _tangent(p.raised[i, p.of[r]], i, d, slope)
-            f = _of(p.curved[i, r], i, d)
+            bound = p.jerk[r] * tangents[p.of[r], 0]
+            f = _of(p.curved, i, r, d)
             found.curved[i, r, 0], found.curved[i, r, 1] = bound - f, bound + f
-            least = min(least, (bound - abs(f)) / max(abs(bound), abs(f)))
         for r in range(p.round.shape[1]):
-            bound = _radius(p, i, r, d, slope)
-            square = 0.0
-            for k in range(3):
-                square += _of(p.round[i, r, k], i, d) ** 2
+            bound = _radius(p, i, r, tangents)[0]
             # Without a radius the row is broken, whatever the vector.
-            found.round[i, r] = bound - square / bound if bound > 0.0 else -1.0
-            least = min(least, found.round[i, r] / max(abs(bound), 1e-300))
-        found.positive[i + 1] = d[i + 1]
-        least = min(least, 1.0 if d[i + 1] > 0.0 else -1.0)
-    for k in (0, n + 1):
-        found.positive[k] = d[k]
-    return least
+            found.round[i, r] = bound - _square(p, i, r, d) / bound if bound > 0.0 else -1.0
+    for i in range(n + 2):
+        found.positive[i] = d[i]
 
 
 @compiled()
 def least_slack(p: Section, d: FloatArray) -> float:
     """The least share of any bound that d leaves; positive where d keeps every row."""
-    return slacks(p, d, _duals(p))
+    slack = _duals(p)
+    _slacks(p, d, slack)
+    least = 1.0
+    tangents = np.empty((p.raised.shape[1], 4))
+    for i in range(len(p.width)):
+        if d[i + 1] <= 0.0:
+            return -1.0
+        _tangents(p, i, d, tangents)
+        for r in range(p.plain.shape[1]):
+            f = abs(_of(p.plain, i, r, d))
+            if p.high[i, r] < math.inf:
+                least = min(least, slack.high[i, r] / max(abs(p.high[i, r]), f, TINY))
+            if p.low[i, r] > -math.inf:
+                least = min(least, slack.low[i, r] / max(abs(p.low[i, r]), f, TINY))
+        for r in range(p.curved.shape[1]):
+            left, right = slack.curved[i, r, 0], slack.curved[i, r, 1]
+            # The sum of both slacks is twice the bound.
+            least = min(least, min(left, right) / max(abs(left + right) / 2, TINY))
+        for r in range(p.round.shape[1]):
+            bound = abs(_radius(p, i, r, tangents)[0])
+            least = min(least, slack.round[i, r] / max(bound, TINY))
+    return least
+
+
+@compiled(inline="always")
+def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
+    """Add second derivatives and right sides of cell i to the diagonals."""
+    bands[0, i] += h[0]
+    bands[1, i] += h[1]
+    bands[2, i] += h[2]
+    bands[0, i + 1] += h[3]
+    bands[1, i + 1] += h[4]
+    bands[0, i + 2] += h[5]
+    right[i] += g[0]
+    right[i + 1] += g[1]
+    right[i + 2] += g[2]
+
+
+@compiled(inline="always")
+def _more(
+    h: tuple[float, float, float, float, float, float],
+    g: tuple[float, float, float],
+    row: tuple[float, float, float],
+    weight: float,
+    push: float,
+) -> Any:
+    """Second derivatives and right sides of one cell, with those of one more row."""
+    x, y, z = row
+    squares = (
+        h[0] + weight * x * x,
+        h[1] + weight * x * y,
+        h[2] + weight * x * z,
+        h[3] + weight * y * y,
+        h[4] + weight * y * z,
+        h[5] + weight * z * z,
+    )
+    return squares, (g[0] + push * x, g[1] + push * y, g[2] + push * z)
 
 
 @compiled()
@@ -191,29 +239,34 @@ def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArr
     """Duration [s]; adds its second derivatives and subtracts its gradient."""
     n = len(p.width)
     total = 0.0
-    b = np.empty(3)
     for i in range(n):
-        first, last = _of(p.begin[i], i, d), _of(p.end[i], i, d)
-        for g in range(3):
-            x = NODES[g]
+        first, last = _end(p.begin, i, d), _end(p.end, i, d)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
+        for k in range(3):
+            x = NODES[k]
             b0, b1, b2 = (1.0 - x) * (1.0 - x), 2.0 * x * (1.0 - x), x * x
             a = b0 * first + b1 * d[i + 1] + b2 * last
-            part = WEIGHTS[g] * p.width[i] / math.sqrt(a)
+            part = WEIGHTS[k] * p.width[i] / math.sqrt(a)
             total += part
-            for k in range(3):
-                b[k] = b0 * p.begin[i, k] + b2 * p.end[i, k]
-            b[1] += b1
-            _add_square(bands, i, b, 0.75 * part / (a * a))
-            _add_row(right, i, b, 0.5 * part / a)
+            row = (
+                b0 * p.begin[i, 0] + b2 * p.end[i, 0],
+                b0 * p.begin[i, 1] + b2 * p.end[i, 1] + b1,
+                b0 * p.begin[i, 2] + b2 * p.end[i, 2],
+            )
+            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+        _add(bands, right, i, h, g)
     for side in range(2):
         if p.ramps[side] > 0.0:
             i = 0 if side == 0 else n - 1
-            row = p.begin[0] if side == 0 else p.end[n - 1]
-            a = _of(row, i, d)
+            rows = p.begin if side == 0 else p.end
+            a = _end(rows, i, d)
             part = 3.0 * p.ramps[side] / math.sqrt(a)
             total += part
-            _add_square(bands, i, row, 0.75 * part / (a * a))
-            _add_row(right, i, row, 0.5 * part / a)
+            row = (rows[i, 0], rows[i, 1], rows[i, 2])
+            h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+            _add(bands, right, i, h, g)
     return total
 
 
@@ -229,39 +282,48 @@ def _add_bounds(
 ) -> None:
     """Add what the barriers of all bounds contribute to Newton's system."""
     n = len(p.width)
-    v, u, slope = np.empty(3), np.empty(3), np.empty(3)
+    tangents = np.empty((p.raised.shape[1], 4))
     for i in range(n):
+        _tangents(p, i, d, tangents)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
         for r in range(p.plain.shape[1]):
             weight, push = 0.0, 0.0
             if p.high[i, r] < math.inf:
-                weight += dual.high[i, r] / slack.high[i, r]
-                push -= mu / slack.high[i, r]
+                one = 1.0 / slack.high[i, r]
+                weight += dual.high[i, r] * one
+                push -= mu * one
             if p.low[i, r] > -math.inf:
-                weight += dual.low[i, r] / slack.low[i, r]
-                push += mu / slack.low[i, r]
-            if weight > 0.0:
-                _add_square(bands, i, p.plain[i, r], weight)
-                _add_row(right, i, p.plain[i, r], push)
+                one = 1.0 / slack.low[i, r]
+                weight += dual.low[i, r] * one
+                push += mu * one
+            row = (p.plain[i, r, 0], p.plain[i, r, 1], p.plain[i, r, 2])
+            h, g = _more(h, g, row, weight, push)
         for r in range(p.curved.shape[1]):
-            _tangent(p.raised[i, p.of[r]], i, d, slope)
+            k = p.of[r]
+            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             for side in range(2):
                 sign = -1.0 if side == 0 else 1.0
-                for k in range(3):
-                    v[k] = p.jerk[r] * slope[k] + sign * p.curved[i, r, k]
-                room = slack.curved[i, r, side]
-                _add_square(bands, i, v, dual.curved[i, r, side] / room)
-                _add_row(right, i, v, mu / room)
+                one = 1.0 / slack.curved[i, r, side]
+                row = (
+                    p.jerk[r] * x + sign * p.curved[i, r, 0],
+                    p.jerk[r] * y + sign * p.curved[i, r, 1],
+                    p.jerk[r] * z + sign * p.curved[i, r, 2],
+                )
+                h, g = _more(h, g, row, dual.curved[i, r, side] * one, mu * one)
         for r in range(p.round.shape[1]):
-            bound = _radius(p, i, r, d, slope)
-            _round_slope(p, i, r, d, bound, slope, v)
-            room, weight = slack.round[i, r], dual.round[i, r]
-            _add_square(bands, i, v, weight / room)
-            _add_row(right, i, v, mu / room)
+            bound, x, y, z = _radius(p, i, r, tangents)
+            one, weight = 1.0 / slack.round[i, r], dual.round[i, r]
+            h, g = _more(h, g, _round_slope(p, i, r, d, tangents), weight * one, mu * one)
             for k in range(3):
-                f = _of(p.round[i, r, k], i, d)
-                for j in range(3):
-                    u[j] = p.round[i, r, k, j] - f / bound * slope[j]
-                _add_square(bands, i, u, 2.0 * weight / bound)
+                share = _axis(p.round, i, r, k, d) / bound
+                row = (
+                    p.round[i, r, k, 0] - share * x,
+                    p.round[i, r, k, 1] - share * y,
+                    p.round[i, r, k, 2] - share * z,
+                )
+                h, g = _more(h, g, row, 2.0 * weight / bound, 0.0)
+        _add(bands, right, i, h, g)
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
             bands[0, i] += dual.positive[i] / slack.positive[i]
@@ -269,37 +331,28 @@ def _add_bounds(
 
 
 @compiled(inline="always")
-def _round_slope(
-    p: Section,
-    i: int,
-    r: int,
-    d: FloatArray,
-    bound: float,
-    slope: FloatArray,
-    v: FloatArray,
-) -> None:
-    """Write the slope of `bound - |vector|² / bound` into v."""
-    square = 0.0
+def _round_slope(p: Section, i: int, r: int, d: FloatArray, tangents: FloatArray) -> Any:
+    """The slope of `bound - |vector|² / bound`, (x, y, z)."""
+    bound, x, y, z = _radius(p, i, r, tangents)
+    more = 1.0 + _square(p, i, r, d) / (bound * bound)
+    x, y, z = more * x, more * y, more * z
     for k in range(3):
-        v[k] = 0.0
-    for k in range(3):
-        f = _of(p.round[i, r, k], i, d)
-        square += f * f
-        for j in range(3):
-            v[j] -= 2.0 * f / bound * p.round[i, r, k, j]
-    for j in range(3):
-        v[j] += (1.0 + square / (bound * bound)) * slope[j]
+        share = 2.0 * _axis(p.round, i, r, k, d) / bound
+        x -= share * p.round[i, r, k, 0]
+        y -= share * p.round[i, r, k, 1]
+        z -= share * p.round[i, r, k, 2]
+    return x, y, z
 
 
 @compiled(inline="always")
-def _change(slack: float, dual: float, rise: float, mu: float, reach: FloatArray) -> float:
-    """The change of a multiplier; shortens the reach of the step, (slack, multiplier)."""
-    change = mu / slack - dual - dual / slack * rise
-    if rise < 0.0 and -NEAREST * slack / rise < reach[0]:
-        reach[0] = -NEAREST * slack / rise
-    if change < 0.0 and -NEAREST * dual / change < reach[1]:
-        reach[1] = -NEAREST * dual / change
-    return change
+def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
+    """The longest steps of slacks and multipliers so far, with those of one more row."""
+    one, other = reach
+    if -rise * one > NEAREST * slack:
+        one = -NEAREST * slack / rise
+    if -change * other > NEAREST * dual:
+        other = -NEAREST * dual / change
+    return one, other
 
 
 @compiled()
@@ -311,36 +364,49 @@ def _changes(
     dual: _Duals,
     mu: float,
     change: _Duals,
-) -> FloatArray:
+) -> tuple[float, float]:
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
     n = len(p.width)
-    reach = np.ones(2)
-    v, slope = np.empty(3), np.empty(3)
+    reach = (1.0, 1.0)
+    tangents = np.empty((p.raised.shape[1], 4))
     for i in range(n):
+        _tangents(p, i, d, tangents)
         for r in range(p.plain.shape[1]):
-            rise = _of(p.plain[i, r], i, step)
+            rise = _of(p.plain, i, r, step)
             if p.high[i, r] < math.inf:
-                change.high[i, r] = _change(slack.high[i, r], dual.high[i, r], -rise, mu, reach)
+                room, old = slack.high[i, r], dual.high[i, r]
+                new = (mu + old * rise) / room - old
+                reach = _reach(room, old, -rise, new, reach)
+                change.high[i, r] = new
             if p.low[i, r] > -math.inf:
-                change.low[i, r] = _change(slack.low[i, r], dual.low[i, r], rise, mu, reach)
+                room, old = slack.low[i, r], dual.low[i, r]
+                new = (mu - old * rise) / room - old
+                reach = _reach(room, old, rise, new, reach)
+                change.low[i, r] = new
         for r in range(p.curved.shape[1]):
-            _tangent(p.raised[i, p.of[r]], i, d, slope)
-            common = p.jerk[r] * _of(slope, i, step)
-            rise = _of(p.curved[i, r], i, step)
+            k = p.of[r]
+            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
+            common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
+            rise = _of(p.curved, i, r, step)
             for side in range(2):
                 own = common - rise if side == 0 else common + rise
-                change.curved[i, r, side] = _change(
-                    slack.curved[i, r, side], dual.curved[i, r, side], own, mu, reach
-                )
+                room, old = slack.curved[i, r, side], dual.curved[i, r, side]
+                new = (mu - old * own) / room - old
+                reach = _reach(room, old, own, new, reach)
+                change.curved[i, r, side] = new
         for r in range(p.round.shape[1]):
-            bound = _radius(p, i, r, d, slope)
-            _round_slope(p, i, r, d, bound, slope, v)
-            change.round[i, r] = _change(
-                slack.round[i, r], dual.round[i, r], _of(v, i, step), mu, reach
-            )
+            x, y, z = _round_slope(p, i, r, d, tangents)
+            rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
+            room, old = slack.round[i, r], dual.round[i, r]
+            new = (mu - old * rise) / room - old
+            reach = _reach(room, old, rise, new, reach)
+            change.round[i, r] = new
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
-            change.positive[i] = _change(slack.positive[i], dual.positive[i], step[i], mu, reach)
+            room, old = slack.positive[i], dual.positive[i]
+            new = (mu - old * step[i]) / room - old
+            reach = _reach(room, old, step[i], new, reach)
+            change.positive[i] = new
     return reach
 
 
@@ -349,19 +415,17 @@ def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
     """Whether d keeps a share of its old slack on every curved and round row."""
     n = len(p.width)
     share = 1.0 - NEAREST
-    slope = np.empty(3)
+    tangents = np.empty((p.raised.shape[1], 4))
     for i in range(n):
+        _tangents(p, i, d, tangents)
         for r in range(p.curved.shape[1]):
-            bound = p.jerk[r] * _tangent(p.raised[i, p.of[r]], i, d, slope)
-            f = _of(p.curved[i, r], i, d)
+            bound = p.jerk[r] * tangents[p.of[r], 0]
+            f = _of(p.curved, i, r, d)
             if bound - f < share * old.curved[i, r, 0] or bound + f < share * old.curved[i, r, 1]:
                 return False
         for r in range(p.round.shape[1]):
-            bound = _radius(p, i, r, d, slope)
-            square = 0.0
-            for k in range(3):
-                square += _of(p.round[i, r, k], i, d) ** 2
-            if bound <= 0.0 or bound - square / bound < share * old.round[i, r]:
+            bound = _radius(p, i, r, tangents)[0]
+            if bound <= 0.0 or bound - _square(p, i, r, d) / bound < share * old.round[i, r]:
                 return False
     return True
 
@@ -475,7 +539,7 @@ def improve(
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
     end = 0 if goal == START else n + 1
     # A fixed end has no barrier.
-    slacks(p, d, slack)
+    _slacks(p, d, slack)
     for k in (0, n + 1):
         if goal == DURATION or k != end:
             slack.positive[k] = 0.0
@@ -513,7 +577,7 @@ def improve(
         d[:] = trial
         if landed:
             d[end] = target
-        slacks(p, d, slack)
+        _slacks(p, d, slack)
         for k in (0, n + 1):
             if goal == DURATION or k != end:
                 slack.positive[k] = 0.0

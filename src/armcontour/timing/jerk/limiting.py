@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.timing.constraints import Bounds, Constraint, JointDerivatives
@@ -56,6 +57,7 @@ class Task:
     """A planning problem with limits of jerk.
 
     Args:
+        arm: The arm.
         active: The constraints of the planner without jerk.
         jerk: The limits of jerk.
         start_speed, end_speed: Path speeds at the start and the end [m/s].
@@ -63,6 +65,7 @@ class Task:
         iterations: Largest number of iterations of each pass.
     """
 
+    arm: Arm
     active: tuple[Constraint, ...]
     jerk: JerkLimits
     start_speed: float = 0.0
@@ -86,11 +89,11 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     ends, at_rest = _sections(law, task)
     rests = _rests(law, task, ends)
     mesh = place_mesh(law, max(cells // COARSER, FEWEST), ends, at_rest, rests)
-    rough = Rows(mesh, task.active, task.jerk, None, _squares(law, mesh))
+    rough = _rows(task, mesh, law)
     found = _law(mesh, _solve(rough, (law, 0.0), task, ROUGH))
     mesh = place_mesh(found, cells, ends, at_rest, rests)
     if rough.exact:
-        rows = Rows(mesh, task.active, task.jerk, None, _squares(found, mesh))
+        rows = _rows(task, mesh, found)
         return _law(mesh, _solve(rows, (found, INSIDE), task, EXACT))
     return _solve_with_margins(mesh, found, task)
 
@@ -105,7 +108,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
     splits, wider = 0, 1.0
     while True:
         bounds = _bounds(mesh, near, wider, bracketed)
-        rows = Rows(mesh, task.active, task.jerk, bounds, _squares(near, mesh))
+        rows = _rows(task, mesh, near, bounds)
         if splits < MOST_SPLITS and (rows.lost > LARGEST_MARGIN).any():
             parts = np.ceil(np.sqrt(rows.lost / LARGEST_MARGIN))
             mesh, splits = split_mesh(mesh, np.clip(parts, 1, MOST_PARTS)), splits + 1
@@ -114,6 +117,11 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         if wider >= WIDEST or not _touches(mesh, bounds, found):
             return found
         near, wider = found, wider * WIDER
+
+
+def _rows(task: Task, mesh: Mesh, near: PathLaw, bounds: Bounds | None = None) -> Rows:
+    """The rows of all cells for a plan near another one."""
+    return Rows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
 
 
 def _sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
@@ -136,9 +144,8 @@ def _bends(law: PathLaw, jerk: JerkLimits) -> FloatArray:
     before, after = (path.on_interval(inner - side, at, 2) for side in (1, 0))
     jump = np.abs(after - before)
     size = KINK * (np.abs(before) + np.abs(after))
-    limit = np.where(np.isfinite(jerk.joint), jerk.joint, np.inf)
-    if np.isfinite([jerk.path, jerk.tool]).any():
-        limit = np.minimum(limit, 0.0)
+    # The tool's jerk jumps with any joint's.
+    limit = np.zeros_like(jerk.joint) if np.isfinite(jerk.tool) else jerk.joint
     square = _square_at(law, np.clip(at, law.s[0], law.s[-1]))[:, None]
     soon = TOO_SHORT * law.breaks[-1] * limit
     return np.asarray(at[((jump > size) & (jump * square > soon)).any(axis=1)])

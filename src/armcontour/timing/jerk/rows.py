@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Limits
+from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.timing.constraints import (
     Bounds,
@@ -22,6 +22,7 @@ from armcontour.timing.constraints import Rows as GeneralRows
 from armcontour.timing.jerk._interior_point import Section
 from armcontour.timing.jerk._polynomials import motion_rows, raised, to_bernstein
 from armcontour.timing.jerk.mesh import Mesh
+from armcontour.timing.jerk.tool import DEGREE, ToolMotion
 
 # A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
 LEAST_SHARE = 0.25
@@ -62,6 +63,7 @@ class Rows:
             between the ends follow; None for no margins.
         about: Without bounds: ds² on each cell near which rows that stand for a curve are
             linearized, (n,).
+        arm: The arm.
     """
 
     def __init__(
@@ -71,11 +73,16 @@ class Rows:
         jerk: JerkLimits,
         bounds: Bounds | None,
         about: FloatArray,
+        arm: Arm,
     ) -> None:
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
         self.path = JointDerivatives.on(grid)
         self.degree = _degree(grid.joint_path.coefficients)
+        self.tool: ToolMotion | None = None
+        if np.isfinite(jerk.tool):
+            # The tangents have as many control points as the jerk of the tool.
+            self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
         self.bounded = np.full((2, grid.joint_path.dof), np.inf)
         self.speeds = np.full(grid.joint_path.dof, np.inf)
@@ -114,7 +121,7 @@ class Rows:
     @property
     def exact(self) -> bool:
         """Whether all limits are polynomials, which need no margins."""
-        return not (self.ceilings or self.discs or self.general)
+        return not (self.ceilings or self.discs or self.general or self.tool)
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
@@ -146,7 +153,7 @@ class Rows:
             curved.append(np.repeat(slope[:, None], self.degree, axis=1))
             limits.append(np.full(self.degree, self.jerk.path))
         rows = np.concatenate(curved, axis=1)
-        vectors, radius = self._round()
+        vectors, radius, margin, of = self._round()
         points = np.broadcast_to(raised(self.degree - 1), (n, self.degree, 3))
 
         def local(x: FloatArray) -> FloatArray:
@@ -170,8 +177,8 @@ class Rows:
             raised=local(points),
             round=local(vectors),
             radius=radius,
-            margin=np.zeros_like(radius),
-            round_of=np.full(radius.shape[1], -1),
+            margin=margin,
+            round_of=of,
         )
 
     def _jerky(self) -> IntArray:
@@ -227,16 +234,31 @@ class Rows:
         self._bound_next_to_ramps(top)
         return np.concatenate(rows, axis=1), bottom, top
 
-    def _round(self) -> tuple[FloatArray, FloatArray]:
-        """Round rows of the discs, (n, 2 discs, 3, 3), and their radii."""
+    def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
         n, h = len(self.mesh.grid), self.mesh.grid.width
-        vectors, radius = np.zeros((n, 2 * len(self.discs), 3, 3)), []
-        for k, disc in enumerate(self.discs):
+        vectors, radius = [np.zeros((n, 0, 3, 3))], []
+        for disc in self.discs:
+            both = np.zeros((n, 2, 3, 3))
             for e in range(2):
-                vectors[:, 2 * k + e, 0, e : e + 2] = np.array([-1.0, 1.0]) / h[:, None]
-                vectors[:, 2 * k + e, 1, 2 * e] = disc.c[e]
+                both[:, e, 0, e : e + 2] = np.array([-1.0, 1.0]) / h[:, None]
+                both[:, e, 1, 2 * e] = disc.c[e]
                 radius.append(disc.r)
-        return vectors, np.stack(radius, axis=1) if radius else np.zeros((n, 0))
+            vectors.append(both)
+        of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
+        if self.tool is not None:
+            vectors.append(self.tool.rows())
+            left_out = np.zeros(n) if self.bounds is None else self.tool.margin(self.bounds)
+            of += range(DEGREE + 1)
+            radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
+            margin += [left_out] * (DEGREE + 1)
+        none = np.zeros((n, 0))
+        return (
+            np.concatenate(vectors, axis=1),
+            np.stack(radius, axis=1) if radius else none,
+            np.stack(margin, axis=1) if margin else none,
+            np.array(of, dtype=np.intp),
+        )
 
     def _speed_ceiling(self) -> FloatArray:
         """Bounds of the control points of a under joint velocity limits, (n, 3)."""
@@ -293,6 +315,8 @@ class Rows:
                     up += np.maximum(sign * y.b, 0).max(axis=0)
                     left = np.maximum(room.min(axis=0) - y.margin, 0)
                     found.append(np.where(up > 0, left / up, np.inf).min(axis=1))
+            if self.tool is not None:
+                found.append(self.tool.largest_at_ramps(self.jerk.tool))
             for x in self.discs:
                 found.append(x.r / np.hypot(x.c.max(axis=0), rate))
             if self.bounds is not None:
