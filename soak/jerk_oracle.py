@@ -25,7 +25,7 @@ CELLS = (250, 2000)
 # Share of the cells that is even in time; the rest is even in s.
 IN_TIME = 0.6
 # Time of a cell next to a rest, as part of the time in which the jerk reaches the limit of
-# acceleration. It is followed by cells that last this part of it.
+# acceleration or half of the speed. It is followed by cells that last this part of it.
 REST, RAMP = 0.5, 0.05
 LONGEST = 0.05  # share of the path at most
 # Where the integral of 1 / ds over a cell is taken.
@@ -86,6 +86,11 @@ class Timing:
     square: np.ndarray
 
 
+def read_durations() -> dict[str, float]:
+    """What the splines take [s], by name."""
+    return dict(json.loads(KEPT.read_text())["durations"])
+
+
 def splines() -> Iterator[tuple[str, ac.JointPath, ac.Limits]]:
     """The five splines at both factors of jerk to acceleration, each with a name."""
     for factor in FACTORS:
@@ -140,13 +145,12 @@ def _mesh(path: ac.JointPath, bounds: Bounds, count: int, found: Timing | None) 
 
 
 def _ramp(bounds: Bounds, slope: np.ndarray, length: float) -> np.ndarray:
-    """Distances of nodes from a rest: uniform jerk, up to where it reaches the acceleration."""
-    acceleration, jerk = (
-        float((x / np.maximum(np.abs(slope), 1e-300)).min())
-        for x in (bounds.acceleration, bounds.jerk)
-    )
+    """Distances of nodes from a rest, at the jerk that the joints allow there."""
+    slope = np.maximum(np.abs(slope), 1e-300)
+    limits = bounds.velocity, bounds.acceleration, bounds.jerk
+    speed, acceleration, jerk = (float((x / slope).min()) for x in limits)
     jerk = min(jerk, bounds.path_jerk)
-    last = min(acceleration / jerk, np.cbrt(6 * LONGEST * length / jerk))
+    last = min(acceleration / jerk, np.sqrt(speed / jerk), np.cbrt(6 * LONGEST * length / jerk))
     t = last * np.arange(REST, 1.0, REST * RAMP)
     return jerk * t**3 / 6
 

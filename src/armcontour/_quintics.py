@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from armcontour._checks import FloatArray
@@ -60,3 +62,21 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
         factor = float(np.prod(np.arange(k, k - order, -1)))
         result = result * x[..., None] + factor * coefficients[..., k, :]
     return np.asarray(result / width[..., None] ** order)
+
+
+def re_expand(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
+    """Coefficients in y of polynomials p(x) with x = begin + factor y, of the same shape.
+
+    Args:
+        coefficients: Coefficients of powers of x, from 1 on, (n, degree + 1, values).
+        begin: Where y is 0, (n,).
+        factor: Derivative of x by y, (n,); below zero reverses the polynomials.
+    """
+    found = np.empty_like(coefficients)
+    size = coefficients.shape[1]
+    for k in range(size):
+        term = np.zeros_like(coefficients[:, 0])
+        for j in range(size - 1, k - 1, -1):
+            term = term * begin[:, None] + math.comb(j, k) * coefficients[:, j]
+        found[:, k] = term * factor[:, None] ** k
+    return found

@@ -183,6 +183,11 @@ class Limits:
         return tuple(x for x, y in given.items() if y is not None and np.isfinite(y).any())
 
     @property
+    def without_jerk(self) -> Limits:
+        """The limits without those of jerk."""
+        return self.replace(**dict.fromkeys(JERK_LIMITS))
+
+    @property
     def of_tool(self) -> Limits:
         """The limits of the tool, without the limits and ranges of the joints."""
         return self.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))

@@ -59,8 +59,8 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
 def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2).
 
-    Where the curvature varies along a segment, as on a shaped path, the latter is not bounded here:
-    a check looks at places there.
+    Where the curvature varies along a segment, as on shaped paths and transitions, the latter is
+    not bounded here: a check looks at places there.
     """
     breaks, path = joint_path.breaks, joint_path.tool_path
     found = np.full((len(breaks) - 1, 2), np.inf)
@@ -69,9 +69,9 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     # Breaks of the tool path are breaks of the joint path.
     segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
     found[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
-    varies = isinstance(path, ShapedPath) and path.curve is not None
-    if limits.centripetal_acceleration is not None and not varies:
-        bent = np.abs(path.curvatures[segment])
+    varies = path.segments.bent[segment] | (isinstance(path, ShapedPath) and path.curve is not None)
+    if limits.centripetal_acceleration is not None:
+        bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
         with np.errstate(divide="ignore"):
             found[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
     return found

@@ -301,5 +301,7 @@ def _print(found: Check, remarks: list[str]) -> None:
     if found.not_judged:
         names = ", ".join(found.not_judged)
         lines.append(f"Not judged, since a limit or the necessary samples are missing: {names}.")
+    if "path_jerk" in found.not_judged:
+        lines.append("Jerk along the path is judged of plans only: samples have no arc length.")
     for line in lines + remarks:
         console.say(line)

@@ -1,6 +1,6 @@
-"""Curves that replace the corner between two lines: a circular arc, or a parabola.
+"""Curves that replace the corner between two lines: an arc, a parabola, or a smooth bend.
 
-Both are symmetric about the bisector and replace the same length of either line, the tangent
+All are symmetric about the bisector and replace the same length of either line, the tangent
 length. Each is told by its smallest radius, that in the middle of the corner. h is half the turn.
 
 The parabola is that of a quadratic Bézier curve with the corner point as its middle control point:
@@ -8,26 +8,47 @@ with smallest radius r it is y = x² / (2 r) about its apex. Its tangent length 
 and its corner error is r tan² h / 2, which is half the tangent length times sin h. It is drawn as
 tangent arcs. At the same corner error it is longer than the arc, and its middle is tighter: a tool
 with a constant acceleration moves on a parabola, slower in the middle than at its ends.
+
+The smooth bend starts and ends straight. Over its length its curvature is (1 - x²)² / r, where x
+runs from -1 to 1: neither the curvature nor its derivative jumps. Its length is BEND times that of
+the arc with the radius r. It is drawn as transitions.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry.biarcs import biarcs, dot, unit
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, share_demand
+from armcontour.geometry.transitions import join_up, spread_out
 
 # A parabola is drawn by two arcs for each step of asinh(tan(angle of its tangent)) up to this: from
 # one arc to the next the curvature changes by a factor of 1.7 at most, 1.34 at a turn of 90°, and
 # the arcs are within 3e-4 of its corner error from it.
 STEP = 0.25
+# Largest curvature of a smooth bend over its mean curvature.
+BEND = 15 / 8
+# Quintics in each half of a smooth bend: this times the power 0.45 of half the turn. The arc length
+# then is that of the curve within 1e-6, see `transitions`.
+QUINTICS = 7.8
+# Places and weights by which smooth integrals over -1 to 1 are exact to rounding errors, and those
+# for half of a smooth bend, which turns farther.
+FEW, MANY = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
 
 
 class CornerCurve(ABC):
-    """A kind of curve for corners between two lines, by smallest radius r and half turn h."""
+    """A kind of curve for corners between two lines, by smallest radius r and half turn h.
+
+    Attributes:
+        smooth: Whether its curvature is 0 at its ends and nowhere jumps.
+    """
+
+    smooth = False
 
     @abstractmethod
     def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
@@ -121,10 +142,7 @@ class _Parabola(CornerCurve):
         self, before: Segments, after: Segments, radius: FloatArray, half: FloatArray
     ) -> tuple[Segments, IntArray]:
         arcs, corner = _draw_parabolas(half)
-        along = unit(before.tangents + after.tangents)
-        across = unit(after.tangents - before.tangents)
-        # At a slight turn rounding errors have tilted the direction across.
-        across = unit(across - dot(across, along)[:, None] * along)
+        along, across = _axes(before, after)
         apex = after.starts + self.error(radius, half)[:, None] * across
         along, across, scale = along[corner], across[corner], radius[corner]
 
@@ -142,8 +160,61 @@ class _Parabola(CornerCurve):
         return drawn, corner
 
 
+class _SmoothBend(CornerCurve):
+    """One smooth bend per corner, drawn as transitions."""
+
+    smooth = True
+
+    def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
+        return np.asarray(error / self.error(np.ones(1), half))
+
+    def error(self, radius: FloatArray, half: FloatArray) -> FloatArray:
+        # In the frame of the apex, without cancellation at small turns.
+        rest = _over_half(half, lambda angle: np.sin(half - angle))
+        return np.asarray(radius * half * BEND * rest / np.cos(half))
+
+    def stretch(self, half: FloatArray) -> FloatArray:
+        return np.asarray(half * BEND * _over_half(half, np.cos) / np.cos(half))
+
+    def length(self, half: FloatArray) -> FloatArray:
+        return np.asarray(2 * half * BEND)
+
+    def shortest(self, half: FloatArray) -> FloatArray:
+        # Each of its quintics is longer than that resolution, and so is its smallest radius.
+        return REPEATED_POINT * np.maximum(2 * _count_quintics(half), self.stretch(half))
+
+    def draw(
+        self, before: Segments, after: Segments, radius: FloatArray, half: FloatArray
+    ) -> tuple[Segments, IntArray]:
+        parts = _count_quintics(half)
+        corner, number = spread_out(2 * parts)
+        along, across = (x[corner] for x in _axes(before, after))
+        h, size = half[corner], (half * BEND * radius)[corner]
+        x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
+
+        def lay(cos: FloatArray, sin: FloatArray) -> FloatArray:
+            return np.asarray(cos[:, None] * along + sin[:, None] * across)
+
+        angles = [h * _share_of_turn(end) for end in x]
+        tangents = [lay(np.cos(angle), np.sin(angle)) for angle in angles]
+        bends = [
+            lay(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
+            for angle, end in zip(angles, x, strict=True)
+        ]
+        places = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
+        turned = h * _share_of_turn(places)
+        step = size / parts[corner]
+        steps = lay(*(step / 2 * (FEW[1] @ of(turned)) for of in (np.cos, np.sin)))
+        first = after.starts - (radius * self.stretch(half))[:, None] * before.tangents
+        sums = np.cumsum(steps, axis=0) - steps
+        starts = first[corner] + sums - sums[number == 0][corner]
+        drawn = join_up((starts, tangents[0], bends[0]), (steps, tangents[1], bends[1]), step)
+        return drawn.replace(**share_demand(before[corner], after[corner])), corner
+
+
 ARC = _CircularArc()
 PARABOLA = _Parabola()
+SMOOTH = _SmoothBend()
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
@@ -154,6 +225,30 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
         half_turn: Half h of the angle between the lines [rad].
     """
     return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
+
+
+def _axes(before: Segments, after: Segments) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors along the middle tangents of corners between lines, and to their insides."""
+    along = unit(before.tangents + after.tangents)
+    across = unit(after.tangents - before.tangents)
+    # At a slight turn rounding errors have tilted the direction across.
+    return along, unit(across - dot(across, along)[:, None] * along)
+
+
+def _share_of_turn(x: FloatArray) -> FloatArray:
+    """Angle of the tangent of a smooth bend at x from -1 to 1, over half the turn."""
+    return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
+
+
+def _over_half(half: FloatArray, of: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Mean of a function of the tangent's angle over half of a smooth bend, (n,)."""
+    angles = half * _share_of_turn((MANY[0][:, None] + 1) / 2)
+    return np.asarray(MANY[1] @ of(angles) / 2)
+
+
+def _count_quintics(half: FloatArray) -> IntArray:
+    """Number of quintics in half of a smooth bend, (n,)."""
+    return np.maximum(np.ceil(QUINTICS * half**0.45), 1).astype(np.intp)
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
@@ -171,8 +266,7 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
     # Where the path turns back no parabola is drawn, but its length is asked for.
     most = np.arcsinh(np.tan(np.minimum(half, (np.pi - TANGENT_TOLERANCE) / 2)))
     steps = 2 * np.maximum(np.ceil(most / STEP), 1.0).astype(np.intp)
-    which = np.repeat(np.arange(len(half)), steps)
-    k = np.arange(len(which)) - np.repeat(np.cumsum(steps) - steps, steps)
+    which, k = number_parts(steps)
     ends = []
     for node in (k, k + 1):
         w = most[which] * (2 * node / steps[which] - 1)

@@ -15,8 +15,10 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
+from armcontour.geometry.transitions import draw_arcs
 
 # Long segments are split into pieces with smaller boxes, until a point lies in about this many
 # boxes, but into at most this many pieces per segment on average.
@@ -45,6 +47,8 @@ class Projection:
 def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
     """The nearest point of a path for each of `points`, exact on lines and arcs.
 
+    On transitions it is the nearest one of arcs within a nanometre of them (`draw_arcs`).
+
     An index is built at the first call for a table of segments and kept as long as the table. A
     query then takes time about proportional to the logarithm of the number of segments.
 
@@ -63,7 +67,7 @@ def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
         )
     index = _indices.get(segments)
     if index is None:
-        index = _indices[segments] = _build_index(segments)
+        index = _indices[segments] = _build_index(*draw_arcs(segments))
     # Queries are searched in spatial order: each starts from a good guess and finds memory cached.
     order = _sort_along_a_curve(queries)
     found = index.search(pad(queries[order]))
@@ -75,12 +79,16 @@ def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
 def pack(segments: Segments) -> FloatArray:
     """Segments as an array for compiled functions, padded to space, (n, 12).
 
+    Transitions are drawn as arcs (`draw_arcs`), so that there may be more rows than segments.
     Columns: start (3), tangent (3), normal (3), curvature, length, arc length at the start.
     """
-    vectors = [pad(x) for x in (segments.starts, segments.tangents, segments.normals)]
-    return np.column_stack(
-        [*vectors, segments.curvatures, segments.lengths, segments.breaks[:-1]],
-    )
+    return pack_arcs(*draw_arcs(segments))
+
+
+def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
+    """What `pack` gives, from what `draw_arcs` gives."""
+    vectors = [pad(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
+    return np.column_stack([*vectors, arcs.curvatures, arcs.lengths, begin])
 
 
 def pad(points: FloatArray) -> FloatArray:
@@ -105,8 +113,8 @@ class _Tree:
     boxes: FloatArray
 
     @classmethod
-    def build(cls, segments: Segments) -> _Tree:
-        """The tree of a path, in O(n log n)."""
+    def build(cls, segments: Segments, begin: FloatArray) -> _Tree:
+        """The tree of lines and arcs from `draw_arcs`, in O(n log n)."""
         segment, low, high = _divide(segments)
         order = _sort_along_a_curve((low + high) / 2, digits=4)
         leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
@@ -118,7 +126,7 @@ class _Tree:
             levels_low.append(np.minimum(levels_low[-1][0::2], levels_low[-1][1::2]))
             levels_high.append(np.maximum(levels_high[-1][0::2], levels_high[-1][1::2]))
         return cls(
-            geometry=pack(segments),
+            geometry=pack_arcs(segments, begin),
             pieces=segment[order],
             boxes=np.hstack([np.concatenate(levels_low[::-1]), np.concatenate(levels_high[::-1])]),
         )
@@ -152,8 +160,8 @@ class _Grid:
     entries: IntArray
 
     @classmethod
-    def build(cls, segments: Segments) -> _Grid:
-        """The grid of a path in the plane."""
+    def build(cls, segments: Segments, begin: FloatArray) -> _Grid:
+        """The grid of lines and arcs from `draw_arcs` in the plane."""
         from armcontour.geometry._nearest import fill_cells
 
         diameter = np.where(segments.curvatures > 0, 2 / np.maximum(segments.curvatures, 1e-300), 0)
@@ -166,7 +174,7 @@ class _Grid:
         # A line of length l runs through about 4 l / (pi size) cells.
         size = max(THROUGH_A_CELL * np.pi * area / (4 * length), np.sqrt(area / MOST_CELLS))
         columns, rows = (int(np.ceil(x / size)) + 1 for x in extent)
-        geometry = pack(segments)
+        geometry = pack_arcs(segments, begin)
         lists = fill_cells(geometry, low, size, columns, rows)
         return cls(geometry, low, float(size), columns, rows, *lists)
 
@@ -181,10 +189,10 @@ class _Grid:
 _indices: WeakKeyDictionary[Segments, _Tree | _Grid] = WeakKeyDictionary()
 
 
-def _build_index(segments: Segments) -> _Tree | _Grid:
+def _build_index(segments: Segments, begin: FloatArray) -> _Tree | _Grid:
     """A tree; or a grid, for a plane path so tangled that a tree would need too many pieces."""
     tangled = _target_pieces(segments) > PIECES_PER_SEGMENT * len(segments)
-    return (_Grid if tangled and segments.dimension == 2 else _Tree).build(segments)
+    return (_Grid if tangled and segments.dimension == 2 else _Tree).build(segments, begin)
 
 
 def _target_pieces(segments: Segments) -> float:
@@ -209,8 +217,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     by_length = np.ceil(lengths / target)
     by_turn = np.ceil(lengths * curvatures / (np.pi / 2))
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
-    segment = np.repeat(np.arange(n), count)
-    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    segment, number = number_parts(count)
     step = lengths[segment] / count[segment]
     start, end = (segments.at(segment, k * step) for k in (number, number + 1))
     # An arc leaves its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.

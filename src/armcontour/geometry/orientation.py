@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp
 
@@ -31,16 +33,17 @@ class Orientation:
     """Tool orientation along a path, in n pieces.
 
     On piece i, at distance u after its start, the tool's axes are the columns of
-    `exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`; f and g are cubic polynomials. A piece of
-    constant angular rate has f(u) = u and g = 0.
+    `exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`; f and g are polynomials of degree 3, or 5
+    where the derivative of the angular rate must not jump. A piece of constant angular rate has
+    f(u) = u and g = 0.
 
     Args:
         breaks: Arc lengths of the ends of the pieces, from 0 [m], (n + 1,).
         starts: Rotation matrices at the starts of the pieces, (n, 3, 3).
         first: Rotation vectors per unit of f [rad/m], (n, 3).
         second: Rotation vectors per unit of g [rad/m], (n, 3).
-        f: Coefficients of 1, u, u², u³ in f, (n, 4).
-        g: Coefficients of 1, u, u², u³ in g, (n, 4).
+        f: Coefficients of 1, u, u², ... in f, (n, 4) or (n, 6).
+        g: Coefficients of 1, u, u², ... in g, of the same shape.
         axis_only: Only the tool axis, the third column, is prescribed; rotation about it is free.
         follows: The orientation follows the tangent of its path.
 
@@ -68,8 +71,8 @@ class Orientation:
             ("starts", (n, 3, 3)),
             ("first", (n, 3)),
             ("second", (n, 3)),
-            ("f", (n, 4)),
-            ("g", (n, 4)),
+            ("f", (n, 6 if np.shape(self.f)[-1:] == (6,) else 4)),
+            ("g", np.shape(self.f)),
         ):
             array = _checks.lock_floats(getattr(self, name))
             if array.shape != shape or not np.isfinite(array).all():
@@ -120,11 +123,16 @@ class Orientation:
         """
         offsets = np.concatenate([[0.0], np.cumsum(lengths)])
         breaks = [x.breaks[:-1] + offset for x, offset in zip(parts, offsets, strict=False)]
+        size = max(x.f.shape[1] for x in parts)
         return cls(
             breaks=np.concatenate([*breaks, offsets[-1:]]),
             **{
                 name: np.concatenate([getattr(x, name) for x in parts])
-                for name in ("starts", "first", "second", "f", "g")
+                for name in ("starts", "first", "second")
+            },
+            **{
+                name: np.concatenate([with_degree(getattr(x, name), size - 1) for x in parts])
+                for name in ("f", "g")
             },
             axis_only=all(x.axis_only for x in parts),
             follows=all(x.follows for x in parts),
@@ -170,8 +178,8 @@ class Orientation:
         """
         if self.fixed:
             return np.array(self.starts[i])
-        first = exp(_value(self.f[i], u)[..., None] * self.first[i])
-        second = exp(_value(self.g[i], u)[..., None] * self.second[i])
+        first = exp(value_of(self.f[i], u)[..., None] * self.first[i])
+        second = exp(value_of(self.g[i], u)[..., None] * self.second[i])
         return np.asarray(second @ first @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -183,8 +191,8 @@ class Orientation:
         """
         if self.fixed:
             return np.zeros((*np.shape(u), 3)), np.zeros((*np.shape(u), 3))
-        g, dg, ddg = (_value(self.g[i], u, order)[..., None] for order in range(3))
-        df, ddf = (_value(self.f[i], u, order)[..., None] for order in (1, 2))
+        g, dg, ddg = (value_of(self.g[i], u, order)[..., None] for order in range(3))
+        df, ddf = (value_of(self.f[i], u, order)[..., None] for order in (1, 2))
         second = self.second[i]
         # The second rotation turns the axis of the first one.
         first = np.einsum("...ij,...j->...i", exp(g * second), self.first[i])
@@ -243,7 +251,7 @@ class Orientation:
             # The piece gets a new start rotation; the second rotation up to there turns `first`.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
-                c[0] = shift_cubic(c[0], before)
+                c[:1] = shift(c[:1], np.array([before]))
             turned = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
             rows["first"][0] = turned @ rows["first"][0]
             rows["f"][0, 0] = rows["g"][0, 0] = 0.0
@@ -253,10 +261,10 @@ class Orientation:
     def reverse(self) -> Orientation:
         """The orientation along the reversed path; each piece starts with its former end."""
         lengths = np.diff(self.breaks)
-        at_end = [shift_cubic(x, lengths) for x in (self.f, self.g)]
+        at_end = [shift(x, lengths) for x in (self.f, self.g)]
         back = exp(at_end[1][:, :1] * self.second)
         # The reversed f is f(end) - f(end - u), about the reversed axis.
-        f, g = (-x * [0, -1, 1, -1] for x in at_end)
+        f, g = (-x * [0, -1, 1, -1, 1, -1][: x.shape[1]] for x in at_end)
         return dataclasses.replace(
             self,
             breaks=np.concatenate([[0.0], np.cumsum(lengths[::-1])]),
@@ -280,32 +288,29 @@ class Orientation:
             starts=rotation @ self.starts,
             first=self.first @ rotation.T,
             second=self.second @ rotation.T,
-            f=self.f / scale ** np.arange(4),
-            g=self.g / scale ** np.arange(4),
+            f=self.f / scale ** np.arange(self.f.shape[1]),
+            g=self.g / scale ** np.arange(self.g.shape[1]),
         )
 
 
-def shift_cubic(c: FloatArray, by: FloatArray | float) -> FloatArray:
-    """Coefficients of cubic polynomials c(u + by), from those of c(u), (..., 4).
+def shift(c: FloatArray, by: FloatArray) -> FloatArray:
+    """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1).
 
     Args:
-        c: Coefficients of 1, u, u², u³, (..., 4).
-        by: The shifts, (...).
+        c: Coefficients of 1, u, u², ..., (n, degree + 1).
+        by: The shifts, (n,).
     """
-    a0, a1, a2, a3 = np.moveaxis(c, -1, 0)
-    shifted = [
-        a0 + by * (a1 + by * (a2 + by * a3)),
-        a1 + by * (2 * a2 + 3 * by * a3),
-        a2 + 3 * by * a3,
-        a3,
-    ]
-    return np.stack(shifted, axis=-1)
+    return re_expand(c[:, :, None], by, np.ones(len(c)))[:, :, 0]
 
 
-def _value(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Value (order 0) or derivative (order 1 or 2) of cubic polynomials, coefficients (..., 4)."""
-    if order == 0:
-        return np.asarray(c[..., 0] + u * (c[..., 1] + u * (c[..., 2] + u * c[..., 3])))
-    if order == 1:
-        return np.asarray(c[..., 1] + u * (2 * c[..., 2] + u * 3 * c[..., 3]))
-    return np.asarray(2 * c[..., 2] + u * 6 * c[..., 3])
+def with_degree(c: FloatArray, degree: int) -> FloatArray:
+    """Coefficients of the same polynomials up to a higher degree, (n, degree + 1)."""
+    return np.pad(c, ((0, 0), (0, degree + 1 - c.shape[1])))
+
+
+def value_of(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
+    """Values of polynomials with coefficients c, (..., degree + 1), or of their derivatives."""
+    found = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
+    for k in range(c.shape[-1] - 1, order - 1, -1):
+        found = found * u + math.perm(k, order) * c[..., k]
+    return found

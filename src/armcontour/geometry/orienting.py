@@ -9,15 +9,19 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import quintic
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, log, rotations, shortest
-from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
+from armcontour.geometry.orientation import LINEAR, SAME_ORIENTATION, Orientation, value_of
 from armcontour.geometry.segments import Segments
 
 # Between orientations that differ by more than this there is no shortest rotation [rad].
 HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
+# A transition turns about the axis of its bend, and not about that from its first tangent to its
+# last, if the latter turn is this much smaller: then it bends to both sides.
+NO_AXIS = 1e-6
 # Tool in the frame of the path: its x axis along the path, its z axis (the tool axis) against `up`.
 POINTING_DOWN = _checks.lock_floats(np.diag([1.0, -1.0, -1.0]))
 
@@ -126,25 +130,35 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
         InvalidInput: The path turns back by 180°, where the tool could turn to either side.
     """
     n = len(segments)
-    rates = tangent_rates(segments)
+    first, f = tangent_turns(segments)
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
     if (turn > HALF_TURN).any():
-        first = int(np.argmax(turn > HALF_TURN))
+        i = int(np.argmax(turn > HALF_TURN))
         raise InvalidInput(
-            f"At the vertex after segment {first + 1} the path turns back by 180°, where a tool "
+            f"At the vertex after segment {i + 1} the path turns back by 180°, where a tool "
             "that follows the tangent could turn either way: leave the tool's orientation fixed "
             "there, or split the path.",
-            index=first,
-            point=segments.starts[first + 1].tolist(),
+            index=i,
+            point=segments.starts[i + 1].tolist(),
         )
     starts = np.empty((n, 3, 3))
-    segment_turns, corner_turns = exp(rates * segments.lengths[:, None]), exp(corners)
+    segment_turns = exp(value_of(f, segments.lengths)[:, None] * first)
+    corner_turns = exp(corners)
     for k in range(n):
         starts[k] = frame
         if k + 1 < n:
             frame = corner_turns[k] @ segment_turns[k] @ frame
-    return Orientation.even(segments.lengths, starts, rates, axis_only=axis_only, follows=True)
+    return Orientation(
+        breaks=segments.breaks,
+        starts=starts,
+        first=first,
+        second=np.zeros_like(first),
+        f=f,
+        g=np.zeros_like(f),
+        axis_only=axis_only,
+        follows=True,
+    )
 
 
 def _first_frame(tangent: FloatArray, up: npt.ArrayLike) -> FloatArray:
@@ -166,8 +180,70 @@ def _first_frame(tangent: FloatArray, up: npt.ArrayLike) -> FloatArray:
 
 
 def tangent_rates(segments: Segments) -> FloatArray:
-    """Angular rates of the tangents of segments [rad/m], (n, 3)."""
+    """Angular rates of the tangents of lines and arcs [rad/m], (n, 3)."""
     return np.asarray(segments.curvatures[:, None] * np.cross(segments.tangents, segments.normals))
+
+
+def tangent_turns(segments: Segments) -> tuple[FloatArray, FloatArray]:
+    """How the tangents of segments turn along them, as `first` and `f` of an `Orientation`.
+
+    Along a transition the angle is a quintic: with the curvature at both ends, and with the change
+    of curvature there that both neighbours share, so that the derivative of the rate does not jump.
+    """
+    first, linear = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
+    if not segments.bent.any():
+        return first, linear
+    bent = np.flatnonzero(segments.bent)
+    ends = np.zeros(len(bent)), segments.lengths[bent]
+    tangents = [segments.at(bent, u, 1) for u in ends]
+    rates = [np.cross(t, segments.at(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)]
+    axis = _axes_of_turns(segments, bent)
+    angle = np.arctan2(
+        np.sum(np.cross(tangents[0], tangents[1]) * axis, axis=1),
+        np.sum(tangents[0] * tangents[1], axis=1),
+    )
+    change = _shared_changes(segments)
+    begin, end = (
+        [np.sum(x * axis, axis=1)[:, None] for x in pair]
+        for pair in ((rates[0], change[bent]), (rates[1], change[bent + 1]))
+    )
+    turned = quintic(ends[1], (np.zeros_like(begin[0]), *begin), (angle[:, None], *end))
+    f = np.pad(linear, ((0, 0), (0, 2)))
+    f[bent] = turned[:, :, 0] / ends[1][:, None] ** np.arange(6)
+    first[bent] = axis
+    return first, f
+
+
+def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
+    """Unit vectors about which the tangents turn along transitions; zero where they do not."""
+    lengths = segments.lengths[bent]
+    into, out = segments.at(bent, 0 * lengths, 1), segments.at(bent, lengths, 1)
+    found = np.cross(into, out)
+    # A transition that bends to both sides may turn by nothing.
+    for share in (0.0, 0.5, 1.0):
+        u = share * lengths
+        other = np.cross(segments.at(bent, u, 1), segments.at(bent, u, 2)) * lengths[:, None]
+        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (found, other)]
+        found = np.where(size[0] < NO_AXIS * size[1], other, found)
+    size = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0))
+
+
+def _shared_changes(segments: Segments) -> FloatArray:
+    """Derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3).
+
+    At a vertex between transitions it is the mean of both; lines and arcs turn evenly, so that it
+    is zero at their ends.
+    """
+    every = np.arange(len(segments))
+    sides = [
+        np.cross(segments.at(every, u, 1), segments.at(every, u, 3))
+        for u in (segments.lengths, 0 * segments.lengths)
+    ]
+    bent = np.concatenate([segments.bent[:1], segments.bent, segments.bent[-1:]])
+    before = np.concatenate([sides[1][:1], sides[0]])
+    after = np.concatenate([sides[1], sides[0][-1:]])
+    return np.where((bent[:-1] & bent[1:])[:, None], (before + after) / 2, 0.0)
 
 
 def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orientation:

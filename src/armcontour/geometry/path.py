@@ -33,10 +33,12 @@ SAME_BREAK = 1e-12
 class Path:
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
-    Build one with `polyline`, `spline` or `from_segments`.
+    Rounding and smoothing put transitions between them, along which the curvature changes. Build
+    one with `polyline`, `spline` or `from_segments`.
 
     Args:
-        segments: Table of the n lines and arcs, whose columns are properties of the path.
+        segments: Table of the n lines, arcs and transitions, with columns that are properties of
+            the path.
         merged: Indices of the input points that were left out because they repeat the point before.
         waypoints: Indices of the vertices at which the kept input points lie; by default all
             vertices. A spline has more vertices than points.
@@ -207,12 +209,12 @@ class Path:
 
     @property
     def normals(self) -> FloatArray:
-        """Unit normals at the segments' starts, towards the arcs' centres; zero for lines."""
+        """Unit normals at the segments' starts, towards the centres; zero where straight."""
         return self.segments.normals
 
     @property
     def curvatures(self) -> FloatArray:
-        """Curvatures of the segments [1/m], zero for lines, (n,)."""
+        """Curvatures of the segments [1/m], zero for lines, the largest for transitions, (n,)."""
         return self.segments.curvatures
 
     @property

@@ -68,10 +68,13 @@ def drop_z(path: Path) -> Path:
     across = (np.abs(path.tangents[:, 2]) + np.abs(path.normals[:, 2]) > IN_PLANE) & (
         path.curvatures > 0
     )
+    quintics = path.segments.quintics
+    if quintics.size:
+        across |= np.abs(quintics[:, :, 2]).max(axis=1) > IN_PLANE
     if across.any():
         i = int(np.argmax(across))
         raise InvalidInput(
-            f"Segment {i + 1} is an arc that leaves the plane, which cannot be flattened.", index=i
+            f"Segment {i + 1} is a curve that leaves the plane, which cannot be flattened.", index=i
         )
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
     kept = run * path.lengths > REPEATED_POINT
@@ -84,6 +87,7 @@ def drop_z(path: Path) -> Path:
             tangents=rows.tangents[:, :2] / shortening[:, None],
             normals=rows.normals[:, :2],
             lengths=rows.lengths * shortening,
+            quintics=rows.quintics[:, :, :2],
         )
     )
 

@@ -2,8 +2,10 @@
 
 Across a rounded vertex the orientation is `exp(g b) exp(f a) R`, where R is the orientation at the
 vertex, and a and b are the angular rates before and after the vertex. f ends at 0 with slope 0, and
-g starts at 0 with slope 0, so that rate a fades out while rate b sets in. The index of a vertex is
-that of the segment before it.
+g starts at 0 with slope 0, so that rate a fades out while rate b sets in. They are cubics; for
+continuous curvature they are quintics, whose second derivatives are 0 at the ends, so that the
+derivative of the angular rate does not jump either. The index of a vertex is that of the segment
+before it.
 """
 
 from __future__ import annotations
@@ -11,19 +13,24 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import quintic
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log
 from armcontour.geometry.orientation import (
-    LINEAR,
     RATE_FLOOR,
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
+    value_of,
+    with_degree,
 )
-from armcontour.geometry.orienting import tangent_rates
+from armcontour.geometry.orienting import tangent_turns
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
+# In the middle of a blend of length b that takes t of either piece, f is b times this, less t / 2:
+# for cubics, and for quintics.
+MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
 # A remainder of constant rate between two blends that is shorter than this is left out [m].
 SLIVER = 1e-12
 
@@ -48,26 +55,39 @@ def find_kinks(path: Path) -> IntArray:
     return np.flatnonzero(orientation.kinks > 0)
 
 
-def largest_tangent(path: Path, vertex: IntArray, ratio: FloatArray, allowed: float) -> FloatArray:
+def middle_of(smooth: bool) -> float:
+    """The share of a blend's length by which its middle is nearer to the vertex's orientation.
+
+    Args:
+        smooth: Whether the derivative of the angular rate must not jump.
+    """
+    return SMOOTH_MIDDLE if smooth else MIDDLE
+
+
+def largest_tangent(
+    path: Path, vertex: IntArray, ratio: FloatArray, allowed: float, *, smooth: bool = False
+) -> FloatArray:
     """Largest tangent lengths that keep the angular tolerance in the middle of each corner.
 
-    With tangent length t, the middle is `exp(k b) exp(-k a) R` with `k = t (1/2 - arc / 8 t)`.
+    With tangent length t and the length l of the curve, the middle is `exp(k b) exp(-k a) R` with
+    `k = t / 2 - l / 8`, or, where the derivative of the rate must not jump, `t / 2 - 5 l / 32`.
 
     Args:
         path: The objective path.
         vertex: Indices of the vertices, (k,).
         ratio: Length of the curve at each vertex over its tangent length, at most 2, (k,).
         allowed: Largest angle between the orientation and its value at the vertex [rad].
+        smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
         Tangent lengths [m], (k,); infinite if the rate does not jump or the orientation follows
         the tangent.
     """
-    return np.asarray(largest_blend(path, vertex, allowed) / (0.5 - ratio / 8))
+    return np.asarray(largest_blend(path, vertex, allowed) / (0.5 - ratio * middle_of(smooth)))
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """The largest k of `largest_tangent`, whatever the arc: `t / 2 - arc / 8` [m], (k,).
+    """The largest k of `largest_tangent`, whatever the curve [m], (k,).
 
     It is 0 where the orientation jumps, so that the tool stops.
 
@@ -84,7 +104,12 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
 
 
 def round_orientation(
-    objective: Path, vertex: IntArray, tangent: FloatArray, length: FloatArray
+    objective: Path,
+    vertex: IntArray,
+    tangent: FloatArray,
+    length: FloatArray,
+    *,
+    smooth: bool = False,
 ) -> tuple[Orientation, FloatArray]:
     """Orientation of a rounded path if the orientation does not follow the tangent.
 
@@ -93,6 +118,7 @@ def round_orientation(
         vertex: Indices of the rounded vertices, (k,).
         tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
         length: Length of what replaces each vertex [m], (k,).
+        smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
         The orientation, and the angle between it and the vertex's orientation in the middle of
@@ -113,12 +139,18 @@ def round_orientation(
     cut, blend = np.zeros(n - 1), np.zeros(n - 1)
     cut[vertex] = tangent
     blend[vertex] = length
-    angles = _middle_angles(own, vertex, tangent / 2 - blend[vertex] / 8)
-    return _blend(lengths, own, cut, blend), angles
+    angles = _middle_angles(own, vertex, tangent / 2 - length * middle_of(smooth))
+    return _blend(lengths, own, cut, blend, smooth=smooth), angles
 
 
 def follow_rounded(
-    rounded: Segments, objective: Path, segment: IntArray, cut: FloatArray, allowed: float
+    rounded: Segments,
+    objective: Path,
+    segment: IntArray,
+    cut: FloatArray,
+    allowed: float,
+    *,
+    smooth: bool = False,
 ) -> Orientation:
     """Orientation of a rounded path if the orientation follows the tangent.
 
@@ -130,47 +162,63 @@ def follow_rounded(
         cut: Length at the start of each objective segment that a corner has replaced [m].
         allowed: Largest angle between the orientation and one that follows the tangent exactly
             [rad].
+        smooth: Whether the derivative of the angular rate must not jump.
     """
     own = objective.orientation
     assert own is not None
-    rates = tangent_rates(rounded)
+    first, f = tangent_turns(rounded)
     starts = np.empty((len(rounded), 3, 3))
     frame = own.starts[0]
-    segment_turns = exp(rates * rounded.lengths[:, None])
-    kept = exp(tangent_rates(objective.segments) * cut[:, None]) @ own.starts
+    segment_turns = exp(value_of(f, rounded.lengths)[:, None] * first)
+    kept = own.on_piece(np.arange(len(objective)), cut)
     for k in range(len(rounded)):
         if k and segment[k] != segment[k - 1]:
             # The corner's arc has turned the frame into that of the next segment, up to rounding.
             frame = kept[segment[k]]
         starts[k] = frame
         frame = segment_turns[k] @ frame
-    sharp = Orientation.even(rounded.lengths, starts, rates, axis_only=own.axis_only, follows=True)
-    return blend_kinks(sharp, largest_cuts(sharp, allowed))[0]
+    sharp = Orientation(
+        breaks=rounded.breaks,
+        starts=starts,
+        first=first,
+        second=np.zeros_like(first),
+        f=f,
+        g=np.zeros_like(f),
+        axis_only=own.axis_only,
+        follows=True,
+    )
+    return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
 
 
-def largest_cuts(sharp: Orientation, allowed: float) -> FloatArray:
+def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
     """Lengths that blends may take from either piece, if the path has the same length [m].
 
     Args:
         sharp: The orientation of constant rates, n pieces.
         allowed: Largest angle between the orientation and that of the constant rates [rad].
+        smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
         The lengths, (n - 1,); 0 at breaks where the rate does not jump.
     """
     vertex = np.arange(len(sharp) - 1)
-    return np.where(sharp.kinks > 0, 4 * _largest_blend(sharp, vertex, allowed), 0.0)
+    shorter = 0.5 - 2 * middle_of(smooth)
+    return np.where(sharp.kinks > 0, _largest_blend(sharp, vertex, allowed) / shorter, 0.0)
 
 
-def blend_kinks(sharp: Orientation, wanted: FloatArray) -> tuple[Orientation, FloatArray]:
+def blend_kinks(
+    sharp: Orientation, wanted: FloatArray, *, smooth: bool = False
+) -> tuple[Orientation, FloatArray]:
     """An orientation of constant rates with blends of twice the length that each piece gives.
 
     A blend takes at most half of either piece, and nothing where the orientation jumps. It is
     farthest from the constant rates at the break.
 
     Args:
-        sharp: The orientation of constant rates, n pieces.
+        sharp: The orientation of constant rates, n pieces; where the rate does not jump at either
+            end of a piece, it may change along it.
         wanted: Length that each blend takes from either piece [m], (n - 1,).
+        smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
         The orientation, and the angle by which it is off at each break between pieces [rad],
@@ -180,7 +228,11 @@ def blend_kinks(sharp: Orientation, wanted: FloatArray) -> tuple[Orientation, Fl
     lengths = np.diff(sharp.breaks)
     cut = np.minimum(wanted, np.minimum(lengths[:-1], lengths[1:]) / 2)
     cut[sharp.jumps > SAME_ORIENTATION] = 0.0
-    return _blend(lengths, sharp, cut, 2 * cut), _middle_angles(sharp, vertex, cut / 4)
+    middle = cut * (0.5 - 2 * middle_of(smooth))
+    return (
+        _blend(lengths, sharp, cut, 2 * cut, smooth=smooth),
+        _middle_angles(sharp, vertex, middle),
+    )
 
 
 def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> FloatArray:
@@ -233,7 +285,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
 
 
 def _blend(
-    lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray
+    lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> Orientation:
     """Pieces of constant rate with blends between them.
 
@@ -242,26 +294,25 @@ def _blend(
         sharp: The orientation of constant rates.
         cut: Length that each vertex's blend takes from each of its two pieces [m], (n - 1,).
         blend: Path length of each blend [m], (n - 1,).
+        smooth: Whether the derivative of the angular rate must not jump.
     """
     n = len(lengths)
     size = 2 * n - 1
+    degree = 5 if smooth else sharp.f.shape[1] - 1
     before, after = np.append(0.0, cut), np.append(cut, 0.0)
     spans = np.zeros(size)
     spans[::2] = lengths - before - after
     spans[::2][spans[::2] <= SLIVER] = 0.0
     spans[1::2] = blend
     starts, first, second = np.empty((size, 3, 3)), np.empty((size, 3)), np.zeros((size, 3))
-    f, g = np.zeros((size, 4)), np.zeros((size, 4))
+    f, g = np.zeros((size, degree + 1)), np.zeros((size, degree + 1))
     starts[::2] = exp(before[:, None] * sharp.first) @ sharp.starts
     starts[1::2] = sharp.starts[1:]
     first[::2], first[1::2] = sharp.first, sharp.first[:-1]
     second[1::2] = sharp.first[1:]
-    f[::2] = LINEAR
+    f[::2] = with_degree(sharp.f, degree)
     with np.errstate(divide="ignore", invalid="ignore"):
-        rest = cut - blend
-        f[1::2, 0], f[1::2, 1] = -cut, 1.0
-        f[1::2, 2], f[1::2, 3] = (3 * rest + blend) / blend**2, -(blend + 2 * rest) / blend**3
-        g[1::2, 2], g[1::2, 3] = (3 * cut - blend) / blend**2, (blend - 2 * cut) / blend**3
+        f[1::2], g[1::2] = (with_degree(x, degree) for x in _fade(cut, blend, smooth=smooth))
     used = spans > 0
     return Orientation(
         breaks=np.concatenate([[0.0], np.cumsum(spans[used])]),
@@ -273,3 +324,33 @@ def _blend(
         axis_only=sharp.axis_only,
         follows=sharp.follows,
     )
+
+
+def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArray, FloatArray]:
+    """The polynomials by which the rate before a vertex fades out, and that after it sets in.
+
+    Args:
+        cut: Length that each blend takes from each of its two pieces [m], (n,).
+        blend: Path length of each blend [m], (n,).
+        smooth: Whether their second derivatives are 0 at the ends.
+
+    Returns:
+        Coefficients of both, (n, 4) each, or (n, 6).
+    """
+    none, one, rest = np.zeros_like(cut), np.ones_like(cut), cut - blend
+    if not smooth:
+        f = [-cut, one, (3 * rest + blend) / blend**2, -(blend + 2 * rest) / blend**3]
+        g = [none, none, (3 * cut - blend) / blend**2, (blend - 2 * cut) / blend**3]
+        return np.stack(f, axis=1), np.stack(g, axis=1)
+    straight = (none, none, none)
+    fading = _quintic_fade(blend, (-cut, one, none), straight)
+    return fading, _quintic_fade(blend, straight, (cut, one, none))
+
+
+def _quintic_fade(
+    blend: FloatArray, begin: tuple[FloatArray, ...], end: tuple[FloatArray, ...]
+) -> FloatArray:
+    """Coefficients of quintics with given values and derivatives at the ends of blends, (n, 6)."""
+    a, b = (np.stack(x)[:, :, None] for x in (begin, end))
+    found = quintic(blend, (a[0], a[1], a[2]), (b[0], b[1], b[2]))[:, :, 0]
+    return np.asarray(found / blend[:, None] ** np.arange(6))

@@ -14,6 +14,7 @@ import dataclasses
 from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
-from armcontour.geometry.corner_curves import ARC, PARABOLA, CornerCurve
+from armcontour.geometry.corner_curves import ARC, PARABOLA, SMOOTH, CornerCurve
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
@@ -36,6 +37,8 @@ from armcontour.geometry.rounded_orientation import (
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped import ShapedPath
 
+# What does not jump along a rounded path: its tangent, or its curvature, too.
+Continuity: TypeAlias = Literal["tangent", "curvature"]
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is left
 # out [m].
 SLIVER = 1e-12
@@ -143,6 +146,7 @@ def round_corners(
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
+    continuity: Continuity = "tangent",
 ) -> RoundedPath:
     """Replace every corner of a path by an arc, by the paper's case I or case II.
 
@@ -157,6 +161,10 @@ def round_corners(
     (zero tolerance, a turn of 180°, segments without room) the corner stays sharp, and the tool
     stops there; `corners.reason` says why. A corner beside an arc becomes two tangent arcs.
 
+    With continuity "curvature" the curvature does not jump either, so that a motion with a limit of
+    jerk need not stop: a corner between two lines becomes a smooth bend, with the same corner error
+    on more of both lines, whose radius in the middle is `corners.radius`.
+
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
     the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
     angular rate jumps. An orientation that follows the tangent may leave it by that angle where
@@ -169,17 +177,21 @@ def round_corners(
         acceleration: Centripetal acceleration at that speed [m/s²], a number or (vertices,); with
             `tolerance` alone it is only used to report the corner speed (16).
         angular_tolerance: Largest angle between the orientation and its value at the vertex [rad].
+        continuity: "tangent", or "curvature" for corners that can be run without stopping under a
+            limit of jerk.
 
     Raises:
-        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
-            the orientation needs an angular tolerance.
+        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
+            continuity is neither of them, or the orientation needs an angular tolerance.
     """
+    _checks.choice("continuity", continuity, get_args(Continuity))
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
             "Python arguments of round_corners, in a job keys of corners."
         )
-    return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, ARC)
+    curve = SMOOTH if continuity == "curvature" else ARC
+    return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
 
 
 def round_with_parabolas(
@@ -349,7 +361,8 @@ def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> Round
     which = np.concatenate([wishes.corner, kinked])
     lengths = np.append(found.length, 2 * tangents[len(wishes.corner) :])
     tangents = np.append(found.tangent, tangents[len(wishes.corner) :])
-    return _add_orientation(rounded, source, which, tangents, lengths, angle)
+    smooth = wishes.curve.smooth
+    return _add_orientation(rounded, source, which, tangents, lengths, angle, smooth=smooth)
 
 
 def _rounded_corners(
@@ -391,7 +404,7 @@ def _stop_reasons(
     """Why the tool stops at each corner; None where it does not, (n,)."""
     reasons = np.full(len(wishes.corner), NO_ROOM, dtype=object)
     if angle == 0:
-        reasons[largest_tangent(path, wishes.corner, _length_ratio(wishes), angle) == 0] = NO_ANGLE
+        reasons[_largest_tangent(path, wishes, angle) == 0] = NO_ANGLE
     reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
     if path.orientation is not None and path.orientation.follows:
         reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
@@ -463,7 +476,7 @@ def _tangent_lengths(
     """
     corner, half = wishes.corner, wishes.half
     bent = _beside_arcs(path, corner)
-    allowed = largest_tangent(path, corner, _length_ratio(wishes), angle)
+    allowed = _largest_tangent(path, wishes, angle)
     wanted = np.minimum(wishes.radius * wishes.curve.stretch(half), allowed)
     if bent.any():
         wanted[bent] = _wanted_blends(path, wishes, bent, angle)
@@ -474,7 +487,8 @@ def _tangent_lengths(
     wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
     # Blends of the orientation alone share the segments with the corners' arcs.
     which = np.concatenate([corner, kinked])
-    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle)
+    smooth = wishes.curve.smooth
+    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle, smooth=smooth)
     order = np.argsort(which)
     tangents = np.empty(len(which))
     tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
@@ -484,9 +498,10 @@ def _tangent_lengths(
     return tangents, wanted
 
 
-def _length_ratio(wishes: _Wishes) -> FloatArray:
-    """Length of the curve of each corner between two lines over its tangent length, (n,)."""
-    return np.asarray(wishes.long / wishes.curve.stretch(wishes.half))
+def _largest_tangent(path: Path, wishes: _Wishes, angle: float) -> FloatArray:
+    """Largest tangent lengths of corners between two lines that keep the angular tolerance [m]."""
+    ratio = wishes.long / wishes.curve.stretch(wishes.half)
+    return largest_tangent(path, wishes.corner, ratio, angle, smooth=wishes.curve.smooth)
 
 
 def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -> FloatArray:
@@ -559,6 +574,8 @@ def _add_orientation(
     tangent: FloatArray,
     length: FloatArray,
     angle: float,
+    *,
+    smooth: bool,
 ) -> RoundedPath:
     """The rounded path with the rounded orientation of its objective path.
 
@@ -569,6 +586,7 @@ def _add_orientation(
         tangent: Tangent length of each of these vertices [m], (k,).
         length: Length of what replaces them [m], (k,).
         angle: Angular tolerance [rad].
+        smooth: Whether the derivative of the angular rate must not jump.
     """
     path = rounded.objective
     if path.orientation is None:
@@ -576,9 +594,9 @@ def _add_orientation(
     if path.orientation.follows:
         cut = np.zeros(len(path))
         cut[which + 1] = tangent
-        orientation = follow_rounded(rounded.segments, path, source, cut, angle)
+        orientation = follow_rounded(rounded.segments, path, source, cut, angle, smooth=smooth)
         return dataclasses.replace(rounded, orientation=orientation)
-    orientation, off = round_orientation(path, which, tangent, length)
+    orientation, off = round_orientation(path, which, tangent, length, smooth=smooth)
     corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
     return dataclasses.replace(rounded, orientation=orientation, corners=corners)
 
@@ -675,7 +693,7 @@ def _cut(rows: Segments, cut: FloatArray) -> Segments:
     """Segments shortened by the tangent lengths of their ends' corners [m], (n + 1,)."""
     starts = rows.starts + cut[:-1, None] * rows.tangents
     shorter = rows.replace(starts=starts, lengths=rows.lengths - cut[:-1] - cut[1:])
-    later = (rows.curvatures > 0) & (cut[:-1] > 0)
+    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
     if not later.any():
         return shorter
     i, begin = np.flatnonzero(later), cut[:-1][later]

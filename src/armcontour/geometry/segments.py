@@ -1,4 +1,4 @@
-"""Table of the lines and arcs of a path."""
+"""Table of the segments of a path: lines, arcs, and transitions between them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._quintics import evaluate, re_expand
 from armcontour.errors import InvalidInput
 
 # Points closer than this count as one point: no arm resolves a nanometre [m].
@@ -21,29 +22,39 @@ TANGENT_TOLERANCE = 1e-9
 # Rounding errors of coordinates beyond this come near the distance of repeated points [m].
 FAR = 1e3
 EVERY = slice(None)
+# Halvings of a transition, at the end of which its coordinates are exact to rounding errors.
+BISECTIONS = 30
 VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
-COLUMNS = (*VECTORS, *NUMBERS, "tags")
+COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
+# Control points of the second derivative of a quintic, over its coefficients from x² on.
+BENDS = _checks.lock_floats([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = _checks.lock_floats([])
 NO_TAGS = _checks.lock_copy(np.empty(0, dtype=object))
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
 class Segments:
-    """Lines and arcs in the plane or in space, one per row.
+    """Lines, arcs and transitions in the plane or in space, one per row.
 
-    Segment i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
-    `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0.
+    A line or arc i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
+    `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0. A transition is a segment
+    whose curvature changes along it: `starts[i] + sum_k quintics[i, k] (u / lengths[i])^k`, where u
+    is the arc length within a millionth (transitions.py).
 
     Args:
         starts: First points of the segments [m], (n, 2) or (n, 3).
         tangents: Unit tangents at the starts, same shape.
-        normals: Unit normals at the starts towards the arcs' centres, zero for lines, same shape.
-        curvatures: Curvatures of the segments [1/m], zero for lines, (n,).
+        normals: Unit normals at the starts towards the arcs' centres, zero where a segment starts
+            straight, same shape.
+        curvatures: Curvatures of the segments [1/m], zero for lines, (n,); of a transition at least
+            its largest one.
         lengths: Lengths of the segments, above zero [m], (n,).
         speeds: Assigned velocities of the segments [m/s], NaN for segments without one, (n,).
         tolerances: Largest corner errors of the segments [m], NaN for segments without one, (n,).
         tags: Free text per segment, or None, (n,).
+        quintics: Coefficients of the transitions from 1 to x⁵ [m], NaN for lines and arcs,
+            (n, 6, dimension); (n, 0, 0) for a table without transitions.
         checked: Whether `check` has found that the segments make a continuous path.
     """
 
@@ -55,6 +66,7 @@ class Segments:
     speeds: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tags: npt.NDArray[np.object_] = field(default_factory=lambda: NO_TAGS)
+    quintics: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     checked: bool = False
 
     def __post_init__(self) -> None:
@@ -64,6 +76,8 @@ class Segments:
                 object.__setattr__(self, name, np.full(n, np.nan))
         if self.tags is NO_TAGS:
             object.__setattr__(self, "tags", np.full(n, None))
+        if self.quintics is NOT_GIVEN:
+            object.__setattr__(self, "quintics", np.empty((n, 0, 0)))
         for name in COLUMNS:
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
             # Arrays that are locked already are shared, not copied.
@@ -94,8 +108,17 @@ class Segments:
         """One table with the rows of several tables in order."""
         if len(tables) == 1:
             return tables[0]
+        if len({table.quintics.shape[1] for table in tables}) > 1:
+            tables = [table._with_room() for table in tables]
         columns = {x: np.concatenate([getattr(table, x) for table in tables]) for x in COLUMNS}
         return tables[0].replace(**columns, checked=checked)
+
+    def _with_room(self) -> Segments:
+        """The table with a column in which transitions find room."""
+        if self.quintics.shape[1]:
+            return self
+        room = np.full((len(self), 6, self.dimension), np.nan)
+        return self.replace(quintics=room, checked=self.checked)
 
     def replace(self, *, checked: bool = False, **columns: npt.NDArray[Any]) -> Segments:
         """The table with some columns replaced by new arrays, which are locked and not copied."""
@@ -137,6 +160,13 @@ class Segments:
         return int(self.starts.shape[1])
 
     @property
+    def bent(self) -> BoolArray:
+        """Mask of the transitions, (n,)."""
+        if not self.quintics.shape[1]:
+            return np.zeros(len(self), dtype=bool)
+        return np.asarray(self.quintics[:, 0, 0] == 0)
+
+    @property
     def breaks(self) -> FloatArray:
         """Arc lengths of the ends of the segments, from 0 [m], (n + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.lengths)])
@@ -154,8 +184,8 @@ class Segments:
     @property
     def extent(self) -> FloatArray:
         """Smallest and largest coordinates [m], (2, dimension); those of arcs are exact."""
-        points = [self.starts, self.ends]
-        bent = np.flatnonzero(self.curvatures > 0)
+        points = [self.starts, self.ends, *self._turning_points()]
+        bent = np.flatnonzero((self.curvatures > 0) & ~self.bent)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
             # A coordinate of an arc is extreme where the tangent has no part along its axis.
@@ -168,8 +198,35 @@ class Segments:
         everything = np.concatenate(points)
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
+    def _turning_points(self) -> list[FloatArray]:
+        """Points at which transitions turn from one side to the other along an axis [m]."""
+        points = []
+        for axis in range(self.dimension) if self.quintics.size else ():
+            into, out = self.tangents[:, axis], self.end_tangents[:, axis]
+            i = np.flatnonzero(self.bent & (into * out < 0))
+            low, high = np.zeros(len(i)), self.lengths[i]
+            for _ in range(BISECTIONS):
+                middle = (low + high) / 2
+                before = self.at(i, middle, 1)[:, axis] * into[i] > 0
+                low, high = np.where(before, middle, low), np.where(before, high, middle)
+            points.append(self.at(i, low))
+        return points
+
     def at(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`."""
+        found = self._on_arcs(i, u, order)
+        if not self.quintics.shape[1]:
+            return found
+        bent = np.broadcast_to(self.bent[i], found.shape[:-1])
+        if bent.any():
+            rows = np.broadcast_to(np.arange(len(self))[i], bent.shape)[bent]
+            at = np.broadcast_to(u, bent.shape)[bent]
+            on = evaluate(self.quintics[rows], self.lengths[rows], at, order)
+            found[bent] = on + self.starts[rows] if order == 0 else on
+        return found
+
+    def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
+        """What `at` gives for lines and arcs."""
         k = self.curvatures[i]
         angle = k * u
         if order == 0:
@@ -188,7 +245,12 @@ class Segments:
     def normals_at(self, i: IntArray | slice, u: FloatArray) -> FloatArray:
         """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
         turn = (self.curvatures[i] * u)[..., None]
-        return np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
+        found = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
+        bent = self.bent[i]
+        if bent.any():
+            # Where a transition is straight it has no normal.
+            found[bent] = _unit_or_zero(self.at(i, u, 2)[bent])
+        return found
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
         """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
@@ -197,7 +259,20 @@ class Segments:
         at = i[later], begin[later]
         starts[later], tangents[later] = self.at(*at), self.at(*at, 1)
         normals[later] = self.normals_at(*at)
-        return rows.replace(starts=starts, tangents=tangents, normals=normals, lengths=end - begin)
+        cut = rows.replace(starts=starts, tangents=tangents, normals=normals, lengths=end - begin)
+        return cut._with_parts(begin / rows.lengths, (end - begin) / rows.lengths)
+
+    def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
+        """The table with parts of its transitions, by shares of their lengths; see `re_expand`."""
+        changed = self.bent & ((begin != 0) | (factor != 1))
+        if not changed.any():
+            return self
+        quintics, curvatures = self.quintics.copy(), self.curvatures.copy()
+        parts = re_expand(quintics[changed], begin[changed], factor[changed])
+        parts[:, 0] = 0.0
+        quintics[changed] = parts
+        curvatures[changed] = largest_bend(parts, self.lengths[changed])
+        return self.replace(quintics=quintics, curvatures=curvatures)
 
     def run(self, i: IntArray, back: BoolArray) -> Segments:
         """Segments `i`, with those in mask `back` reversed."""
@@ -206,10 +281,13 @@ class Segments:
         at = k, self.lengths[k]
         starts[back], tangents[back] = self.at(*at), -self.at(*at, 1)
         normals[back] = self.normals_at(*at)
-        return rows.replace(starts=starts, tangents=tangents, normals=normals)
+        turned = rows.replace(starts=starts, tangents=tangents, normals=normals)
+        return turned._with_parts(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
     def put(self, which: BoolArray, rows: Segments) -> Segments:
         """The table with the rows in mask `which` replaced by `rows`."""
+        if self.quintics.shape[1] != rows.quintics.shape[1]:
+            return self._with_room().put(which, rows._with_room())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
             column[which] = getattr(rows, name)
@@ -226,12 +304,15 @@ class Segments:
             normals=self.normals @ rotation.T,
             curvatures=self.curvatures / scale,
             lengths=self.lengths * scale,
+            quintics=scale * self.quintics @ rotation.T if self.quintics.size else self.quintics,
             checked=self.checked and close,
         )
 
     def lift(self) -> Segments:
         """Segments in the plane as segments in space, at z = 0."""
         deeper = {x: np.pad(getattr(self, x), ((0, 0), (0, 1))) for x in VECTORS}
+        if self.quintics.size:
+            deeper["quintics"] = np.pad(self.quintics, ((0, 0), (0, 0), (0, 1)))
         return self.replace(checked=self.checked, **deeper)
 
     def check(self) -> Segments:
@@ -258,6 +339,7 @@ class Segments:
                 raise InvalidInput(f"{name} of a path must be finite and of shape {shape}.")
         if (self.lengths <= 0).any() or (self.curvatures < 0).any():
             raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
+        self._refuse_quintics()
         for name in ("speeds", "tolerances", "tags"):
             if getattr(self, name).shape != (n,):
                 raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
@@ -265,6 +347,14 @@ class Segments:
             raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
         if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
             raise InvalidInput("The tangents of a path must be unit vectors.")
+
+    def _refuse_quintics(self) -> None:
+        """Refuse coefficients of transitions that do not fit the other columns."""
+        found = self.quintics
+        if found.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
+            raise InvalidInput("quintics of a path must have 6 coefficients per segment, or none.")
+        if found.size and not np.array_equal(np.isfinite(found).all(axis=(1, 2)), self.bent):
+            raise InvalidInput("quintics of a path must be finite from 0 on, or NaN altogether.")
 
     def refuse_gaps(self, apart: IntArray | None = None) -> None:
         """Refuse a table in which a segment does not start where the segment before it ends.
@@ -291,6 +381,24 @@ class Segments:
                 needed=float(gaps[first]),
                 allowed=REPEATED_POINT,
             )
+
+
+def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Largest second derivatives of quintics by arc length, or slightly more [1/m], (n,).
+
+    Args:
+        quintics: Coefficients, (n, 6, dimension).
+        lengths: Lengths [m], (n,).
+    """
+    # A polynomial stays within the hull of its control points; the first and the last are its ends.
+    control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
+    return np.asarray(np.linalg.norm(control, axis=2).max(axis=1) / lengths**2)
+
+
+def _unit_or_zero(v: FloatArray) -> FloatArray:
+    """Unit vectors; zero for zero vectors."""
+    size = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.asarray(np.divide(v, size, out=np.zeros_like(v), where=size > 0))
 
 
 def share_demand(before: Segments, after: Segments) -> dict[str, Any]:

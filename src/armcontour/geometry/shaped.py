@@ -16,6 +16,9 @@ from armcontour._quintics import evaluate
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
 
+# Name of the duration of the shaped path itself, beside those of its starts.
+SHAPED = "shaped"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outcome:
@@ -45,8 +48,7 @@ class Outcome:
     @property
     def gain(self) -> float:
         """Share of the duration of the fastest start that the shape saves."""
-        starts = [x for name, x in self.durations.items() if name != "shaped"]
-        return 1 - self.durations["shaped"] / min(starts)
+        return 1 - self.durations[SHAPED] / self.durations[self.start]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,13 +22,14 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
-    shift_cubic,
+    shift,
 )
 from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
@@ -278,7 +279,7 @@ def _lay(runs: _Runs, place: PchipInterpolator, cut: FloatArray, *, axis_only: b
     middle = (begin + end) / 2
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
     j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    f, g = shift_cubic(place.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
+    f, g = shift(place.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
     f[:, 0] -= runs.at[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
@@ -370,8 +371,7 @@ def _twist(
     # On tiny arcs a difference of arc lengths has too few digits.
     last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
     count = np.ceil(path.curvatures[whole] * (last - first) / MOST_TURN).astype(np.intp).clip(1)
-    part = np.repeat(np.arange(len(count)), count)
-    k = np.arange(len(part)) - np.repeat(np.cumsum(count) - count, count)
+    part, k = number_parts(count)
     i, step = whole[part], ((last - first) / count)[part]
     u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]
     begin, middle, end = (

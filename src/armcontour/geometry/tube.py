@@ -103,6 +103,7 @@ class Tube:
         for name in ("breaks", "tolerance", "vertex_tolerance"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         object.__setattr__(self, "vertex", _checks.lock_copy(self.vertex))
+        _refuse_transitions(self.segments)
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]
         object.__setattr__(self, "_rows", _checks.lock_floats(rows))
@@ -136,7 +137,7 @@ class Tube:
 
         Raises:
             InvalidInput: A tolerance is negative or not a number, their number is wrong, or only
-                one of line tolerance and zone is given.
+                one of line tolerance and zone is given; or the objective has transitions.
         """
         _check_zone(line_tolerance, zone)
         values = _checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
@@ -223,7 +224,7 @@ class Tube:
 
         Raises:
             InvalidInput: The places do not lead along both paths, or the path has another
-                dimension than the objective.
+                dimension than the objective, or transitions.
         """
         from armcontour.geometry._tube import bound_excess
 
@@ -232,10 +233,11 @@ class Tube:
                 f"The path has {path.dimension} coordinates, its objective has "
                 f"{self.objective.dimension}."
             )
+        _refuse_transitions(path.segments)
         pairs = check_places(places, self.objective, path)
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
-        # A place that rounding puts behind the end of its piece still belongs to it.
+        # A place that rounding puts beyond the end of its piece still belongs to it.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
         place, around = parts[:, 1::3], parts[:, 2::3]
@@ -340,6 +342,21 @@ def _check_zone(line_tolerance: float | None, zone: float | None) -> None:
     if line_tolerance is not None and zone is not None:
         _checks.not_negative("line_tolerance", line_tolerance, "m")
         _checks.positive("zone", zone, "m")
+
+
+def _refuse_transitions(segments: Segments) -> None:
+    """Refuse segments whose curvature changes: the proof is for lines and arcs.
+
+    Raises:
+        InvalidInput: There is a transition; with its index.
+    """
+    if segments.bent.any():
+        i = int(np.argmax(segments.bent))
+        raise InvalidInput(
+            f"Segment {i + 1} is a transition between curvatures, and a tube is of lines and arcs: "
+            "shape the path as it was before its curvature was smoothed.",
+            index=i,
+        )
 
 
 def _cut(path: Path, cuts: FloatArray) -> tuple[Segments, FloatArray, IntArray]:

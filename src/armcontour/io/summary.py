@@ -43,6 +43,8 @@ UNITS = {
     "path_velocity": "m/s",
     "utilisation": "share of time",
     "demand": "rad/s^2",
+    "jerk": "rad/s^3",
+    "command_jerk": "rad/s^3",
     "saturated": "share of time",
     "assigned_length": "share of length",
     "assigned_time": "share of time",
@@ -337,6 +339,9 @@ def _errors(e: Evaluation) -> dict[str, Any]:
         "limit_ratios": e.limit_ratios,
         "demand": e.demand,
         "demand_ratio": e.demand_ratio,
+        "jerk": e.jerk,
+        "jerk_ratio": e.jerk_ratio,
+        "command_jerk": e.command_jerk,
         "saturated": e.saturated,
         "cornering": [
             {

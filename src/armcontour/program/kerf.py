@@ -84,6 +84,11 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
         raise InvalidInput(f"{called} has leads already: a kerf is for contours without them.")
+    if rows.bent.any():
+        raise InvalidInput(
+            f"{called} has transitions between curvatures, beside which a kerf cannot be laid: "
+            "apply the kerf first, and smooth the curvature of what it gives."
+        )
     if rows.dimension == 3:
         slopes = np.abs([rows.tangents @ up, rows.normals @ up])
         if slopes.max() > PARALLEL:

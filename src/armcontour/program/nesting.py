@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.segments import Segments
+from armcontour.geometry.transitions import draw_arcs
 from armcontour.program.moves import Contour
 
 # Chords of a quarter circle that is not seen from above as an arc.
@@ -73,7 +75,7 @@ def axes_across(up: FloatArray) -> FloatArray:
 
 def chords_of(path: Path, up: FloatArray) -> FloatArray:
     """The segments of a path seen from above, as a table for `_inside`, (m, 8)."""
-    rows = _halved(path.segments, up)
+    rows = _halved(draw_arcs(path.segments)[0], up)
     a, b = seen_from_above(rows.starts, up), seen_from_above(rows.ends, up)
     bent = rows.curvatures > 0
     radius = np.where(bent, 1 / np.where(bent, rows.curvatures, 1.0), 0.0)
@@ -94,8 +96,7 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
         tilted = np.zeros(len(rows), dtype=bool)
     if (pieces == 1).all():
         return rows
-    i = np.repeat(np.arange(len(rows)), pieces)
-    k = np.arange(len(i)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    i, k = number_parts(pieces)
     step = (rows.lengths / pieces)[i]
     cut = rows.cut(i, k * step, (k + 1) * step)
     straight = tilted[i]

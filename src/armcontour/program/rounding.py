@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
+from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
 
 
@@ -20,6 +21,7 @@ def round_corners(
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
+    continuity: Continuity = "tangent",
 ) -> RoundedPath: ...
 @overload
 def round_corners(
@@ -29,6 +31,7 @@ def round_corners(
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
+    continuity: Continuity = "tangent",
 ) -> Program: ...
 def round_corners(
     path: Path | Program,
@@ -37,6 +40,7 @@ def round_corners(
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
+    continuity: Continuity = "tangent",
 ) -> Path | Program:
     """Round every corner of a path, or of every contour of a program.
 
@@ -52,6 +56,8 @@ def round_corners(
             value only sets the corner speeds that are reported.
         angular_tolerance: Largest angle between the tool orientation and its value at the vertex
             [rad].
+        continuity: "tangent", or "curvature" for corners that can be run without stopping under a
+            limit of jerk.
 
     Raises:
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
@@ -67,6 +73,7 @@ def round_corners(
                 speed=speed,
                 acceleration=acceleration,
                 angular_tolerance=angular_tolerance,
+                continuity=continuity,
             ),
         )
         if isinstance(x, Contour)

@@ -15,8 +15,9 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.arms._tool_point import Robot
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
-from armcontour.geometry.nearest import pack, pad
+from armcontour.geometry.nearest import pack_arcs, pad
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.transitions import draw_arcs
 from armcontour.motion import TaughtData
 from armcontour.robustness._monte_carlo import (
     SETTLED,
@@ -621,11 +622,12 @@ def _table(path: Path) -> FloatArray:
     and the turn angle at the vertex before the segment [rad], for the first segment that of a
     closed path.
     """
-    turn = path.curvatures * path.lengths
-    ends = pad(path.segments.ends)
-    closing = angle_between(path(path.length, 1, side="left"), path.tangents[0])
-    corner = np.append(closing, path.turns)
-    table = [pack(path.segments), np.sin(turn), np.cos(turn), turn, ends, corner]
+    arcs, begin = draw_arcs(path.segments)
+    turn = arcs.curvatures * arcs.lengths
+    ends = pad(arcs.ends)
+    # At the first segment the path closes, if it does.
+    corner = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
+    table = [pack_arcs(arcs, begin), np.sin(turn), np.cos(turn), turn, ends, corner]
     return np.ascontiguousarray(np.column_stack(table))
 
 

@@ -18,6 +18,8 @@ from armcontour.timing.optimal import constraints_of
 # A limit binds on an interval from this used share on. Margins may take the rest; below this share
 # the plan passes from one limit to another.
 BINDS = 0.99
+# Next to a rest jerk is uniform over a whole interval, where a limit of joints changes by so much.
+BINDS_AT_REST = 0.9
 # The assigned velocity counts as reached from this share of it on.
 REACHED = 0.999
 # The speed has passed an extreme when it has left the extreme by this share.
@@ -190,7 +192,8 @@ def _explain_law(
     ]
     shares = np.concatenate(used, axis=1)
     share = shares.max(axis=1)
-    which = np.where(share >= BINDS, shares.argmax(axis=1), -1)
+    least = np.where(law.rates.jerk != 0, BINDS_AT_REST, BINDS)
+    which = np.where(share >= least, shares.argmax(axis=1), -1)
     bindings = _bindings(law, share, which, names, offsets)
     for constraint, shares in zip(active, used, strict=True):
         if isinstance(constraint, ToolSpeed):

@@ -18,7 +18,7 @@ METHODS = (Method.OPTIMAL.value, Method.MAC.value, Method.CONVENTIONAL.value)
 PLANNING_METHODS = (*METHODS, Method.SHAPED.value)
 SHAPE_OPTIONS = ("tolerance", "line_tolerance", "zone", "angular_tolerance", "iterations")
 OPTIONS = {
-    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
+    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints", "iterations"),
     "mac": ("knots", "period"),
     "conventional": (),
     "shaped": (*SHAPE_OPTIONS, "intervals"),
@@ -64,19 +64,10 @@ class Timing:
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan the motion along a contour by the method; the laws before it do not matter."""
-        if self.method == Method.OPTIMAL:
-            return plan_optimal(
-                joint_path, self.arm, self.limits, memory=self.memory, **self.options
-            )
-        if self.method == Method.SHAPED:
-            found = plan_optimal(
-                joint_path,
-                self.arm,
-                self.limits,
-                memory=self.memory,
-                intervals=self.options.get("intervals"),
-            )
-            return replace(found, method=Method.SHAPED)
+        if self.method in (Method.OPTIMAL, Method.SHAPED):
+            options = {x: y for x, y in self.options.items() if x not in SHAPE_OPTIONS}
+            found = plan_optimal(joint_path, self.arm, self.limits, memory=self.memory, **options)
+            return replace(found, method=Method(self.method))
         if self.method == Method.MAC:
             return plan_mac(joint_path, self.arm, self.limits, **self.options)
         return plan_conventional(joint_path, self.arm, self.limits)

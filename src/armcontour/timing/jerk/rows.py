@@ -20,7 +20,7 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.constraints import Rows as GeneralRows
 from armcontour.timing.jerk._interior_point import Section
-from armcontour.timing.jerk._polynomials import motion_rows, raised, to_bernstein
+from armcontour.timing.jerk._polynomials import Basis, basis, motion_rows, raised, to_bernstein
 from armcontour.timing.jerk.mesh import Mesh
 from armcontour.timing.jerk.tool import DEGREE, ToolMotion
 
@@ -59,9 +59,9 @@ class Rows:
         mesh: The cells.
         active: The constraints of the planner.
         jerk: The limits of jerk.
-        bounds: Bounds of ds² and dds on the cells that hold for the plan, from which margins
-            between the ends follow; None for no margins.
-        about: Without bounds: ds² on each cell near which rows that stand for a curve are
+        bounds: Bounds of ds² and dds on the parts of cells, which rows hold the plan to, and from
+            which margins between the ends follow; None for no margins.
+        about: Without bounds: ds² on each part near which rows that stand for a curve are
             linearized, (n,).
         arm: The arm.
     """
@@ -78,6 +78,9 @@ class Rows:
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
         self.path = JointDerivatives.on(grid)
+        width = mesh.width[mesh.cell]
+        start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
+        self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
         self.degree = _degree(grid.joint_path.coefficients)
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
@@ -125,60 +128,60 @@ class Rows:
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
-        first, last = self.mesh.sections[k : k + 2]
+        mesh, p = self.mesh, self.section
+        first, last = mesh.sections[k : k + 2]
         ramps = np.zeros(2)
-        if self.mesh.at_rest[k, 0]:
-            ramps[0] = self.mesh.grid.width[first]
+        if mesh.at_rest[k, 0]:
+            ramps[0] = mesh.width[first]
             first += 1
-        if self.mesh.at_rest[k, 1]:
+        if mesh.at_rest[k, 1]:
             last -= 1
-            ramps[1] = self.mesh.grid.width[last]
-        p = self.section
-        cells = {
-            name: getattr(p, name)[first:last]
-            for name in Section._fields
-            if name not in ("ramps", "jerk", "of", "round_of")
+            ramps[1] = mesh.width[last]
+        start, end = np.searchsorted(mesh.cell, [first, last])
+        cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
+        parts = {
+            name: getattr(p, name)[start:end]
+            for name in ("plain", "low", "high", "curved", "raised", "round", "radius", "margin")
         }
-        return p._replace(ramps=ramps, **cells)
+        return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
     def _whole(self) -> Section:
         """The rows of all cells."""
-        grid, n = self.mesh.grid, len(self.mesh.grid)
+        of, on = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
         acceleration, jerk = self._motion()
         plain, low, high = self._plain(acceleration)
         curved, limits = [jerk], [np.repeat(self.jerk.joint[self._jerky()], self.degree)]
         if np.isfinite(self.jerk.path):
-            slope = np.array([1.0, -2.0, 1.0]) / grid.width[:, None] ** 2
-            curved.append(np.repeat(slope[:, None], self.degree, axis=1))
+            curved.append(np.repeat(on.slope[:, None], self.degree, axis=1))
             limits.append(np.full(self.degree, self.jerk.path))
         rows = np.concatenate(curved, axis=1)
-        vectors, radius, margin, of = self._round()
-        points = np.broadcast_to(raised(self.degree - 1), (n, self.degree, 3))
+        vectors, radius, margin, points = self._round()
 
         def local(x: FloatArray) -> FloatArray:
-            """Rows of control points of a on each cell as rows of the unknowns."""
-            around = (slice(None),) + (None,) * (x.ndim - 2)
+            """Rows of control points of ds² on each cell as rows of the unknowns."""
+            around = (of,) + (None,) * (x.ndim - 2)
             found = x[..., :1] * begin[around] + x[..., 2:] * end[around]
             found[..., 1] += x[..., 1]
             return np.asarray(found)
 
         return Section(
-            width=grid.width,
+            width=self.mesh.width,
             begin=begin,
             end=end,
             ramps=np.zeros(2),
+            cell=of,
             plain=local(plain),
             low=low,
             high=high,
             curved=local(rows),
             jerk=np.concatenate(limits),
             of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
-            raised=local(points),
+            raised=local(raised(on, self.degree - 1)),
             round=local(vectors),
             radius=radius,
             margin=margin,
-            round_of=of,
+            round_of=points,
         )
 
     def _jerky(self) -> IntArray:
@@ -195,29 +198,25 @@ class Rows:
             np.empty((n, len(joints[1]) * degree, 3)),
         )
         powers = to_bernstein(degree), to_bernstein(degree - 1)
-        path = grid.joint_path
+        path, on = grid.joint_path, self.basis
         motion_rows(
-            path.coefficients, path.breaks, grid.piece, grid.s, degree, powers, joints, found
+            path.coefficients, path.breaks, grid.piece, grid.s, on, degree, powers, joints, found
         )
         return found
 
     def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
-        grid, n, bounds = self.mesh.grid, len(self.mesh.grid), self.bounds
+        n, bounds, on = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
         top = np.min([none, self._speed_ceiling(), *self.ceilings], axis=0)
-        bottom = -none
-        h = grid.width[:, None]
-        u = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]]) / h[:, None]
-        x = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        rows, low, high = [np.broadcast_to(np.eye(3), (n, 3, 3))], [bottom], [top]
+        ends = [on.at_end(e) for e in range(2)]
+        rows, low, high = [on.points], [-none], [top]
         if bounds is not None:
-            top = np.minimum(top, bounds.x[:, None])
             least = np.where(bounds.least > 0, bounds.least, -np.inf)
-            low, high = [np.broadcast_to(least[:, None], (n, 3))], [top]
-            slope = np.array([[[1.0, -2.0, 1.0]]]) / h[:, None] ** 2
+            low = [np.broadcast_to(least[:, None], (n, 3))]
+            high = [np.minimum(top, bounds.x[:, None])]
             most = np.stack([bounds.u, bounds.u, np.abs(bounds.skew)], axis=1)
-            rows.append(np.concatenate([u, slope], axis=1))
+            rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
             low.append(-most)
             high.append(most)
         joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0))
@@ -227,7 +226,8 @@ class Rows:
             out.append(np.broadcast_to(limit, acceleration.shape[:2]))
         for y in self.general:
             for e in range(2):
-                rows.append(y.a[e][..., None] * u[:, e : e + 1] + y.b[e][..., None] * x[e])
+                square, rate = (x[:, None] for x in ends[e])
+                rows.append(y.a[e][..., None] * rate + y.b[e][..., None] * square)
                 low.append(y.low[e] + y.margin)
                 high.append(y.high[e] - y.margin)
         bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
@@ -236,18 +236,18 @@ class Rows:
 
     def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
-        n, h = len(self.mesh.grid), self.mesh.grid.width
+        n = len(self.mesh.grid)
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
         for disc in self.discs:
             both = np.zeros((n, 2, 3, 3))
             for e in range(2):
-                both[:, e, 0, e : e + 2] = np.array([-1.0, 1.0]) / h[:, None]
-                both[:, e, 1, 2 * e] = disc.c[e]
+                square, rate = self.basis.at_end(e)
+                both[:, e, 0], both[:, e, 1] = rate, disc.c[e][:, None] * square
                 radius.append(disc.r)
             vectors.append(both)
         of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
         if self.tool is not None:
-            vectors.append(self.tool.rows())
+            vectors.append(self.tool.rows(self.basis))
             left_out = np.zeros(n) if self.bounds is None else self.tool.margin(self.bounds)
             of += range(DEGREE + 1)
             radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
@@ -283,25 +283,28 @@ class Rows:
         return np.asarray(np.min(points, axis=2).T)
 
     def _bound_next_to_ramps(self, top: FloatArray) -> None:
-        """Lower the bounds of a where cells of uniform jerk end, so that these keep all limits."""
-        mesh = self.mesh
-        largest = self._largest_at_ramps()
-        starts = mesh.sections[:-1][mesh.at_rest[:, 0]]
-        ends = mesh.sections[1:][mesh.at_rest[:, 1]] - 1
-        top[starts + 1, 0] = np.minimum(top[starts + 1, 0], largest[starts])
-        top[ends - 1, 2] = np.minimum(top[ends - 1, 2], largest[ends])
+        """Lower the bounds of ds² where cells of uniform jerk end, so that they keep all limits."""
+        mesh, ramps = self.mesh, self.mesh.ramps
+        largest = np.full(len(ramps), np.inf)
+        np.minimum.at(largest, mesh.cell, self._largest_at_ramps())
+        first = np.searchsorted(mesh.cell, np.flatnonzero(ramps > 0) + 1)
+        last = np.searchsorted(mesh.cell, np.flatnonzero(ramps < 0)) - 1
+        top[first, 0] = np.minimum(top[first, 0], largest[ramps > 0])
+        top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
     def _largest_at_ramps(self) -> FloatArray:
-        """Largest a at the moving end of cells of uniform jerk, (n,); other cells mean nothing.
+        """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,).
 
-        From rest, `a = A (s / h)^(4/3)`; at its end dds is `2 A / 3 h`, the jerk `2 A^1.5 / 9 h²`.
+        From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is
+        `2 A^1.5 / 9 h²`. Each part is bounded with the speed and acceleration of the end. Parts of
+        other cells mean nothing.
         """
-        path, h = self.path, self.mesh.grid.width
-        wide = h[:, None]
-        first = np.abs(path.first).max(axis=0) + wide**2 / 8 * path.third
-        second = np.abs(path.second).max(axis=0) + wide * path.third
+        path, width, h = self.path, self.mesh.grid.width, self.mesh.width[self.mesh.cell]
+        wide, own = h[:, None], width[:, None]
+        first = np.abs(path.first).max(axis=0) + own**2 / 8 * path.third
+        second = np.abs(path.second).max(axis=0) + own * path.third
         rate = 2 / (3 * h)
-        found = [np.min([y for x in self.ceilings for y in x.T], axis=0)] if self.ceilings else []
+        found = [x.min(axis=1) for x in self.ceilings]
         with np.errstate(divide="ignore", invalid="ignore"):
             found.append(((self.speeds / first) ** 2).min(axis=1))
             pull = second + first * rate[:, None]
@@ -316,7 +319,7 @@ class Rows:
                     left = np.maximum(room.min(axis=0) - y.margin, 0)
                     found.append(np.where(up > 0, left / up, np.inf).min(axis=1))
             if self.tool is not None:
-                found.append(self.tool.largest_at_ramps(self.jerk.tool))
+                found.append(self.tool.largest_at_ramps(self.jerk.tool, h))
             for x in self.discs:
                 found.append(x.r / np.hypot(x.c.max(axis=0), rate))
             if self.bounds is not None:
@@ -325,24 +328,23 @@ class Rows:
 
 
 def control_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Rows of the first and last control point of a on every cell, (n, 3) each.
+    """Rows of the first and last control point of ds² on every cell, (n, 3) each.
 
-    Inside a section both are means of the neighbours, so that a has a continuous slope. Next to a
+    Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to a
     cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
     """
-    width = mesh.grid.width
+    width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]
     begin[1:, 0], begin[1:, 1] = width[1:] / total, width[:-1] / total
     end[:-1, 1], end[:-1, 2] = width[1:] / total, width[:-1] / total
-    for (first, last), rests in zip(
-        zip(mesh.sections[:-1], mesh.sections[1:], strict=True), mesh.at_rest, strict=True
-    ):
-        begin[first], end[last - 1] = (1, 0, 0), (0, 0, 1)
-        if rests[0]:
-            begin[first + 1] = (0, 1 / (1 + 2 * width[first + 1] / (3 * width[first])), 0)
-        if rests[1]:
-            end[last - 2] = (0, 1 / (1 + 2 * width[last - 2] / (3 * width[last - 1])), 0)
+    first, last = mesh.sections[:-1], mesh.sections[1:] - 1
+    begin[first], end[last] = (1, 0, 0), (0, 0, 1)
+    for rows, ramp, step in ((begin, first, 1), (end, last, -1)):
+        ramp = ramp[mesh.at_rest[:, 0 if step > 0 else 1]]
+        near = ramp + step
+        rows[near] = 0
+        rows[near, 1] = 1 / (1 + 2 * width[near] / (3 * width[ramp]))
     return begin, end
 
 

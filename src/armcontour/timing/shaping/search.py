@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._parts import number_parts
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.shaped import SHAPED
 from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
@@ -37,7 +39,6 @@ MOST_MENDED = 4
 WEIGHT = (1e-3, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
 SPARE = 1.5
-SHAPED = "shaped"
 # The search starts from parabolas within this share of the tolerance.
 SHARE = 0.7
 
@@ -227,7 +228,7 @@ class Search:
         edges = np.minimum(stays[1:], stays[:-1])
         first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
         count = np.bincount(group)
-        number = np.arange(len(group)) - (np.cumsum(count) - count)[group]
+        _, number = number_parts(count)
         share = first + (number + 0.5) / count[group] * (last - first)
         return (
             state.offsets + share[:, None] * (offsets - state.offsets),

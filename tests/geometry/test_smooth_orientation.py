@@ -1,0 +1,88 @@
+"""Tool orientation along paths of continuous curvature: exact derivatives, and none that jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.frames import angle_between, log
+from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
+from armcontour.geometry.placing import place_path
+
+POINTS = [(0.4, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.2), (0.3, 0.1, 0.2)]
+DOWN = np.diag([1.0, -1.0, -1.0])
+TURNS = Rotation.from_euler("zx", [(0, 0), (0.3, 0.1), (0.2, -0.2), (0.6, 0), (0.9, 0.2)])
+
+
+def oriented(kind):
+    path = ac.Path.polyline(POINTS)
+    if kind == "follows":
+        return path.following_tangent((0, 0, 1))
+    return path.oriented(TURNS.as_matrix() @ DOWN, axis_only=kind == "axis")
+
+
+@pytest.fixture(scope="module", params=["turns", "axis", "follows"])
+def smooth(request):
+    return ac.round_corners(
+        oriented(request.param), tolerance=5e-3, continuity="curvature", angular_tolerance=0.1
+    )
+
+
+def test_the_derivative_of_the_angular_rate_does_not_jump(smooth):
+    o = smooth.orientation
+    at, size = o.breaks[1:-1], np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
+    for k in range(2):
+        jump = o.rates(at, side="left")[k] - o.rates(at)[k]
+        assert np.abs(jump).max() < 1e-11 * size[k]
+    assert len(smooth.stops) == 0
+
+
+def test_rates_are_the_derivatives_of_the_orientation(smooth):
+    o, h = smooth.orientation, 1e-6
+    s = np.linspace(0.001, smooth.length - 0.001, 777)
+    rate, change = o.rates(s)
+    measured = log(o(s + h) @ np.swapaxes(o(s - h), 1, 2)) / (2 * h)
+    np.testing.assert_allclose(measured, rate, atol=1e-7 * np.abs(rate).max() + 1e-9)
+    measured = (o.rates(s + h)[0] - o.rates(s - h)[0]) / (2 * h)
+    np.testing.assert_allclose(measured, change, atol=1e-5 * np.abs(change).max())
+
+
+def test_a_tool_that_follows_the_tangent_is_at_its_angle():
+    path = ac.round_corners(
+        oriented("follows"), tolerance=5e-3, continuity="curvature", angular_tolerance=0.1
+    )
+    s = np.linspace(0, path.length, 5001)
+    assert angle_between(path.orientation(s)[:, :, 0], path(s, 1)).max() < 2e-6
+    again = ac.Path(segments=path.segments).following_tangent((0, 0, 1))
+    np.testing.assert_allclose(again.orientation(s), path.orientation(s), atol=1e-12)
+
+
+@pytest.mark.parametrize("allowed", [0.02, 0.1])
+@pytest.mark.parametrize("kind", ["turns", "axis"])
+def test_the_angular_tolerance_is_kept_and_used(kind, allowed):
+    path = oriented(kind)
+    rounded = ac.round_corners(
+        path, tolerance=0.04, continuity="curvature", angular_tolerance=allowed
+    )
+    c, wanted = rounded.corners, path.orientation.starts[1:3]
+    found = rounded.orientation((c.start + c.end) / 2)
+    off = np.linalg.norm(log(found @ np.swapaxes(wanted, 1, 2)), axis=1)
+    if kind == "axis":
+        off = angle_between(found[:, :, 2], wanted[:, :, 2])
+    np.testing.assert_allclose(off, c.angular_error, atol=1e-12)
+    assert (off <= allowed + 1e-12).all()
+    # At the larger tolerance neighbours leave each other no room to use it.
+    assert off.max() > 0.8 * allowed or allowed == 0.1
+
+
+def test_what_is_cut_reversed_or_placed_has_the_same_orientation(smooth):
+    s, o = np.linspace(0, smooth.length, 999), smooth.orientation
+    parts = [cut_path(smooth, 0, 0.0963), cut_path(smooth, 0.0963, smooth.length)]
+    np.testing.assert_allclose(join_paths(parts).orientation(s), o(s), atol=1e-12)
+    back = reverse_path(smooth).orientation(smooth.length - s, side="left")
+    np.testing.assert_allclose(back, o(s), atol=1e-12)
+    frame = ac.Frame.rpy((1, 2, 3), (0.1, 0.2, 0.3))
+    placed = place_path(smooth, frame, scale=3.0).orientation(3 * s)
+    np.testing.assert_allclose(placed, frame.rotation @ o(s), atol=1e-12)
