@@ -142,7 +142,9 @@ def judge(
         k = np.unravel_index(int(np.argmax(np.nan_to_num(ratio, nan=np.inf))), ratio.shape)
         worst = max(worst, float(ratio[k]))
         if not ratio[k] <= 1 + LEAK:
-            notes.append(f"{name}{unit[k]} 1 {ratio[k] - 1:+.2e} in interval {k[0]} of {len(ratio)}")
+            notes.append(
+                f"{name}{unit[k]} 1 {ratio[k] - 1:+.2e} in interval {k[0]} of {len(ratio)}"
+            )
     return notes + differences(planned, limits), worst
 
 

@@ -154,6 +154,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
         "period": plan.run.period,
         "reserve": plan.run.reserve,
         "smoothing": plan.run.smoothing,
+        "continuity": plan.run.continuity,
         "start": dict(zip(job.arm.joint_names, trajectory(0.0), strict=True)),
         "length": path.length,
         "duration": trajectory.duration,
