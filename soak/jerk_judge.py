@@ -182,7 +182,7 @@ class Sampled:
         self.piece = np.clip(self.piece, 0, len(self.path.breaks) - 2)
 
     def slopes(self) -> list[np.ndarray]:
-        """q and its first three derivatives by s, (n, k, dof) each."""
+        """Q and its first three derivatives by s, (n, k, dof) each."""
         start = self.law.s[:-1] - self.path.breaks[self.piece]
         wide = np.diff(self.path.breaks)[self.piece][:, None]
         share = (start[:, None] + self.x) / wide

@@ -123,8 +123,8 @@ def plan_optimal(
     """
     for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
         _checks.not_negative(name, speed, "m/s")
-    if grid is None and not constraints:
-        # Both count in s.
+    if grid is None and not constraints and limits.path_jerk is None:
+        # All three count in s.
         joint_path = reparametrize(joint_path)
     if grid is None:
         placed = place_grid(joint_path, intervals)

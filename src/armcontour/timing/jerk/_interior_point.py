@@ -430,11 +430,13 @@ def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
         for r in range(p.curved.shape[1]):
             bound = p.jerk[r] * tangents[p.of[r], 0]
             f = _of(p.curved, c, r, i, d)
-            if bound - f < share * old.curved[c, r, 0] or bound + f < share * old.curved[c, r, 1]:
+            left, right = bound - f, bound + f
+            # Also false for what is no number.
+            if not (left >= share * old.curved[c, r, 0] and right >= share * old.curved[c, r, 1]):
                 return False
         for r in range(p.round.shape[1]):
             bound = _radius(p, c, r, tangents)[0]
-            if bound <= 0.0 or bound - _square(p, c, r, d) / bound < share * old.round[c, r]:
+            if not (bound > 0.0 and bound - _square(p, c, r, d) / bound >= share * old.round[c, r]):
                 return False
     return True
 

@@ -12,6 +12,8 @@ from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.timing.constraints import Bounds, Constraint, JointDerivatives
+from armcontour.timing.end_speeds import END as END_SPEED
+from armcontour.timing.end_speeds import START as START_SPEED
 from armcontour.timing.end_speeds import refuse_speed
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk._interior_point import (
@@ -41,6 +43,8 @@ CLEAR = 1e-4
 # to LEAST of it where rows ask for that.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
+# Bounds of dds are at least this share of the largest dds.
+LEAST_RATE = 0.02
 # A plan that comes nearer to these bounds than this share is made again with wider ones.
 TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
 # Cells whose margins take more than this share of a limit are split.
@@ -109,17 +113,29 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         NotRealizable: Margins leave no room however small the cells, or as `limit_jerk`.
     """
     bracketed = any(x.bracketed for x in task.active)
-    splits, wider = 0, 1.0
+    splits, wider, best = 0, 1.0, None
     while True:
         bounds = _bounds(mesh, near, wider, bracketed)
         rows = _rows(task, mesh, near, bounds)
-        if splits < MOST_SPLITS and (rows.lost > LARGEST_MARGIN).any():
-            parts = np.sqrt(rows.lost / LARGEST_MARGIN)
+        narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
+        if splits < MOST_SPLITS and narrow.any():
+            parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
             mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
             continue
-        found = _law(mesh, _solve(rows, (near, INSIDE), task, EXACT))
+        try:
+            found = _law(mesh, _solve(rows, (near, INSIDE), task, EXACT))
+        except NotRealizable as error:
+            if error.limit in (START_SPEED, END_SPEED) or not bracketed:
+                if best is None:
+                    raise
+                return best
+            # Rows that hold for any ds² down to rest always leave room for slow motion.
+            bracketed = False
+            continue
+        if best is None or found.breaks[-1] < best.breaks[-1]:
+            best = found
         if wider >= WIDEST or not _touches(mesh, bounds, found):
-            return found
+            return best
         near, wider = found, wider * WIDER
 
 
@@ -201,6 +217,8 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
     x = np.maximum(speed[:-1], speed[1:]) ** 2
     last = near.path_position(np.arange(len(width)), near.breaks[1:], 2)
     u = np.maximum(np.abs(dds), np.abs(last))
+    # Even motion has no rates, and a bound of zero would leave no room.
+    u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     least = np.minimum(speed[:-1], speed[1:]) ** 2
     # Cells of the other plan that each cell touches, and their neighbours.

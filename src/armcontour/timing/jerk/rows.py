@@ -248,7 +248,11 @@ class Rows:
         of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
         if self.tool is not None:
             vectors.append(self.tool.rows(self.basis))
-            left_out = np.zeros(n) if self.bounds is None else self.tool.margin(self.bounds)
+            left_out = np.zeros(n)
+            if self.bounds is not None:
+                left_out = self.tool.margin(self.bounds)
+                share = left_out * np.sqrt(self.bounds.x) / self.jerk.tool
+                self.lost = np.maximum(self.lost, share)
             of += range(DEGREE + 1)
             radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
             margin += [left_out] * (DEGREE + 1)
@@ -302,7 +306,7 @@ class Rows:
         path, width, h = self.path, self.mesh.grid.width, self.mesh.width[self.mesh.cell]
         wide, own = h[:, None], width[:, None]
         first = np.abs(path.first).max(axis=0) + own**2 / 8 * path.third
-        second = np.abs(path.second).max(axis=0) + own * path.third
+        second = np.abs(path.second).max(axis=0) + own**2 / 8 * path.fourth
         rate = 2 / (3 * h)
         found = [x.min(axis=1) for x in self.ceilings]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -50,7 +50,8 @@ class ToolMotion:
         powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
         parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
         off = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
-        largest = np.linalg.norm(values, axis=3).max(axis=1) + off
+        points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
+        largest = np.linalg.norm(points, axis=3).max(axis=1) + off
         return cls(powers, off, largest)
 
     def rows(self, on: Basis) -> FloatArray:
