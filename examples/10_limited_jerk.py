@@ -10,7 +10,7 @@ PERIOD = 4e-3
 def show(name, path, limits):
     """Plan a path, and print what the motion, its samples and its set-points ask of the joints."""
     planned = ac.plan(path, arm, limits)
-    inside = np.linspace(0.0, planned.duration, 100_001)
+    inside = np.linspace(0.0, planned.duration, 20_001)
     jerk = np.abs(planned(inside, 3)).max()
     samples = planned(np.arange(0.0, planned.duration, PERIOD))
     thirds = np.abs(np.diff(samples, 3, axis=0)).max() / PERIOD**3

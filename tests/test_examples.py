@@ -2,8 +2,8 @@
 
 These figures have a source of their own: 5.327 s and 0.0026 mm RMS of the paper's job, in
 tests/golden; 503 mm, the circumference of the tube's seam, 2 pi 80 mm; 0.020 s and 40 ms, the
-laser's delay and the dead time that the examples give; 36 and 7.2 rad/s³, the limits of jerk. All others were printed by the code itself,
-and say only that nothing changed.
+laser's delay and the dead time that the examples give; 36 and 7.2 rad/s³, the limits of jerk. All
+others were printed by the code itself, and say only that nothing changed.
 """
 
 import re
