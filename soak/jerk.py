@@ -18,7 +18,7 @@ import numpy as np
 
 import armcontour as ac
 from soak import jerk_oracle, jerk_tools, straight_moves
-from soak.jerk_judge import MOST_ITERATIONS, Outcome, interrupted, judge, run
+from soak.jerk_judge import MOST_ITERATIONS, Outcome, interrupted, judge, run, started
 from soak.jerk_problems import draw
 
 # Iterations after which searches are ended.
@@ -27,6 +27,8 @@ EARLY = (1, 2, 3, 5, 8, 12, 20, 30)
 AGAIN = 10
 UNITS = ({"q": 1e3}, {"q": 1e-3}, {"s": 1e3}, {"s": 1e-3}, {"t": 1e3}, {"t": 1e-3})
 SAME = 1e-6
+# Random starts of the search, and how much their durations may differ.
+STARTS, SPREAD = 3, 1e-4
 # Bars of the splines: against the oracle, and against the plan without limits of jerk.
 NEAR = 1e-3
 WITHOUT = {"10": 0.03, "50": 0.007}
@@ -57,6 +59,19 @@ def units(seed: int) -> list[str]:
     return notes
 
 
+def starts(seed: int) -> list[str]:
+    """What is wrong with the plans of a seed's problem from random starts."""
+    problem, rng = draw(seed), np.random.default_rng(seed)
+    own = ac.plan(problem.path, limits=problem.limits).duration
+    notes = []
+    for _ in range(STARTS):
+        with started(rng):
+            found = ac.plan(problem.path, limits=problem.limits).duration
+        if abs(found / own - 1) > SPREAD:
+            notes.append(f"from a random start {found / own - 1:+.1e} of the duration")
+    return notes
+
+
 def spline_gaps() -> dict[str, tuple[float, float]]:
     """By how much plans of the splines are longer than the oracle's, and than those without jerk.
 
@@ -80,6 +95,9 @@ def paper_gaps() -> dict[str, float]:
     }
 
 
+CHECKS = {"ended early": early, "in other units": units, "from random starts": starts}
+
+
 def _random(pool: ProcessPoolExecutor, run: Callable[[int], Outcome], seeds: range) -> int:
     """Judge random problems; returns how many went wrong."""
     counts: Counter[str] = Counter()
@@ -98,9 +116,9 @@ def _random(pool: ProcessPoolExecutor, run: Callable[[int], Outcome], seeds: ran
 
 
 def _again(pool: ProcessPoolExecutor, seeds: range) -> int:
-    """Judge interrupted plans, and plans in other units; returns how many went wrong."""
+    """Plan again in each of these ways; returns how many went wrong."""
     wrong = 0
-    for name, check in (("ended early", early), ("in other units", units)):
+    for name, check in CHECKS.items():
         for seed, notes in zip(seeds, pool.map(check, seeds), strict=True):
             wrong += bool(notes)
             _say(f"seed {seed} {name}", notes)
