@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from unittest import mock
 
 import numpy as np
 
 import armcontour as ac
+from armcontour.timing import optimal
+from armcontour.timing.jerk import limiting
 from soak.jerk_problems import Problem, draw
 
 LEAK = 1e-9
@@ -22,8 +27,10 @@ BEND = 1e-6
 RATES, SLACK, NOISE = (1000.0, 8000.0), 5e-3, 2e-3
 MOST_SAMPLES = 40_000
 MOST_ITERATIONS = 150
+# Places between which starts elsewhere change evenly.
+BENDS = 12
 ORDERS = ("velocity", "acceleration", "jerk")
-GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(12)
+GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +43,7 @@ class Outcome:
         result: "planned", "refused", "wrong" or "crash".
         notes: What is wrong.
         worst: The largest ratio to a limit.
+        iterations: The most that any search for the fastest motion took.
         seconds: Time it took.
     """
 
@@ -44,6 +52,7 @@ class Outcome:
     result: str
     notes: list[str] = field(default_factory=list)
     worst: float = 0.0
+    iterations: int = 0
     seconds: float = 0.0
 
     @property
@@ -57,20 +66,71 @@ def run(seed: int) -> Outcome:
     begun = time.perf_counter()
     problem = draw(seed)
     worst = 0.0
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), counted() as iterations:
         warnings.simplefilter("error")
         try:
             result, notes, worst = _answer(problem)
         except Exception as error:  # noqa: BLE001 - every crash is a finding
             result, notes = "crash", [f"{type(error).__name__}: {error}"]
+    most = max(iterations, default=0)
+    if most >= MOST_ITERATIONS:
+        result, notes = "wrong", [*notes, f"{most} iterations"]
     return Outcome(
         seed=seed,
         kind=problem.kind,
         result=result,
         notes=notes,
         worst=worst,
+        iterations=most,
         seconds=time.perf_counter() - begun,
     )
+
+
+@contextmanager
+def counted() -> Iterator[list[int]]:
+    """A list that gets the iterations of every search for the fastest motion."""
+    found: list[int] = []
+    improve = limiting.improve
+
+    def counting(p, d, goal, *rest):  # noqa: ANN001, ANN002, ANN202
+        taken = improve(p, d, goal, *rest)
+        if goal == limiting.DURATION:
+            found.append(taken)
+        return taken
+
+    with mock.patch.object(limiting, "improve", counting):
+        yield found
+
+
+@contextmanager
+def interrupted(iterations: int) -> Iterator[None]:
+    """Every search for the fastest motion ends after so many iterations."""
+    limit_jerk = limiting.limit_jerk
+
+    def short(law, task):  # noqa: ANN001, ANN202
+        return limit_jerk(law, replace(task, iterations=iterations))
+
+    with mock.patch.object(optimal, "limit_jerk", short):
+        yield
+
+
+@contextmanager
+def started(rng: np.random.Generator) -> Iterator[None]:
+    """Every search for the fastest motion from rest to rest starts somewhere else."""
+    start = limiting._start
+
+    def elsewhere(p, *rest):  # noqa: ANN001, ANN002, ANN202
+        d = start(p, *rest)
+        bends = np.linspace(0, len(d) - 1, BENDS)
+        d = d * np.exp(
+            rng.uniform(-3, 0) + np.interp(np.arange(len(d)), bends, rng.normal(0, 1, BENDS))
+        )
+        while limiting.least_slack(p, d) <= limiting.CLEAR:
+            d = d / 2
+        return d
+
+    with mock.patch.object(limiting, "_start", elsewhere):
+        yield
 
 
 def _answer(problem: Problem) -> tuple[str, list[str], float]:
@@ -142,24 +202,24 @@ class Sampled:
         self.piece = np.searchsorted(self.path.breaks, middle, side="right") - 1
         self.piece = np.clip(self.piece, 0, len(self.path.breaks) - 2)
 
-    def slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The first three derivatives of q by s, (n, k, dof) each."""
+    def slopes(self) -> list[np.ndarray]:
+        """Q and its first three derivatives by s, (n, k, dof) each."""
         start = self.law.s[:-1] - self.path.breaks[self.piece]
         wide = np.diff(self.path.breaks)[self.piece][:, None]
         share = (start[:, None] + self.x) / wide
         c = self.path.coefficients[self.piece][:, :, None]
         found = []
-        for order in (1, 2, 3):
+        for order in range(4):
             factors = [np.prod(np.arange(k - order + 1.0, k + 1.0)) for k in range(6)]
             powers = sum(
                 factors[k] * share[..., None] ** (k - order) * c[:, k] for k in range(order, 6)
             )
             found.append(powers / wide[..., None] ** order)
-        return found[0], found[1], found[2]
+        return found
 
     def joints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Velocity, acceleration and jerk of the joints, (n, k, dof) each."""
-        q1, q2, q3 = self.slopes()
+        _, q1, q2, q3 = self.slopes()
         ds, dds, ddds = (x[..., None] for x in self.motion)
         return q1 * ds, q2 * ds**2 + q1 * dds, q3 * ds**3 + 3 * q2 * ds * dds + q1 * ddds
 

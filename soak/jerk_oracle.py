@@ -19,13 +19,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import armcontour as ac
+from soak.jerk_tools import series
 
 # Cells of the first answer, and of the second, which starts from it.
 CELLS = (250, 2000)
 # Share of the cells that is even in time; the rest is even in s.
 IN_TIME = 0.6
 # Time of a cell next to a rest, as part of the time in which the jerk reaches the limit of
-# acceleration. It is followed by cells that last this part of it.
+# acceleration or half of the speed. It is followed by cells that last this part of it.
 REST, RAMP = 0.5, 0.05
 LONGEST = 0.05  # share of the path at most
 # Where the integral of 1 / ds over a cell is taken.
@@ -38,6 +39,13 @@ WARM = {"mu_init": 1e-4}
 SEEDS, FACTORS = range(5), (10.0, 50.0)
 VELOCITY = np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])  # rad/s
 ACCELERATION = np.array([4.5, 4.5, 7.5, 7.5, 9.0, 9.0])  # rad/s²
+
+# The paper's job: vertices [m], corner error [m], limits of the tool, and of jerk of both joints.
+POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
+CORNER_ERROR, SPEED, CENTRIPETAL = 5e-3, 0.15, 0.09
+PAPER_JERKS = (7.2, 36.0)  # rad/s³
+# A curvature below this counts as this [1/m].
+FLAT = 1e-9
 
 Squares = Callable[[np.ndarray], np.ndarray]
 
@@ -86,12 +94,45 @@ class Timing:
     square: np.ndarray
 
 
+def read_durations() -> dict[str, float]:
+    """What the splines and the paper's job take [s], by name."""
+    return dict(json.loads(KEPT.read_text())["durations"])
+
+
 def splines() -> Iterator[tuple[str, ac.JointPath, ac.Limits]]:
     """The five splines at both factors of jerk to acceleration, each with a name."""
     for factor in FACTORS:
         for seed in SEEDS:
             way = np.random.default_rng(seed).uniform(-1.5, 1.5, (5, 6))
-            yield f"{seed} at {factor:g}", not_a_knot(way), limits(factor)
+            yield f"spline {seed} at {factor:g}", not_a_knot(way), limits(factor)
+
+
+def paper() -> Iterator[tuple[str, ac.Path, ac.Limits]]:
+    """The paper's job with corners of continuous curvature, at both limits of jerk."""
+    corners = ac.Path.polyline(POINTS)
+    path = ac.round_corners(corners, tolerance=CORNER_ERROR, continuity="curvature")
+    most = ac.load_arm("pmk3s").limits.replace(speed=SPEED, centripetal_acceleration=CENTRIPETAL)
+    for jerk in PAPER_JERKS:
+        yield f"paper at {jerk:g}", path, most.replace(joint_jerk=[jerk, jerk])
+
+
+def solve_paper(path: ac.Path, limits: ac.Limits, cells: tuple[int, ...]) -> Timing:
+    """The fastest timing of the paper's job.
+
+    Raises:
+        RuntimeError: IPOPT finds none.
+    """
+    arm = ac.load_arm("pmk3s")
+    joint_path = ac.trace(path, arm)
+
+    def square(s: np.ndarray) -> np.ndarray:
+        _, x1, x2 = series(arm, *(joint_path(s, order) for order in range(3)))[0]
+        length = np.sum(x1 * x1, axis=1)
+        across = x2 - (np.sum(x1 * x2, axis=1) / length)[:, None] * x1
+        bend = np.maximum(np.linalg.norm(across, axis=1), FLAT)
+        return np.minimum(SPEED**2 / length, CENTRIPETAL / bend)
+
+    return solve(joint_path, Bounds.of(limits, arm.dof, square), cells)
 
 
 def not_a_knot(way: np.ndarray) -> ac.JointPath:
@@ -140,13 +181,12 @@ def _mesh(path: ac.JointPath, bounds: Bounds, count: int, found: Timing | None) 
 
 
 def _ramp(bounds: Bounds, slope: np.ndarray, length: float) -> np.ndarray:
-    """Distances of nodes from a rest: uniform jerk, up to where it reaches the acceleration."""
-    acceleration, jerk = (
-        float((x / np.maximum(np.abs(slope), 1e-300)).min())
-        for x in (bounds.acceleration, bounds.jerk)
-    )
+    """Distances of nodes from a rest, at the jerk that the joints allow there."""
+    slope = np.maximum(np.abs(slope), 1e-300)
+    limits = bounds.velocity, bounds.acceleration, bounds.jerk
+    speed, acceleration, jerk = (float((x / slope).min()) for x in limits)
     jerk = min(jerk, bounds.path_jerk)
-    last = min(acceleration / jerk, np.cbrt(6 * LONGEST * length / jerk))
+    last = min(acceleration / jerk, np.sqrt(speed / jerk), np.cbrt(6 * LONGEST * length / jerk))
     t = last * np.arange(REST, 1.0, REST * RAMP)
     return jerk * t**3 / 6
 
@@ -269,15 +309,16 @@ class _Program:
 
 
 def main() -> int:
-    """Solve the splines, and write what they take."""
+    """Solve the splines and the paper's job, and write what they take."""
     parser = argparse.ArgumentParser(prog="python -m soak.jerk_oracle", description=__doc__)
     parser.add_argument("--out", type=Path, default=KEPT, help="file of durations")
     given = parser.parse_args()
+    jobs = [(name, lambda x=x, y=y: solve(x, Bounds.of(y, x.dof))) for name, x, y in splines()]
+    jobs += [(name, lambda x=x, y=y: solve_paper(x, y, CELLS)) for name, x, y in paper()]
     durations = {}
-    for name, path, most in splines():
-        found = solve(path, Bounds.of(most, path.dof))
-        durations[name] = round(found.duration, 6)
-        print(f"spline {name}: {found.duration:.6f} s", flush=True)
+    for name, job in jobs:
+        durations[name] = round(job().duration, 6)
+        print(f"{name}: {durations[name]} s", flush=True)
     notes = {"source": "python -m soak.jerk_oracle", "cells": CELLS, "ipopt": IPOPT}
     given.out.write_text(json.dumps({**notes, "durations": durations}, indent=1) + "\n")
     return 0

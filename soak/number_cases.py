@@ -409,8 +409,8 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--color", "--columns", "--contour", "--corner-shape", "--export",
-    "--format",
+    "--arm", "--base", "--cell", "--color", "--columns", "--continuity", "--contour",
+    "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--out", "--output", "--package", "--path", "--plant", "--run", "--shapes", "--skip",
     "--taught",

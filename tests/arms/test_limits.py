@@ -89,3 +89,16 @@ def test_what_is_not_given_is_not_limited():
 def test_a_range_that_is_no_angle_is_refused(refuses):
     for values in ("wide", [np.nan, 1.0], [[1.0]]):
         refuses(lambda x=values: ac.Limits(joint_lower=x), ac.InvalidInput, "joint_lower", "angle")
+
+
+def test_jerk_is_limited_where_it_is_finite(refuses):
+    for endless in (np.inf, [np.inf, np.inf]):
+        limits = ac.Limits(joint_jerk=endless)
+        assert limits.jerk_limits == ()
+        np.testing.assert_array_equal(limits.for_joints(2).joint_jerk, [np.inf, np.inf])
+    some = ac.Limits(joint_jerk=[np.inf, 5.0], path_jerk=1.0)
+    assert some.jerk_limits == ("joint_jerk", "path_jerk")
+    assert some.of_joints.jerk_limits == ("joint_jerk",)
+    assert some.of_tool.jerk_limits == ("path_jerk",)
+    np.testing.assert_array_equal(some.for_joints(2).joint_jerk, [np.inf, 5.0])
+    refuses(lambda: some.for_joints(3), ac.InvalidInput, "joint_jerk has 2 values", "3 joints")

@@ -41,32 +41,47 @@ def smooth(duration=1.0, size=(0.4, -0.3)):
 
 def test_a_ramp_in_closed_form(uneven):
     ramp = laps([0.0, 1.0], [(0.5, -1.0)], [(0.0, 0.0)])
-    taught = ac.compensate(ramp, uneven, method="inverse", period=0.1)
-    t = np.arange(10) * 0.1
+    taught = ac.compensate(ramp, uneven, method="inverse", period=0.01)
+    t = taught.t
     lead = np.array([0.5, -1.0]) / KP  # the velocity error of the servo
     expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
+    inside = (t > 0.125) & (t < 0.875)  # away from the jumps of velocity at both ends
+    np.testing.assert_allclose(taught.q[inside], expected[inside], atol=1e-14)
     # Before it the arm stands at the start of the plan.
     np.testing.assert_array_equal(taught.q[0], (0.3, -0.2))
-    np.testing.assert_allclose(taught.q[1:-1], expected, atol=1e-14)
     np.testing.assert_allclose(taught.q[-1], (0.8, -1.2), atol=1e-14)
-    assert taught.start_time == -0.1
-    assert len(taught.q) == 12 and taught.period == 0.1 and taught.method == "inverse"
+    assert taught.start_time == -0.01
+    assert len(taught.q) == 103 and taught.period == 0.01 and taught.method == "inverse"
 
 
-def test_a_parabola_in_closed_form(uneven):
-    a = np.array([0.7, -0.4])
+@pytest.mark.parametrize(("interpolation", "gain"), [("linear", 1 / 12), ("cubic", 0.0)])
+def test_a_parabola_in_closed_form(interpolation, gain):
+    servo = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
+    a, h = np.array([0.7, -0.4]), 0.01
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
-    taught = ac.compensate(curve, uneven, method="inverse", period=0.25)
-    t = taught.t[1:-1, None]
+    taught = ac.compensate(curve, servo, method="inverse", period=h)
+    inside = (taught.t > 0.125) & (taught.t < 0.875)
+    t = taught.t[inside, None]
     dq = np.array([0.1, 0.0]) + a * t
     q = np.array([0.3, -0.2]) + np.array([0.1, 0.0]) * t + a * t**2 / 2
-    np.testing.assert_allclose(taught.q[1:-1], q + dq / KP + a / (KP * KV), atol=1e-14)
+    # Between points of a parabola lines are above it by a h² / 12 on average, cubics are on it.
+    expected = q + dq / KP + a / (KP * KV) - gain * a * h**2
+    np.testing.assert_allclose(taught.q[inside], expected, atol=1e-14)
 
 
-def test_where_derivatives_jump_the_right_side_counts(uneven):
-    bent = laps([0.0, 0.5, 1.0], [(1.0, 0.0), (0.0, 1.0)], np.zeros((2, 2)))
-    taught = ac.compensate(bent, uneven, method="inverse", period=0.25)
-    np.testing.assert_allclose(taught.q[3], bent(0.5) + np.array([0.0, 1.0]) / KP, atol=1e-14)
+@pytest.mark.parametrize(("interpolation", "most"), [("linear", 1.02), ("cubic", 1.17)])
+def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, most):
+    a = np.array([0.7, -0.4])
+    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
+    plant = ac.ServoPlant(arm, servo, ac.Limits(), saturation="none")
+    for phase in np.linspace(0, 1, 8, endpoint=False):
+        half = 0.3 + phase * 4e-3
+        plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
+        taught = ac.compensate(plan, servo, method="inverse", period=4e-3)
+        done = ac.execute(taught, plant, resolution=4e-3 / 16)
+        assert (np.abs(done.demand_range) < most * np.abs(a)).all()
+        # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
+        assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
 
 
 @pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
@@ -90,10 +105,12 @@ def test_the_last_set_point_is_the_end(uneven, method, period):
     trajectory = smooth()
     taught = ac.compensate(trajectory, uneven, method=method, period=period)
     np.testing.assert_array_equal(taught.q[-1], trajectory(1.0))
-    # The first set-point that may be the end is the first at or after it.
-    assert taught.t[-1] >= 1.0 - 1e-9
+    # The first set-point that may be the end is the first at or after it; of means, half an
+    # interval after it.
+    least = 1.0 - 1e-9 + (period / 2 if method == "inverse" else 0.0)
+    assert taught.t[-1] >= least
     if method != "pole_placement":
-        assert taught.t[-1] < 1.0 + period
+        assert taught.t[-1] < least + period
 
 
 @pytest.mark.parametrize("method", ["none", "inverse"])
@@ -102,7 +119,8 @@ def test_set_points_at_the_rounded_end_are_not_doubled(uneven, method):
     for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
         for period, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
             taught = ac.compensate(smooth(duration), uneven, method=method, period=period)
-            assert len(taught.q) == count
+            # The inverse has one before and one after.
+            assert len(taught.q) == count + (2 if method == "inverse" else 0)
 
 
 @pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
@@ -129,10 +147,10 @@ def test_the_inverse_undoes_the_servo(arm, uneven):
         done = ac.execute(taught, plant, resolution=period)
         off = done.q - trajectory(done.t.clip(0, 1.0))
         errors.append(np.abs(off).max())
-    # Linear interpolation between exact set-points: second order in the period.
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
-    assert errors[1] / errors[2] == pytest.approx(4, rel=0.15)
-    assert errors[2] < 2e-6
+    # Means over intervals, and lines between them, leave errors of second order in the period. They
+    # are made up for but next to both ends.
+    assert errors[0] / errors[1] > 5 and errors[1] / errors[2] > 5
+    assert errors[2] < 2e-7
 
 
 @pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])

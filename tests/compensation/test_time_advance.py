@@ -79,18 +79,18 @@ def test_it_holds_before_and_after():
     assert taught.start_time == pytest.approx(-0.04)
     assert 0.0 in taught.t  # the plan begins at a set-point
     t = taught.t[:, None] + servo.dead_time
-    before, after = t <= 0, t >= DURATION
+    # A set-point is a mean over the interval about its time.
+    before, after = t <= -0.005, t >= DURATION + 0.005
     np.testing.assert_array_equal(taught.q[before[:, 0], 0], 0.3)
     np.testing.assert_array_equal(taught.q[before[:, 1], 1], -0.2)
     for j in range(2):
         np.testing.assert_array_equal(taught.q[after[:, j], j], SWING(DURATION)[j])
-    inside = ~(before | after)
     at = t.clip(0, DURATION)
     for j in range(2):
         q, dq, ddq = (SWING(at[:, j], order)[:, j] for order in (0, 1, 2))
         u = q + dq / servo.kp[j] + ddq / (servo.kp[j] * servo.kv[j])
-        np.testing.assert_allclose(taught.q[inside[:, j], j], u[inside[:, j]], atol=1e-13)
-    assert taught.t[-2] < DURATION - servo.dead_time.min() <= taught.t[-1] + 1e-12
+        np.testing.assert_allclose(taught.q[:, j], u, atol=3e-4)
+    assert taught.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= taught.t[-1] + 1e-12
 
 
 @pytest.mark.parametrize("tau", [0.04, 0.0345, [0.0115, 0.087]])
@@ -115,9 +115,14 @@ def test_none_leads_nothing():
 
 def test_first_order_in_closed_form():
     servo = ac.ServoModel(kp=[25.0, 40.0], order="first")
-    taught = ac.compensate(SWING, servo, method="inverse", period=0.05)
-    t = taught.t[:-1]
-    np.testing.assert_allclose(taught.q[:-1], SWING(t) + SWING(t, 1) / servo.kp, atol=1e-14)
+    taught = ac.compensate(SWING, servo, method="inverse", period=2.5e-3)
+    inside = (taught.t > 0.035) & (taught.t < DURATION - 0.035)
+    t = taught.t[inside]
+    u, bend = (SWING(t, k) + SWING(t, k + 1) / servo.kp for k in (0, 2))
+    # Lines between points of a curve are beside it by u'' T² / 12 on average.
+    expected = u - bend * 2.5e-3**2 / 12
+    np.testing.assert_allclose(taught.q[inside], expected, atol=3e-7)
+    assert np.abs(taught.q[inside] - u).max() > 5e-6
 
 
 def test_poles_need_a_servo_of_second_order(refuses):

@@ -21,6 +21,7 @@ from armcontour.jobs import Experiment, Job
 
 DATA = FilePath(__file__).parents[1] / "io" / "robots" / "data"
 POINTS = [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, "100 mm", 0.2]]
+CURVED = {"tolerance": 1e-3, "continuity": "curvature"}
 GOOD = {
     "name": "bracket",
     "arm": "ur5e",
@@ -434,6 +435,29 @@ def test_experiments() -> None:
     assert robot.coulomb is not None and robot.coulomb.tolist() == [6, 6, 4, 1.5, 1.5, 1.5]
 
 
+def test_corners_have_a_continuous_curvature_where_jerk_is_limited() -> None:
+    runs: dict[str, object] = {
+        "plain": {},
+        "joints": {"limits": {"joint_jerk": 100}},
+        "tool": {"limits": {"tool_jerk": 10}},
+        "along": {"limits": {"path_jerk": 10}},
+        "arcs": {"limits": {"joint_jerk": 100}, "corners": {**CURVED, "continuity": "tangent"}},
+        "curved": {"corners": CURVED},
+        "sharp": {"limits": {"joint_jerk": 100}, "corners": "sharp"},
+        "free": {"limits": {"joint_jerk": 100}, "corners": {"shape": "free", "tolerance": 1e-3}},
+    }
+    assert {x.name: x.continuity for x in job(runs=runs).runs} == {
+        "plain": "tangent",
+        "joints": "curvature",
+        "tool": "curvature",
+        "along": "curvature",
+        "arcs": "tangent",
+        "curved": "curvature",
+        "sharp": None,
+        "free": None,
+    }
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -463,6 +487,15 @@ def test_experiments() -> None:
         ({"experiment": {"armature": [1, 2]}}, "experiment: armature has 2 values, but the arm"),
         ({"experiment": {"friction": False, "coulomb": 1}}, "experiment: The experiment has fric"),
         ({"corners": {"angular_tolerance": "1 mm"}}, "corners.angular_tolerance: must be"),
+        ({"corners": {"continuity": "smooth"}}, "corners.continuity: must be tangent or curvature"),
+        (
+            {"corners": {"shape": "free", "tolerance": 1e-3, "continuity": "tangent"}},
+            "run one: corners.continuity is for the shape arc",
+        ),
+        (
+            {"corners": CURVED, "runs": {"one": {"timing": {"method": "mac"}}}},
+            "corners.continuity is curvature, but the method mac has rules for lines and arcs only",
+        ),
     ],
 )
 def test_a_bad_key_is_refused_in_one_sentence(changes: dict[str, object], words: str) -> None:

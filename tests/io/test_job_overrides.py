@@ -121,6 +121,32 @@ def test_a_shape_for_no_run_is_refused() -> None:
         runs(JobOverrides(corner_shape="free"), corners="sharp", runs={"one": {}})
 
 
+def test_a_continuity_goes_to_every_run_that_can_have_it() -> None:
+    of_job = {
+        "plain": {},
+        "paper": {"timing": {"method": "mac"}},
+        "free": {"corners": {"shape": "free", "tolerance": "1 mm"}},
+        "sharp": {"corners": "sharp"},
+    }
+    found = runs(JobOverrides(continuity="curvature"), runs=of_job)
+    assert {name: x.continuity for name, x in found.items()} == {
+        "plain": "curvature",
+        "paper": "tangent",
+        "free": None,
+        "sharp": None,
+    }
+    # A free shape has no corners that go on with a tangent or a curvature.
+    curved = {"tolerance": "1 mm", "continuity": "curvature"}
+    free = runs(JobOverrides(corner_shape="free"), corners=curved, runs={"one": {}})["one"]
+    assert free.rounding == Rounding(shape="free", tolerance=1e-3)
+    for words, values in (
+        ("--continuity must be one of tangent, curvature, not 'G2'", {"continuity": "G2"}),
+        ("No run has both corners rounded with arcs", {"continuity": "curvature"}),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            runs(JobOverrides(**values), corners="sharp", runs={"one": {}})
+
+
 def test_memory_and_where_to_resume() -> None:
     job = parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(memory=3e9, from_s=0.01))
     assert job.memory == 3e9

@@ -279,7 +279,7 @@ def test_arc_lengths_outside_the_path_are_refused(name: str, refuses) -> None:
 def test_times_and_orders_that_there_are_not_are_refused(refuses) -> None:
     trajectory = plan("mac")
     refuses(lambda: trajectory.s(-1.0), ac.InvalidInput, "Time -1 s", "outside the trajectory")
-    refuses(lambda: trajectory.s(0.0, 3), ac.InvalidInput, "from 0 to 2, but is 3")
+    refuses(lambda: trajectory.s(0.0, 4), ac.InvalidInput, "from 0 to 3, but is 4")
     refuses(lambda: trajectory.s(0.0, side="up"), ac.InvalidInput, "left or right")
     refuses(lambda: trajectory.s("soon"), ac.InvalidInput, "t must be numbers in s, not text")
     refuses(lambda: trajectory("soon"), ac.InvalidInput, "t must be numbers in s, not text")

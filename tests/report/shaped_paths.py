@@ -13,7 +13,7 @@ from armcontour.program import Contour, Program, put_on_path
 WAVE = 0.3
 
 
-def shaped_by_hand(objective: Path, tolerance: float, *, start: str = "stops") -> ShapedPath:
+def shaped_by_hand(objective: Path, tolerance: float) -> ShapedPath:
     """A path within the tolerance of an objective path that leaves its lines, too."""
     arcs = round_corners(objective, tolerance=0.6 * tolerance, angular_tolerance=0.01)
     s = np.linspace(0.0, objective.length, 150)
@@ -35,7 +35,7 @@ def shaped_by_hand(objective: Path, tolerance: float, *, start: str = "stops") -
         objective=objective,
         places=places,
         tolerance=tolerance,
-        outcome=Outcome(start=start, durations=durations, history=(4.9, 4.6, 4.5)),
+        outcome=Outcome(start="arcs", durations=durations, history=(4.9, 4.6, 4.5)),
     )
 
 

@@ -92,7 +92,7 @@ def test_the_table_has_the_outcome_and_the_largest_distances(study: Study) -> No
         and found["stops [s]"] == "5.100"
         and not found["parabolas [s]"]
     )
-    assert found["shaped [s]"] == "4.500" and found["best start"] == "stops"
+    assert found["shaped [s]"] == "4.500" and found["best start"] == "arcs"
     assert found["gain"] == "10.00%" and found["iterations"] == "2"
     dense = path(np.linspace(0, path.length, 20_000))
     nearest = path.objective.project(dense).distance.max()

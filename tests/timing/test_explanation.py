@@ -24,6 +24,12 @@ def names(explanation):
 
 
 def assert_tiled(explanation, planned):
+    assert_in_order(explanation, planned)
+    for x in explanation.bindings:
+        assert (x.share >= 0.999) == (x.limit != "nothing")
+
+
+def assert_in_order(explanation, planned):
     law = planned.laws[0]
     first, last = explanation.bindings[0], explanation.bindings[-1]
     assert first.t[0] == 0 and first.s[0] == law.s[0]
@@ -34,7 +40,6 @@ def assert_tiled(explanation, planned):
     for x in explanation.bindings:
         assert x.t[0] < x.t[1] and x.s[0] < x.s[1]
         assert 0 <= x.share <= 1 + 1e-9
-        assert (x.share >= 0.999) == (x.limit != "nothing")
 
 
 # --- joints
@@ -129,7 +134,7 @@ def test_jerk_is_named_where_it_binds():
     assert [x.limit for x in found.bindings] == ["nothing", "jerk", "nothing"]
     assert (found.bindings[1].t, found.bindings[1].s) == (tuple(t[1:3]), tuple(s[1:3]))
     assert found.bindings[1].share == pytest.approx(1, abs=1e-12)
-    # Next to rests jerk is uniform.
+    # Next to rests jerk is uniform, and here far below its limit.
     assert found.bindings[0].share == pytest.approx(JERK / middle, abs=1e-12)
 
 
@@ -147,6 +152,22 @@ def test_the_tools_jerk_is_the_largest_along_an_interval(arm):
         # The stretched arm turns on a circle.
         jerk = (arm.link1 + arm.link2) * np.hypot(dddq - dq**3, 3 * dq * ddq)
         assert tool[k] == pytest.approx(jerk.max(), rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [3, 50])
+def test_plans_with_limits_of_jerk_are_covered(factor):
+    rng = np.random.default_rng(1)
+    path = ac.JointPath.spline(rng.uniform(-1.5, 1.5, (5, 2)))
+    limits = ac.Limits(joint_velocity=1.5, joint_acceleration=5.0, joint_jerk=5.0 * factor)
+    planned = ac.plan(path, robot(2), limits.for_joints(2))
+    found = explain(planned, robot(2), limits)
+    assert_in_order(found, planned)
+    # It is jerk that holds a motion back next to its rests, and it is a limit at each time but
+    # where one limit hands over to another.
+    assert {found.bindings[k].limit for k in (0, -1)} == {"jerk"}
+    assert set(x.limit for x in found.bindings) >= {"jerk", "acceleration", "velocity"}
+    idle = sum(x.t[1] - x.t[0] for x in found.bindings if x.limit == "nothing")
+    assert idle < 0.005 * planned.duration
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -183,6 +183,11 @@ class Limits:
         return tuple(x for x, y in given.items() if y is not None and np.isfinite(y).any())
 
     @property
+    def without_jerk(self) -> Limits:
+        """The limits without those of jerk."""
+        return self.replace(**dict.fromkeys(JERK_LIMITS))
+
+    @property
     def of_tool(self) -> Limits:
         """The limits of the tool, without the limits and ranges of the joints."""
         return self.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))
@@ -197,7 +202,7 @@ class Limits:
             InvalidInput: A wrong number of values.
         """
         changes = {
-            name: _checks.per_joint(name, values, dof, unit)
+            name: _endless_or_finite(name, values, dof, unit)
             for name, unit in JOINT_LIMITS.items()
             if (values := getattr(self, name)) is not None and values.shape != (dof,)
         }
@@ -247,6 +252,16 @@ class Limits:
         if self.joint_deceleration is None or self.joint_acceleration is None:
             return True
         return bool(np.array_equal(self.joint_deceleration, self.joint_acceleration))
+
+
+def _endless_or_finite(name: str, values: FloatArray, dof: int, unit: str) -> FloatArray:
+    """One value per joint, (dof,); infinite ones, which limits of jerk may have, are kept.
+
+    Raises:
+        InvalidInput: A wrong number of values.
+    """
+    found = _checks.per_joint(name, np.nan_to_num(values, posinf=1.0), dof, unit)
+    return np.where(np.isinf(values), np.inf, found)
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:

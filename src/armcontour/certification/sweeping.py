@@ -241,7 +241,9 @@ class _Point:
             own = rounding.tolerance if tolerance is None else tolerance
             if shape == FREE:
                 count = COARSE if rounding.iterations is None else rounding.iterations
-                rounding = replace(rounding, shape=FREE, tolerance=own, iterations=count)
+                rounding = replace(
+                    rounding, shape=FREE, tolerance=own, iterations=count, continuity=None
+                )
             else:
                 rounding = replace(rounding.with_arcs, tolerance=own)
             this = replace(this, rounding=rounding)

@@ -213,7 +213,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
         names = ", ".join(x.name for x in job.runs)
         raise InvalidInput(f"The job {job.name} has no run {run_name!r}: its runs are {names}.")
     runs = [x for x in job.runs if x.rounding is not None] or list(job.runs)
-    rounding = {(x.rounding, x.limits.centripetal_acceleration): x for x in runs}
+    rounding = {(x.rounding, x.continuity, x.limits.centripetal_acceleration): x for x in runs}
     if runs[0].rounding is not None and len(rounding) > 1:
         names = ", ".join(x.name for x in rounding.values())
         raise InvalidInput(
@@ -301,5 +301,7 @@ def _print(found: Check, remarks: list[str]) -> None:
     if found.not_judged:
         names = ", ".join(found.not_judged)
         lines.append(f"Not judged, since a limit or the necessary samples are missing: {names}.")
+    if "path_jerk" in found.not_judged:
+        lines.append("Jerk along the path is judged of plans only: samples have no arc length.")
     for line in lines + remarks:
         console.say(line)

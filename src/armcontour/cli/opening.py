@@ -48,6 +48,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         line_tolerance=read_option("--line-tolerance", x.line_tolerance, kinds.Distance),
         zone=read_option("--zone", x.zone, kinds.Distance),
         iterations=x.iterations,
+        continuity=x.continuity,
         from_s=read_option("--from-s", x.from_s, kinds.Distance),
         memory=read_option("--memory", x.memory, kinds.Memory),
     )

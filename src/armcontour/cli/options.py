@@ -180,6 +180,14 @@ class JobOptions(DrawingOptions):
             "--iterations", min=0, help="For the shape free: most steps of the search, such as 10."
         ),
     ] = None
+    continuity: Annotated[
+        str | None,
+        typer.Option(
+            "--continuity",
+            help="Of rounded corners: tangent, as arcs have it, or curvature, with which the tool "
+            "goes on where jerk is limited (the default there).",
+        ),
+    ] = None
     from_s: Annotated[
         str | None,
         typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),

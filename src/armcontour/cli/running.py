@@ -153,6 +153,9 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
 
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
+    jerks = any(x.run.limits.joint_jerk is not None for x in study.runs.values())
+    if jerks:
+        headings.append("jerk / limit")
     misses = any(_misses(x.evaluation) for x in study.runs.values())
     if misses:
         headings.append("path missed [mm]")
@@ -168,6 +171,9 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
             # Without limits of acceleration there is nothing to compare with.
             "-" if result.run.limits.joint_acceleration is None else f"{e.demand_ratio.max():.4f}",
         ]
+        if jerks:
+            unlimited = result.run.limits.joint_jerk is None
+            cells.append("-" if unlimited else f"{e.jerk_ratio.max():.4f}")
         if misses:
             cells.append(f"{e.missed.max * 1e3:.4f}")
         if has_experiment:

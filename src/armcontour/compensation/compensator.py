@@ -7,15 +7,9 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks, _memory
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.compensation.set_points import (
-    SETTLING,
-    SetPointTimes,
-    advance_set_points,
-    set_point_times,
-    time_advances,
-)
+from armcontour.compensation.set_points import SETTLING, set_point_times
 from armcontour.errors import InvalidInput
 from armcontour.motion import TaughtData, Trajectory, check_interval
 from armcontour.motion.command_limits import refuse_commands
@@ -48,12 +42,12 @@ def compensate(
         trajectory: Trajectory that the joints should follow.
         servo: Servo model whose delay is compensated.
         method: "pole_placement" is the paper's compensator (26). "inverse" is the exact inverse of
-            the unsaturated servo, from the trajectory's derivatives (right-sided where they jump);
-            the servo saturates if accelerations jump at their limits. The first set-point, one
-            interval before time 0, is the start of the plan. "inverse_dynamics" is the inverse of
-            drives that move the bodies of `arm`, best for plans that are smoothed over a command
-            interval; its first and last set-points hold the arm at both ends of the plan. "none"
-            is the trajectory itself, without time advance.
+            the unsaturated servo, for the mean of the trajectory over a command interval about each
+            set-point; where accelerations jump, servos are asked for about 1 % more than that. The
+            first set-point, one interval before time 0, is the start of the plan.
+            "inverse_dynamics" is the inverse of drives that move the bodies of `arm`, best for
+            plans that are smoothed over a command interval; its first and last set-points hold the
+            arm at both ends of the plan. "none" is the trajectory itself, without time advance.
         period: Command interval [s].
         arm: The nominal arm, for "inverse_dynamics"; other methods do not use it.
         limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
@@ -122,7 +116,9 @@ def _set_points(
 
         return inverse_dynamics(trajectory, servo, period, arm, **options)
     if method == "inverse":
-        return _inverse(trajectory, servo, period)
+        from armcontour.compensation.inverse import inverse
+
+        return inverse(trajectory, servo, period)
     return 0.0, _as_planned(trajectory, period)
 
 
@@ -159,21 +155,3 @@ def _as_planned(trajectory: Trajectory, period: float) -> FloatArray:
     """Set-points of the trajectory without compensation [rad], (n, dof)."""
     t = set_point_times(trajectory, period).inside
     return np.concatenate([trajectory(t), trajectory([trajectory.duration], side="left")])
-
-
-def _inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[float, FloatArray]:
-    """Set-points by the inverse of the servo: time of the first [s], and values [rad], (n, dof)."""
-    final = trajectory([trajectory.duration], side="left")
-
-    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
-        t = times.inside
-        found = servo.command(trajectory(t), trajectory(t, 1), trajectory(t, 2))
-        return np.concatenate([found, final])[:, joints]
-
-    start = trajectory(np.zeros(1))
-    first = servo.command(start, trajectory(np.zeros(1), 1), trajectory(np.zeros(1), 2))
-    # The arm stands still at the first set-point, so that must be the start of the plan.
-    from_rest = not np.array_equal(first, start)
-    return advance_set_points(
-        trajectory, time_advances(servo, period), period, command, from_rest=from_rest
-    )

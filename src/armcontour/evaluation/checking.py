@@ -27,8 +27,9 @@ from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
 from armcontour.evaluation.checking_missed import judge_missed
-from armcontour.evaluation.checking_samples import Log, judge_samples
+from armcontour.evaluation.checking_samples import judge_samples
 from armcontour.evaluation.contour_windows import find_windows
+from armcontour.evaluation.sample_windows import Log
 from armcontour.evaluation.tally import (
     CANNOT_TELL,
     KEPT,
@@ -157,9 +158,10 @@ def check(
     """Check a joint trajectory of any source against limits and a path.
 
     A law, such as a `Trajectory`, is judged on both sides of every break and at random times
-    between breaks. Samples are judged as they stand, and between samples by means that every motion
-    through them must reach. A reported violation is real, except for the rounding allowed for; a
-    peak between samples may be higher than reported.
+    between breaks; with a limit of jerk its accelerations must not jump. Samples are judged as they
+    stand, and between samples by means that every motion through them must reach. A reported
+    violation is real, except for the rounding allowed for; a peak between samples may be higher
+    than reported.
 
     In a program, tool limits are judged along contours with their leads, and joint limits on every
     move. Samples are assigned to contours so that the tool stays nearest to them.
@@ -170,7 +172,8 @@ def check(
 
     Args:
         samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
-            `law(t, order, side=...)`, with `duration` and `breaks`.
+            `law(t, order, side=...)` with orders up to 2, and 3 for jerk, with `duration` and
+            `breaks`.
         arm: The arm.
         limits: The limits; by default the arm's own.
         path: The path that the tool was to follow, or the program that was planned. With the

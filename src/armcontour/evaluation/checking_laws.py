@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Collection, Sequence
+from typing import Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
+from armcontour.arms import Limits
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.tally import States, Tally
+from armcontour.evaluation.tally import STILL, States, Tally
 
 # Places that are judged at a time.
 CHUNK = 200_000
+# Accelerations may jump at a break by what a limit of jerk covers in this time [s], which no
+# controller resolves: jumps by rounding are smaller, those of plans without such a limit larger.
+AT_ONCE = 1e-5
+# Limits of jerk, with the jumps at breaks that break them.
+JUMPS = {
+    "joint_jerk": "acceleration_step",
+    "tool_jerk": "tool_acceleration_step",
+    "path_jerk": "path_acceleration_step",
+}
+ORDERS = ("positions", "velocities", "accelerations", "jerks")
 # Joint positions may jump by this much at a break [rad]: rounding, not motion.
 POSITION_STEP = 1e-9
 
@@ -29,7 +41,10 @@ class Law(Protocol):
         """Times between which the law is smooth, its start and end included [s]."""
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions, velocities or accelerations, (n, dof)."""
+        """Joint positions, velocities, accelerations or jerks, (n, dof).
+
+        Of a law that refuses the order 3, jerk is not judged.
+        """
 
 
 def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: float) -> int:
@@ -49,6 +64,9 @@ def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: 
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two times that increase.")
     random = np.random.default_rng(seed)
+    jerks = _known_jerks(law, tally.limits, breaks[:1])
+    # Of joints and tool the third derivative is asked for only where it is judged.
+    orders = ORDERS if set(jerks) - {"path_jerk"} else ORDERS[:-1]
     size = max(1, CHUNK // (points + 2))
     count = 0
     for first in range(0, len(breaks) - 1, size):
@@ -56,20 +74,29 @@ def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: 
         inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
         right = np.concatenate([ends[:-1], inner.ravel()])
         left = ends[1:]
-        states = _states(law, right, left, tally.arm.dof)
+        states = _states(law, right, left, tally.arm.dof, orders)
         count += len(states.t)
         tally.states(states)
         tally.pose(states.t, states.q, states.errors[0])
+        if "path_jerk" in jerks:
+            along = cast("Any", law)
+            rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
+            tally.offer("path_jerk", states.t, np.abs(rate), _limit(tally, "path_jerk"), states.q)
+        _acceleration_steps(
+            law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
+        )
         _steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
         )
     return count
 
 
-def _states(law: Law, right: FloatArray, left: FloatArray, dof: int) -> States:
+def _states(
+    law: Law, right: FloatArray, left: FloatArray, dof: int, orders: Sequence[str]
+) -> States:
     t = np.concatenate([right, left])
     columns = []
-    for order, name in enumerate(("positions", "velocities", "accelerations")):
+    for order, name in enumerate(orders):
         values = np.concatenate([law(right, order), law(left, order, side="left")])
         if values.shape != (len(t), dof):
             raise InvalidInput(
@@ -81,8 +108,9 @@ def _states(law: Law, right: FloatArray, left: FloatArray, dof: int) -> States:
             at = float(t[bad][0])
             raise InvalidInput(f"The law's {name} are not finite at t = {at:.9g} s.", t=at)
         columns.append(values)
+    q, dq, ddq, *dddq = columns
     none = np.zeros(dof)
-    return States(t=t, q=columns[0], dq=columns[1], ddq=columns[2], errors=(none, none, none))
+    return States(t=t, q=q, dq=dq, ddq=ddq, errors=(none,) * 3, dddq=dddq[0] if dddq else None)
 
 
 def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
@@ -92,6 +120,70 @@ def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
     q = law(t)
     tally.offer("position_step", t, np.abs(q - law(t, side="left")), POSITION_STEP, q)
     limits = tally.limits
-    if limits.joint_acceleration is not None or limits.joint_torque is not None:
+    derived = (limits.joint_acceleration, limits.joint_torque, limits.joint_jerk)
+    if any(x is not None for x in derived):
         jump = np.abs(law(t, 1) - law(t, 1, side="left"))
         tally.offer("velocity_step", t, jump, velocity_step, q)
+
+
+def _acceleration_steps(
+    law: Law, t: FloatArray, tally: Tally, names: Collection[str], ends: tuple[float, float]
+) -> None:
+    """Offer the jumps of accelerations at breaks, which no jerk at either side would show.
+
+    Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
+
+    Args:
+        law: The law.
+        t: Breaks [s], (n,).
+        tally: Where findings go.
+        names: The limits of jerk that are judged.
+        ends: The first and the last break [s].
+    """
+    if not names:
+        return
+    q = law(t)
+    resting = np.abs(law(t, 1)).max(axis=1) <= STILL
+    for name in names:
+        before, after = (_accelerations(law, t, tally, name, side) for side in ("left", "right"))
+        before[resting & (t == ends[0])] = 0.0
+        after[resting & (t == ends[1])] = 0.0
+        jump = np.abs(after - before)
+        size = jump if name == "joint_jerk" else np.linalg.norm(jump, axis=1)
+        tally.offer(JUMPS[name], t, size, AT_ONCE * _limit(tally, name), q)
+
+
+def _limit(tally: Tally, name: str) -> FloatArray:
+    return np.asarray(getattr(tally.limits, name))
+
+
+def _accelerations(law: Law, t: FloatArray, tally: Tally, name: str, side: str) -> FloatArray:
+    """The accelerations whose rate a limit of jerk bounds, at one side of times, (n, columns)."""
+    if name == "path_jerk":
+        return np.array(cast("Any", law).s(t, 2, side=side))[:, None]
+    q, dq, ddq = (law(t, order, side=side) for order in range(3))
+    return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
+
+
+def _known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
+    """The limits of jerk that can be judged of a law: of joints and tool, and along a path.
+
+    Args:
+        law: The law.
+        limits: The limits.
+        start: Its first time [s], (1,).
+    """
+    limited = (x for x in JUMPS if getattr(limits, x) is not None)
+    return tuple(x for x in limited if _knows_jerk(law, start, along=x == "path_jerk"))
+
+
+def _knows_jerk(law: Law, start: FloatArray, *, along: bool) -> bool:
+    """Whether a law has a third derivative, of its joints or `along` its tool path."""
+    # Of a law without a tool path s is the value of any parameter.
+    if along and getattr(law, "path", None) is None:
+        return False
+    try:
+        _ = cast("Any", law).s(start, 3) if along else law(start, 3)
+    except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return False
+    return True

@@ -22,6 +22,8 @@ from scipy.ndimage import maximum_filter1d
 
 from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
+from armcontour.evaluation.checking_jerk import JerkOfSamples
+from armcontour.evaluation.sample_windows import Log, Windows, mean_rate, second_rate
 from armcontour.evaluation.tally import SLOWEST, States, Tally
 
 # Windows are not widened further once rounding is at most this share of every limit.
@@ -31,42 +33,6 @@ BETWEEN = np.arange(1, 8) / 8
 # Windows in which the direction of motion turns by more than this sine do not show centripetal
 # acceleration.
 WIDEST_TURN = 0.2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log:
-    """Samples that were checked, with bounds on their errors.
-
-    Args:
-        t: Times, increasing [s], (n,).
-        q: Joint positions [rad], (n, dof).
-        dq: Joint velocities [rad/s], (n, dof), or None.
-        ddq: Joint accelerations [rad/s²], (n, dof), or None.
-        errors: Bounds on the error of q, dq and ddq, (dof,) each.
-        t_error: Bound on the error of every time [s], (n,).
-        clock: Bound on the share by which all times may be stretched together.
-    """
-
-    t: FloatArray
-    q: FloatArray
-    dq: FloatArray | None
-    ddq: FloatArray | None
-    errors: tuple[FloatArray, FloatArray, FloatArray]
-    t_error: FloatArray
-    clock: float
-
-    def spans(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Length of every window of `k` samples, and a bound on its error, (windows, 1) each."""
-        span = (self.t[k:] - self.t[:-k])[:, None]
-        return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Windows:
-    """Means of a quantity over windows, (windows, columns), with bounds on their errors."""
-
-    mean: FloatArray
-    error: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +82,7 @@ class _AngularMotion:
         if limits.angular_acceleration is None or self.rate is None:
             return slack
         rate, off = self.rate
-        x = _mean(log, rate, off[:, None], k)
+        x = mean_rate(log, rate, off[:, None], k)
         size, limit = np.linalg.norm(x.mean, axis=1), limits.angular_acceleration
         return max(slack, tally.offer("angular_acceleration", t, size, limit, q, x.error[:, 0]))
 
@@ -125,7 +91,7 @@ def judge_samples(log: Log, tally: Tally) -> None:
     """Offer to the tally the values at the samples, and lower bounds of the peaks between them."""
     _offer_samples(log, tally)
     tool, tool_error = tally.tool(log.q, log.errors[0])
-    turning = _AngularMotion.of(log, tally)
+    turning, jerk = _AngularMotion.of(log, tally), JerkOfSamples.of(log, tally)
     velocity, velocity_error = None, None
     if log.dq is not None:
         states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
@@ -136,6 +102,7 @@ def judge_samples(log: Log, tally: Tally) -> None:
         slack = max(
             _offer_velocities(log, tally, tool, tool_error, width),
             0.0 if turning is None else turning.offer(log, tally, width),
+            jerk.offer(log, tally, width),
             _offer_from_positions(log, tally, tool, tool_error, width)
             if log.dq is None or velocity is None or velocity_error is None
             else _offer_from_velocities(log, log.dq, tally, velocity, velocity_error, width),
@@ -178,10 +145,10 @@ def _offer_velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray,
     t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
     limits, slack = tally.limits, 0.0
     if limits.joint_velocity is not None:
-        x = _mean(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
+        x = mean_rate(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
         slack = tally.offer("joint_velocity", t, np.abs(x.mean), limits.joint_velocity, q, x.error)
     if limits.speed is not None:
-        x = _mean(log, tool, off[:, None], k)
+        x = mean_rate(log, tool, off[:, None], k)
         size = np.linalg.norm(x.mean, axis=1)
         slack = max(slack, tally.offer("speed", t, size, limits.speed, q, x.error[:, 0]))
     return slack
@@ -198,7 +165,7 @@ def _offer_from_velocities(
     t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
     span, late = log.spans(k)
     q_error, dq_error = log.errors[0], log.errors[1]
-    x = _mean(log, dq, np.tile(dq_error, (len(dq), 1)), k)
+    x = mean_rate(log, dq, np.tile(dq_error, (len(dq), 1)), k)
     slack = tally.joint_acceleration(t, x.mean, q, x.error)
     step = log.q[k:] - log.q[:-k]
     for v, sign in ((dq[:-k], 1.0), (dq[k:], -1.0)):
@@ -206,7 +173,7 @@ def _offer_from_velocities(
         off_rest = 2 * q_error + dq_error * (span + late) + np.abs(v) * late
         error = 2 * np.abs(rest) / span**2 - 2 * (np.abs(rest) - off_rest) / (span + late) ** 2
         tally.joint_acceleration(t, sign * 2 * rest / span**2, q, error)
-    x = _mean(log, velocity, off[:, None], k)
+    x = mean_rate(log, velocity, off[:, None], k)
     return max(
         slack,
         _offer_tool_acceleration(log, tally, velocity[:-k], velocity[k:], x, t, q, off[k:], k),
@@ -220,26 +187,12 @@ def _offer_from_positions(
     if len(log.t) <= 2 * k:
         return 0.0
     t, q = log.t[k:-k], log.q[k:-k]
-    _, _, x = _triangle(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
+    _, _, x = second_rate(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
     slack = tally.joint_acceleration(t, x.mean, q, x.error)
-    before, after, x = _triangle(log, tool, off[:, None], k)
+    before, after, x = second_rate(log, tool, off[:, None], k)
     chord_error = np.maximum(before.error, after.error)[:, 0]
     found = _offer_tool_acceleration(log, tally, before.mean, after.mean, x, t, q, chord_error, k)
     return max(slack, found)
-
-
-def _triangle(
-    log: Log, y: FloatArray, off: FloatArray, k: int
-) -> tuple[_Windows, _Windows, _Windows]:
-    """Mean velocities before and after each middle sample, and the mean acceleration over both."""
-    chords = _mean(log, y, off, k, both_ways=True)
-    before = _Windows(mean=chords.mean[:-k], error=chords.error[:-k])
-    after = _Windows(mean=chords.mean[k:], error=chords.error[k:])
-    span, late = log.spans(2 * k)
-    mean = 2 * (after.mean - before.mean) / span
-    size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
-    error = (2 * (before.error + after.error) + size * late) / (span + late)
-    return before, after, _Windows(mean=mean, error=error)
 
 
 def _offer_tool_acceleration(
@@ -247,7 +200,7 @@ def _offer_tool_acceleration(
     tally: Tally,
     before: FloatArray,
     after: FloatArray,
-    x: _Windows,
+    x: Windows,
     t: FloatArray,
     q: FloatArray,
     velocity_error: FloatArray,
@@ -295,25 +248,6 @@ def _offer_tool_acceleration(
     limit = limits.centripetal_acceleration
     tally.offer("centripetal_acceleration", t[sharp], size[sharp], limit, q[sharp], size[sharp])
     return max(slack, float(error.max()) / limits.centripetal_acceleration if len(error) else 0.0)
-
-
-def _mean(log: Log, y: FloatArray, off: FloatArray, k: int, *, both_ways: bool = False) -> _Windows:
-    """Mean rate of change of `y` over windows of `k` samples.
-
-    Args:
-        log: The samples.
-        y: Values at the samples, (n, columns).
-        off: Bound on the error of y, (n, columns), or on the length of the error, (n, 1).
-        k: Number of samples per window.
-        both_ways: Whether the error bounds how much the true mean may be larger, too; otherwise
-            only how much it may be smaller.
-    """
-    span, late = log.spans(k)
-    mean = (y[k:] - y[:-k]) / span
-    size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
-    shortest = np.maximum(span - late, 1e-6 * span)
-    error = (off[k:] + off[:-k] + size * late) / (shortest if both_ways else span + late)
-    return _Windows(mean=mean, error=error)
 
 
 def _interpolate(t: FloatArray, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 
@@ -71,9 +72,7 @@ def corner_deviations(
 
 def _expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     """All indices of several ranges in order, and the number of the range of each index."""
-    count = last - first
-    of = np.repeat(np.arange(len(first)), count)
-    number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    of, number = number_parts(last - first)
     return first[of] + number, of
 
 

@@ -19,6 +19,7 @@ from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking import check
 from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
+from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
 from armcontour.geometry import Path
@@ -67,6 +68,12 @@ class Evaluation:
         demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
         demand_ratio: Largest share of the limit in its direction that each joint would have
             needed, (dof,); 0 for a joint without a limit.
+        jerk: Largest jerk of each joint as executed, as a mean over one command interval [rad/s³],
+            (dof,).
+        jerk_ratio: Largest share of each joint's limit of jerk in `jerk`, (dof,); 0 without a
+            limit.
+        command_jerk: Largest third difference of the set-points of each joint, over the command
+            interval [rad/s³], (dof,).
         saturated: Share of the time for which each joint was saturated, (dof,).
         contours: The contour error of every contour, in order.
     """
@@ -89,11 +96,14 @@ class Evaluation:
     limit_ratios: Mapping[str, float]
     demand: FloatArray
     demand_ratio: FloatArray
+    jerk: FloatArray
+    jerk_ratio: FloatArray
+    command_jerk: FloatArray
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("demand", "demand_ratio", "saturated"):
+        for name in ("demand", "demand_ratio", "jerk", "jerk_ratio", "command_jerk", "saturated"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
@@ -185,11 +195,15 @@ def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[st
     low, high = limits.acceleration_bounds(executed.arm.dof)
     lowest, highest = executed.demand_range
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
+    jerk = executed_jerk(executed)
     return {
         "utilisation": _utilisation(executed, limits, executed.taught.trajectory.duration),
         "limit_ratios": _limit_ratios(executed, limits),
         "demand": executed.peak_demand,
         "demand_ratio": np.maximum(lowest / low, highest / high),
+        "jerk": jerk,
+        "jerk_ratio": jerk / or_unlimited(limits.joint_jerk, executed.arm.dof),
+        "command_jerk": commanded_jerk(executed.taught),
         "saturated": executed.saturated_time / time,
     }
 

@@ -63,8 +63,9 @@ class LimitUse(Occurrence):
     """The largest certain use of one limit.
 
     Args:
-        name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation",
-            "position_step" or "velocity_step".
+        name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation", or a jump
+            at a break of a law: "position_step", "velocity_step", "acceleration_step",
+            "tool_acceleration_step" or "path_acceleration_step".
         highest: Largest ratio of the numbers as they stand, in the narrowest windows; rounding may
             have caused it.
         verdict: "violated": every motion through the samples, within their digits, exceeds the
@@ -103,6 +104,7 @@ class States:
         dq: Joint velocities [rad/s], (n, dof).
         ddq: Joint accelerations [rad/s²], (n, dof), or None.
         errors: Bounds on the error of q, dq and ddq, (dof,) each.
+        dddq: Joint jerks [rad/s³], (n, dof), of a law that knows them; or None.
     """
 
     t: FloatArray
@@ -110,6 +112,7 @@ class States:
     dq: FloatArray
     ddq: FloatArray | None
     errors: tuple[FloatArray, FloatArray, FloatArray]
+    dddq: FloatArray | None = None
 
 
 class Tally:
@@ -271,6 +274,17 @@ class Tally:
             size = np.linalg.norm(found, axis=1)
             self.offer("angular_acceleration", x.t, size, limits.angular_acceleration, x.q, error)
 
+    def jerk(self, x: States) -> None:
+        """Offer the jerks of joints and tool, where a law knows them."""
+        limits = self.limits
+        if x.dddq is None or x.ddq is None:
+            return
+        if limits.joint_jerk is not None:
+            self.offer("joint_jerk", x.t, np.abs(x.dddq), limits.joint_jerk, x.q)
+        if limits.tool_jerk is not None:
+            found = self.arm.tool_jerk(x.q, x.dq, x.ddq, x.dddq)
+            self.offer("tool_jerk", x.t, np.linalg.norm(found, axis=1), limits.tool_jerk, x.q)
+
     def angular_velocity(self, arm: SerialArm, x: States) -> tuple[FloatArray, FloatArray]:
         """Angular velocities of the tool (n, 3), and a bound on the length of their error (n,)."""
         rate = _angular(arm.tool_twist)(x.q, x.dq)
@@ -282,6 +296,7 @@ class Tally:
         self.joint_range(x.t, x.q, x.errors[0])
         self.torque(x)
         self.turning(x)
+        self.jerk(x)
         if limits.joint_velocity is not None:
             self.offer("joint_velocity", x.t, np.abs(x.dq), limits.joint_velocity, x.q, x.errors[1])
         if x.ddq is not None:
@@ -293,9 +308,8 @@ class Tally:
             limits.tool_acceleration is None and limits.centripetal_acceleration is None
         ):
             return
-        acceleration = self.arm.tool_acceleration(x.q, x.dq, x.ddq)
+        acceleration, error = self.tool_acceleration(x)
         size = np.linalg.norm(acceleration, axis=1)
-        error = self._spread(x, self.arm.tool_acceleration, acceleration, 2)
         if limits.tool_acceleration is not None:
             self.offer("tool_acceleration", x.t, size, limits.tool_acceleration, x.q, error)
         velocity, velocity_error = self.tool_velocity(x)
@@ -329,6 +343,12 @@ class Tally:
         """Tool velocities [m/s], (n, dimension), and a bound on the length of their error, (n,)."""
         velocity = self.arm.tool_velocity(x.q, x.dq)
         return velocity, self._spread(x, self.arm.tool_velocity, velocity, 1)
+
+    def tool_acceleration(self, x: States) -> tuple[FloatArray, FloatArray]:
+        """Tool accelerations [m/s²], (n, dimension), and a bound on their error's length, (n,)."""
+        assert x.ddq is not None
+        found = self.arm.tool_acceleration(x.q, x.dq, x.ddq)
+        return found, self._spread(x, self.arm.tool_acceleration, found, 2)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""

@@ -22,6 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry.biarcs import biarcs, dot, unit
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, share_demand
 from armcontour.geometry.transitions import join_up, spread_out
@@ -265,8 +266,7 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
     # Where the path turns back no parabola is drawn, but its length is asked for.
     most = np.arcsinh(np.tan(np.minimum(half, (np.pi - TANGENT_TOLERANCE) / 2)))
     steps = 2 * np.maximum(np.ceil(most / STEP), 1.0).astype(np.intp)
-    which = np.repeat(np.arange(len(half)), steps)
-    k = np.arange(len(which)) - np.repeat(np.cumsum(steps) - steps, steps)
+    which, k = number_parts(steps)
     ends = []
     for node in (k, k + 1):
         w = most[which] * (2 * node / steps[which] - 1)

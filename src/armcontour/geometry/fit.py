@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.cusps import split_at_cusps
@@ -378,8 +379,7 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
     """
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
-    i = np.repeat(np.arange(len(parts)), parts)
-    k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
+    i, k = number_parts(parts)
     old = intervals.select(i)
     first, last = k == 0, k == parts[i] - 1
     span = (old.end - old.begin) / parts[i]

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.transitions import draw_arcs
@@ -216,8 +217,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     by_length = np.ceil(lengths / target)
     by_turn = np.ceil(lengths * curvatures / (np.pi / 2))
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
-    segment = np.repeat(np.arange(n), count)
-    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    segment, number = number_parts(count)
     step = lengths[segment] / count[segment]
     start, end = (segments.at(segment, k * step) for k in (number, number + 1))
     # An arc leaves its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.

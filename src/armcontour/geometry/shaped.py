@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
 
@@ -15,6 +15,9 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._quintics import evaluate
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
+
+# Name of the duration of the shaped path itself, beside those of its starts.
+SHAPED = "shaped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,14 +42,13 @@ class Outcome:
 
     def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
         # Mapping proxies cannot be pickled.
-        durations = dict(self.durations)
-        return partial(Outcome, start=self.start, durations=durations, history=self.history), ()
+        given = {x.name: getattr(self, x.name) for x in fields(self)}
+        return partial(Outcome, **given | {"durations": dict(self.durations)}), ()
 
     @property
     def gain(self) -> float:
         """Share of the duration of the fastest start that the shape saves."""
-        starts = [x for name, x in self.durations.items() if name != "shaped"]
-        return 1 - self.durations["shaped"] / min(starts)
+        return 1 - self.durations[SHAPED] / self.durations[self.start]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

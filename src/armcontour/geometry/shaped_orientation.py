@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
@@ -370,8 +371,7 @@ def _twist(
     # On tiny arcs a difference of arc lengths has too few digits.
     last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
     count = np.ceil(path.curvatures[whole] * (last - first) / MOST_TURN).astype(np.intp).clip(1)
-    part = np.repeat(np.arange(len(count)), count)
-    k = np.arange(len(part)) - np.repeat(np.cumsum(count) - count, count)
+    part, k = number_parts(count)
     i, step = whole[part], ((last - first) / count)[part]
     u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]
     begin, middle, end = (

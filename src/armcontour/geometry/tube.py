@@ -237,7 +237,7 @@ class Tube:
         pairs = check_places(places, self.objective, path)
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
-        # A place that rounding puts behind the end of its piece still belongs to it.
+        # A place that rounding puts beyond the end of its piece still belongs to it.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
         place, around = parts[:, 1::3], parts[:, 2::3]

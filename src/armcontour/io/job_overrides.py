@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
+from armcontour.geometry.rounding import Continuity
 from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel, SkipModel
 from armcontour.jobs import Rounding
-from armcontour.jobs.job import ARC, OF_FREE, SHAPES
+from armcontour.jobs.job import ARC, CONTINUITIES, OF_FREE, SHAPES
 from armcontour.motion import Method
 from armcontour.program import Process
 
@@ -41,6 +42,8 @@ class JobOverrides:
             the shape free [m].
         zone: Distance from a corner within which the tolerance holds, for the shape free [m].
         iterations: Largest number of steps of the search for the shape free.
+        continuity: What is continuous along corners, for all runs with the timing optimal that
+            round them with arcs: "tangent" or "curvature".
         from_s: Position at which to resume, as arc length over all contours [m].
         memory: Largest memory of the calculation [bytes].
     """
@@ -62,6 +65,7 @@ class JobOverrides:
     line_tolerance: float | None = None
     zone: float | None = None
     iterations: int | None = None
+    continuity: str | None = None
     from_s: float | None = None
     memory: float | None = None
 
@@ -88,6 +92,7 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
         own = model.corners if isinstance(model.corners, Rounding) else Rounding()
         changes["corners"] = replace(own, tolerance=x.corner_tolerance)
     changes["runs"] = _shaped(changes["runs"], changes.get("corners", model.corners), x)
+    changes["runs"] = _continued(changes["runs"], changes.get("corners", model.corners), x)
     if x.from_s is not None:
         changes["process"] = replace(model.process or Process(), from_s=x.from_s)
     if x.memory is not None:
@@ -127,13 +132,37 @@ def _shaped(
     for name, run in runs.items():
         own = corners if run.corners is None else run.corners
         if run.timing.method == Method.OPTIMAL and isinstance(own, Rounding):
-            base = own.with_arcs if x.corner_shape == ARC else own
+            base = own.with_arcs if x.corner_shape == ARC else replace(own, continuity=None)
             found[name] = replace(run, corners=replace(base, **wanted))
     if not found:
         raise InvalidInput(
             "No run has both rounded corners and the timing optimal, so that none takes another "
             "shape of the corners: give a run corners and timing: {method: optimal}, or "
             "--tolerance if only the corners are missing."
+        )
+    return {**runs, **found}
+
+
+def _continued(
+    runs: dict[str, RunModel], corners: Rounding | str, x: JobOverrides
+) -> dict[str, RunModel]:
+    """The runs with another continuity of their corners, for those that have arcs; as `_shaped`.
+
+    Raises:
+        InvalidInput: No run has it.
+    """
+    if x.continuity is None:
+        return runs
+    wanted = cast(Continuity, _checks.choice("--continuity", x.continuity, CONTINUITIES))
+    found = {}
+    for name, run in runs.items():
+        own = corners if run.corners is None else run.corners
+        if run.timing.method == Method.OPTIMAL and isinstance(own, Rounding) and not own.free:
+            found[name] = replace(run, corners=replace(own, continuity=wanted))
+    if not found:
+        raise InvalidInput(
+            "No run has both corners rounded with arcs and the timing optimal, so that none takes "
+            "--continuity: leave it out, or give a run corners and timing: {method: optimal}."
         )
     return {**runs, **found}
 

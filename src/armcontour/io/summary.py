@@ -43,6 +43,8 @@ UNITS = {
     "path_velocity": "m/s",
     "utilisation": "share of time",
     "demand": "rad/s^2",
+    "jerk": "rad/s^3",
+    "command_jerk": "rad/s^3",
     "saturated": "share of time",
     "assigned_length": "share of length",
     "assigned_time": "share of time",
@@ -152,6 +154,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
         "period": plan.run.period,
         "reserve": plan.run.reserve,
         "smoothing": plan.run.smoothing,
+        "continuity": plan.run.continuity,
         "start": dict(zip(job.arm.joint_names, trajectory(0.0), strict=True)),
         "length": path.length,
         "duration": trajectory.duration,
@@ -337,6 +340,9 @@ def _errors(e: Evaluation) -> dict[str, Any]:
         "limit_ratios": e.limit_ratios,
         "demand": e.demand,
         "demand_ratio": e.demand_ratio,
+        "jerk": e.jerk,
+        "jerk_ratio": e.jerk_ratio,
+        "command_jerk": e.command_jerk,
         "saturated": e.saturated,
         "cornering": [
             {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
@@ -19,6 +19,7 @@ from armcontour._quantities import (
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
+from armcontour.geometry.rounding import Continuity
 from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
@@ -35,6 +36,7 @@ LONGEST_TITLE = 200
 # Shapes of corners: arcs, or whatever is the fastest within the tolerance.
 ARC, FREE = "arc", "free"
 SHAPES = (ARC, FREE)
+CONTINUITIES = TANGENT, CURVATURE = get_args(Continuity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +56,9 @@ class Rounding:
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
+        continuity: For the shape arc, what is continuous along the rounded path: its "tangent", as
+            with arcs alone, or its "curvature" too, so that the tool goes on where jerk is limited.
+            By default the curvature for runs with limits of jerk, and the tangent for others.
     """
 
     shape: Annotated[str, Choice(SHAPES)] = ARC
@@ -64,6 +69,7 @@ class Rounding:
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
+    continuity: Annotated[Continuity, Choice(CONTINUITIES)] | None = None
 
     @property
     def free(self) -> bool:
@@ -93,6 +99,7 @@ class Rounding:
             InvalidInput: Such values.
         """
         _checks.choice(f"{key}.shape", self.shape, SHAPES)
+        self._check_continuity(timing, key)
         if not self.free:
             for name in OF_FREE:
                 if getattr(self, name) is not None:
@@ -128,6 +135,26 @@ class Rounding:
             )
         with locate_errors(key):
             Wishes(**self.wishes)
+
+    def _check_continuity(self, timing: str, key: str) -> None:
+        """Refuse a continuity of the corners that shape or timing do not have.
+
+        Raises:
+            InvalidInput: Such a continuity.
+        """
+        if self.continuity is None:
+            return
+        _checks.choice(f"{key}.continuity", self.continuity, CONTINUITIES)
+        if self.free:
+            raise InvalidInput(
+                f"{key}.continuity is for the shape arc, but the shape is free: leave continuity "
+                "out, or write shape: arc."
+            )
+        if self.continuity == CURVATURE and timing == Method.MAC:
+            raise InvalidInput(
+                f"{key}.continuity is curvature, but the method mac has rules for lines and arcs "
+                "only: write continuity: tangent, or timing: {method: optimal}."
+            )
 
 
 # Keys of `Rounding` that only the shape free has.
@@ -183,6 +210,13 @@ class Run:
             _checks.positive("until", self.until, "s")
         for x in self.smoothing:
             _checks.positive("smoothing", x, "s")
+
+    @property
+    def continuity(self) -> Continuity | None:
+        """What is continuous along rounded corners; None without corners that arcs replace."""
+        if self.rounding is None or self.rounding.free:
+            return None
+        return self.rounding.continuity or (CURVATURE if self.limits.jerk_limits else TANGENT)
 
     @property
     def plan_options(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from armcontour._progress import Progress
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.job import TANGENT, Job, Run
 from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
 from armcontour.motion import Trajectory
 from armcontour.program import (
@@ -91,6 +91,7 @@ def round_program(
         speed=rounding.speed,
         acceleration=acceleration,
         angular_tolerance=rounding.angular_tolerance,
+        continuity=this.continuity or TANGENT,
     )
 
 

@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from armcontour.geometry import ShapedPath
+from armcontour.geometry.shaped import SHAPED
 from armcontour.program import Program
-
-# Name of the duration of the shaped path itself, beside those of its starts.
-SHAPED = "shaped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, count_full_stops
 from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.programs import programs_of, time_run, trace_run
@@ -97,8 +98,19 @@ class RunPlan:
         return self.traced.joint_paths[0]
 
     @property
+    def jerk_stops(self) -> tuple[JerkStop, ...]:
+        """Where limits of jerk make the tool stop inside contours, because the curvature jumps."""
+        return tuple(jerk_stops(self.path, self.traced, self.trajectory, self.run))
+
+    @property
     def full_stops(self) -> dict[str, int]:
         """How often the tool comes to a full stop inside contours, by the reasons."""
+        by_jerk = len(self.jerk_stops)
+        return self._stops_of_path | ({CURVATURE_JUMPS: by_jerk} if by_jerk else {})
+
+    @property
+    def _stops_of_path(self) -> dict[str, int]:
+        """Full stops that the path asks for, whatever the limits, by the reasons."""
         found: Counter[str] = Counter()
         for x in self.path.contours:
             found.update(count_full_stops(x.path))
@@ -106,8 +118,11 @@ class RunPlan:
 
     @property
     def stops_note(self) -> str | None:
-        """A sentence on the full stops inside contours; None if there are none."""
-        found = self.full_stops
+        """A sentence on the full stops inside contours; None without any but those of jerk.
+
+        Of these there is a warning.
+        """
+        found = self._stops_of_path
         count = sum(found.values())
         if not count:
             return None
@@ -143,6 +158,7 @@ class RunPlan:
                 "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
             )
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
+        found += warn_of(self.jerk_stops, self.run)
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:
             found += slow_ends(self.path, self.trajectory, self.run)
@@ -254,7 +270,8 @@ def _do_runs(
     for x in job.runs:
         # Refused before any work, which can take minutes.
         with locate_errors(f"Run {x.name}"):
-            refuse_unkept_jerk(x.timing, x.limits)
+            free = x.rounding is not None and x.rounding.free
+            refuse_unkept_jerk(Method.SHAPED if free else x.timing, x.limits)
     found: dict[str, Result] = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):

@@ -146,15 +146,17 @@ class LineLaw(LapLaw, LawAlongPath):
         object.__setattr__(self, "s", _checks.lock_floats(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds: the tool's position, velocity or acceleration along the line."""
+        """S or a derivative: the tool's position and its derivatives along the line."""
         q = self.on_interval(i, t, 0)
         if order == 0:
             return np.clip(self._along(q), self.s[i], self.s[i + 1])
         dq = self.on_interval(i, t, 1)
         if order == 1:
             return np.asarray(self.arm.tool_velocity(q, dq) @ self.direction)
-        found = self.arm.tool_acceleration(q, dq, self.on_interval(i, t, 2))
-        return np.asarray(found @ self.direction)
+        ddq = self.on_interval(i, t, 2)
+        if order == 2:
+            return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
+        return np.asarray(self.arm.tool_jerk(q, dq, ddq, np.zeros_like(q)) @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
@@ -178,7 +180,7 @@ class Rates(NamedTuple):
         dds: Path acceleration at the start of every interval [m/s²], (n,).
         slope: Slope of dds over s on every interval [1/s²], (n,).
         jerk: Slope of dds over time [m/s³], (n,); not zero only on intervals without the other
-            slope, at whose start or end the motion rests.
+            slope that belong to a motion of uniform jerk from rest, or to rest.
     """
 
     ds: FloatArray
@@ -227,7 +229,7 @@ class PathLaw(LawAlongPath):
         return np.append(self.rates.ds, self.path_position(last, self.breaks[-1:], 1))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """s, ds or dds at times `t` by the formula of interval `i`."""
+        """S or a derivative at times `t` by the formula of interval `i`."""
         u = t - self.breaks[i]
         ds, dds, slope, jerk = (x[i] for x in self.rates)
         # The solution of `dds = dds_i + slope (s - s_i)`: hyperbolic or circular functions.
@@ -239,7 +241,8 @@ class PathLaw(LawAlongPath):
         if order == 2:
             return np.asarray(ds * slope * h + dds * c + jerk * u)
         speed = ds * c + dds * h + jerk * u**2 / 2
-        return np.asarray(speed if order == 1 else slope * speed + jerk)
+        # Next to a rest, rounding errors must not reverse the motion.
+        return np.asarray(np.maximum(speed, 0.0) if order == 1 else slope * speed + jerk)
 
     def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """s, ds and dds at times `t` by the formula of interval `i`."""
@@ -258,12 +261,10 @@ class PathLaw(LawAlongPath):
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             times = self.breaks[i] + interval_times(width, ds, end, slope)
-            # Motion of uniform jerk from rest, or to rest: s grows with the third power of time.
-            since = np.cbrt(6 * width / jerk)
-            left = np.cbrt(6 * (self.s[i + 1] - s) / jerk)
-        from_rest, ramp = (ds == 0) & (dds == 0), jerk != 0
-        rests = np.where(from_rest, self.breaks[i] + since, self.breaks[i + 1] - left)
-        return np.asarray(np.where(ramp, rests, times))
+            # Uniform jerk: s grows with the third power of the time from the rest, or to it.
+            since = dds / jerk
+            rests = self.breaks[i] + np.cbrt(since**3 + 6 * width / jerk) - since
+        return np.asarray(np.where(jerk != 0, rests, times))
 
 
 def path_states(

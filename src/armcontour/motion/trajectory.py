@@ -210,7 +210,7 @@ class Trajectory:
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = self._clip_times(t, order, 3)
+        at = self._clip_times(t, order)
         result: FloatArray | None = None
         for k, of, i, local in self.locate(at.ravel(), side):
             values = self.laws[k].on_interval(i, local, order)
@@ -235,21 +235,21 @@ class Trajectory:
         return found
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Arc length, path speed or path acceleration, with the shape of `t` [m, m/s, m/s²].
+        """Arc length or its derivatives over time, with the shape of `t` [m, m/s, m/s², m/s³].
 
         For a program, s counts over all contours, as in its spans, and is constant in rapids and
         dwells. For a joint path without a tool path, s is the parameter of the joint path.
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
-            order: 0, 1 or 2.
+            order: 0, 1, 2 or 3.
             side: At a jump, "right" for the value after it, "left" for the value before it.
 
         Raises:
-            InvalidInput: A time is outside the trajectory, the order is not 0, 1 or 2, or the laws
-                are not along one path.
+            InvalidInput: A time is outside the trajectory, the order is not 0, 1, 2 or 3, or the
+                laws are not along one path.
         """
-        at = self._clip_times(t, order, 2)
+        at = self._clip_times(t, order)
         self._refuse_no_arc_length()
         found = np.empty(at.size)
         for k, of, i, local in self.locate(at.ravel(), side):
@@ -330,17 +330,17 @@ class Trajectory:
             i = np.clip(i, 0, len(own) - 2)
             yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
 
-    def _clip_times(self, t: npt.ArrayLike, order: int, highest: int) -> FloatArray:
+    def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory, after refusing those outside and other orders.
 
         Raises:
-            InvalidInput: A time is outside the trajectory, or the order is not from 0 to `highest`.
+            InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
         at = np.asarray(t)
         if at.dtype != np.float64:
             at = _checks.numbers("t", t, "s")
-        if order not in range(highest + 1):
-            raise InvalidInput(f"The order must be from 0 to {highest}, but is {order}.")
+        if order not in range(4):
+            raise InvalidInput(f"The order must be from 0 to 3, but is {order}.")
         slack = SLACK * self.duration
         outside = ~((at >= -slack) & (at <= self.duration + slack))
         if outside.any():

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.transitions import draw_arcs
@@ -95,8 +96,7 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
         tilted = np.zeros(len(rows), dtype=bool)
     if (pieces == 1).all():
         return rows
-    i = np.repeat(np.arange(len(rows)), pieces)
-    k = np.arange(len(i)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    i, k = number_parts(pieces)
     step = (rows.lengths / pieces)[i]
     cut = rows.cut(i, k * step, (k + 1) * step)
     straight = tilted[i]

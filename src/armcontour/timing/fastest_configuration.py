@@ -28,7 +28,7 @@ def trace_fastest(
     Args:
         path: A tool path.
         arm: The arm.
-        limits: Limits, including the joint ranges; by default the arm's own.
+        limits: Limits, including the joint ranges, without those of jerk; by default the arm's own.
         branch: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
         start: For an arm in space: joint positions near the required start [rad], (dof,).
 
@@ -37,13 +37,15 @@ def trace_fastest(
         InvalidInput: The path does not fit the arm.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    # Limits of jerk cost much time here, and favour no configuration.
+    rough = bounds.without_jerk
     found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
     if len(found) == 1:
         return found[0]
     best, least = found[0], float("inf")
     for joint_path in found:
         try:
-            duration = plan_optimal(joint_path, arm, bounds, intervals=ROUGHLY).duration
+            duration = plan_optimal(joint_path, arm, rough, intervals=ROUGHLY).duration
         except ArmContourError:
             # If no configuration can be planned, the plan of the first one raises the reason.
             continue

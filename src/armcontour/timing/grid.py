@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
 
@@ -88,8 +89,8 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     if turn.sum() > 0:
         share += (1 - EVEN_SHARE) * turn / turn.sum()
     per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count)).astype(np.intp)
-    piece = np.repeat(i, per_piece)
-    number = np.arange(len(piece)) - np.repeat(np.cumsum(per_piece) - per_piece, per_piece)
+    of, number = number_parts(per_piece)
+    piece = i[of]
     s = breaks[piece] + width[piece] * number / per_piece[piece]
     return Grid(joint_path, np.append(s, breaks[-1]), piece)
 
@@ -136,8 +137,7 @@ def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
 def split(grid: Grid, parts: FloatArray) -> Grid:
     """Split every interval of a grid into equal parts; `parts` has their numbers, (n,)."""
     count = np.maximum(1, parts).astype(np.intp)
-    of = np.repeat(np.arange(len(grid)), count)
-    number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    of, number = number_parts(count)
     s = grid.s[of] + grid.width[of] * number / count[of]
     return Grid(grid.joint_path, np.append(s, grid.s[-1]), grid.piece[of])
 

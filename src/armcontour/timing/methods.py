@@ -18,7 +18,7 @@ METHODS = (Method.OPTIMAL.value, Method.MAC.value, Method.CONVENTIONAL.value)
 PLANNING_METHODS = (*METHODS, Method.SHAPED.value)
 SHAPE_OPTIONS = ("tolerance", "line_tolerance", "zone", "angular_tolerance", "iterations")
 OPTIONS = {
-    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints"),
+    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints", "iterations"),
     "mac": ("knots", "period"),
     "conventional": (),
     "shaped": (*SHAPE_OPTIONS, "intervals"),
@@ -64,19 +64,10 @@ class Timing:
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan the motion along a contour by the method; the laws before it do not matter."""
-        if self.method == Method.OPTIMAL:
-            return plan_optimal(
-                joint_path, self.arm, self.limits, memory=self.memory, **self.options
-            )
-        if self.method == Method.SHAPED:
-            found = plan_optimal(
-                joint_path,
-                self.arm,
-                self.limits,
-                memory=self.memory,
-                intervals=self.options.get("intervals"),
-            )
-            return replace(found, method=Method.SHAPED)
+        if self.method in (Method.OPTIMAL, Method.SHAPED):
+            options = {x: y for x, y in self.options.items() if x not in SHAPE_OPTIONS}
+            found = plan_optimal(joint_path, self.arm, self.limits, memory=self.memory, **options)
+            return replace(found, method=Method(self.method))
         if self.method == Method.MAC:
             return plan_mac(joint_path, self.arm, self.limits, **self.options)
         return plan_conventional(joint_path, self.arm, self.limits)
@@ -142,13 +133,22 @@ def refuse_unkept_jerk(method: str, limits: Limits) -> None:
         NotRealizable: There are limits of jerk, and the method keeps none.
     """
     given = limits.jerk_limits
-    if not given or method in (Method.OPTIMAL, Method.SHAPED):
+    if not given or method == Method.OPTIMAL:
         return
     names = " and ".join(given)
+    lift = (
+        f"lift {names} with limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, "
+        f"limits: {{{', '.join(f'{x}: null' for x in given)}}})"
+    )
+    if method == Method.SHAPED:
+        raise NotRealizable(
+            f"Along a shaped path accelerations jump, at places where {names} would stop the tool: "
+            'round corners with continuity="curvature" and plan by the method optimal (in a job, '
+            f"corners: {{shape: arc}}, which has it where jerk is limited), or {lift}.",
+            limit=given[0],
+        )
     raise NotRealizable(
         f"The method {method} keeps no limits of jerk, but there is {names}: plan by the method "
-        f"optimal (in a job, timing: {{method: optimal}}), or lift {names} with "
-        f"limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, limits: "
-        f"{{{', '.join(f'{x}: null' for x in given)}}}).",
+        f"optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit=given[0],
     )

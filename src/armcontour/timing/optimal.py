@@ -49,7 +49,7 @@ from armcontour.timing.grid import (
     place_grid,
     split,
 )
-from armcontour.timing.jerk import JerkLimits, Task, limit_jerk
+from armcontour.timing.jerk import MOST_ITERATIONS, JerkLimits, Task, limit_jerk
 from armcontour.timing.vanishing import reparametrize, standing
 
 # Where the margin between grid points costs more than this share of a limit, the grid is refined,
@@ -98,6 +98,7 @@ def plan_optimal(
     start_speed: float = 0.0,
     end_speed: float = 0.0,
     constraints: Sequence[Constraint] = (),
+    iterations: int = MOST_ITERATIONS,
     memory: float = _memory.DEFAULT,
 ) -> Trajectory:
     """Plan the fastest motion along a path.
@@ -105,13 +106,15 @@ def plan_optimal(
     Args:
         joint_path: A traced path, or a joint path without a tool path (then without tool limits).
         arm: The arm.
-        limits: The limits. All are kept except those of jerk and range; the speed of each path
-            segment is kept too.
+        limits: The limits. All are kept except those of range; the speed of each path segment is
+            kept too.
         intervals: Approximate number of grid intervals; 4000 by default.
         grid: Grid points [m], in place of `intervals`; the breaks of the joint path are added.
         start_speed: Path speed ds at the start [m/s].
         end_speed: Path speed ds at the end [m/s].
         constraints: Further constraints.
+        iterations: With limits of jerk: largest number of iterations. A plan that was stopped early
+            is slower, and keeps all limits.
         memory: Largest memory of the process [bytes], which bounds the refinement of the grid.
 
     Raises:
@@ -120,8 +123,8 @@ def plan_optimal(
     """
     for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
         _checks.not_negative(name, speed, "m/s")
-    if grid is None and not constraints:
-        # Both count in s.
+    if grid is None and not constraints and limits.path_jerk is None:
+        # All three count in s.
         joint_path = reparametrize(joint_path)
     if grid is None:
         placed = place_grid(joint_path, intervals)
@@ -130,13 +133,14 @@ def plan_optimal(
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
 
+    most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
         law = _solve(placed, _Task(tuple(active), start, end, arm), most)
         if jerk is None:
             return law
-        return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals))
+        return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals, most_steps))
 
     try:
         law = solve(start_speed, end_speed)

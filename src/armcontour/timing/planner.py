@@ -84,9 +84,10 @@ def plan(
             path bends, but for shaped paths, along which joint positions are averaged.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
-        options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints` (see
-            `plan_optimal`); a program of more than one path takes neither grid nor speeds, and
-            `intervals` hold for every contour, by default fewer the more contours there are. For
+        options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints`,
+            `iterations` (see `plan_optimal`); a program of more than one path takes neither grid
+            nor speeds, and `intervals` hold for every contour, by default fewer the more contours
+            there are. For
             "shaped": `tolerance`, `line_tolerance`, `zone`, `angular_tolerance`, `iterations` (see
             `shape`), `intervals`. For "mac": `knots` per line, command `period` [s].
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Path
 
 # Largest distance between the first knots, over the extent of the path.
@@ -89,8 +90,7 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
         np.ceil(finer * width * turning / FIRST_TURN),
     )
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
-    cell = np.repeat(np.arange(len(cells)), count)
-    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    cell, number = number_parts(count)
     share = width[cell] / count[cell]
     u0 = cells.u0[cell] + share * number
     last = number + 1 == count[cell]

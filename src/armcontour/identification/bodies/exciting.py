@@ -71,7 +71,7 @@ class WaveLaw(Law):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Positions [rad], velocities [rad/s] or accelerations [rad/s²] at times, (..., dof)."""
+        """Positions or derivatives [rad, rad/s, rad/s², rad/s³] at times, (..., dof)."""
         at = np.asarray(t)[..., None] * self.rate
         waves = [
             (np.sin(at + k * np.pi / 2) * self.rate**k) @ self.sine
@@ -106,7 +106,7 @@ def propose(
     Args:
         found: The identification.
         limits: Limits of the motion; by default those of the arm. Those of joint positions,
-            velocities, accelerations and torques and of the tool's speed are kept.
+            velocities, accelerations, jerks and torques and of the tool's speed are kept.
         reach: Largest angle from where the first log began [rad].
         duration: Duration of the motion [s].
         period: Command interval [s].
@@ -174,7 +174,7 @@ def _within(law: WaveLaw, arm: Arm, limits: Limits, reach: float) -> WaveLaw:
     """
     t = np.linspace(0, float(law.breaks[-1]), int(law.breaks[-1] / STEP) + 1)
     none = np.zeros(1, dtype=np.intp)
-    rate, second = (np.abs(law.on_interval(none, t, k)) for k in (1, 2))
+    rate, second, third = (np.abs(law.on_interval(none, t, k)) for k in (1, 2, 3))
     away = np.abs(law.on_interval(none, t, 0) - law.home)
     low, high = limits.joint_range(arm.dof)
     room = np.minimum(np.minimum(law.home - low, high - law.home), reach)
@@ -183,6 +183,7 @@ def _within(law: WaveLaw, arm: Arm, limits: Limits, reach: float) -> WaveLaw:
         (limits.joint_velocity, rate),
         (limits.joint_acceleration, second),
         (limits.joint_deceleration, second),
+        (limits.joint_jerk, third),
     ):
         if most is not None:
             size = np.minimum(size, SHARE * most / used.max(axis=0))

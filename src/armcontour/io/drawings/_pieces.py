@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.segments import REPEATED_POINT
 
@@ -78,11 +79,10 @@ class Pieces:
         entered = np.asarray(entries, dtype=np.intp)
         piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
-        start = np.cumsum(count) - count
-        within = np.arange(count.sum()) - np.repeat(start, count)
+        of, within = number_parts(count)
         base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
-        i = np.repeat(base, count) + np.repeat(np.where(backwards, -1, 1), count) * within
-        rows = self.segments.run(i, np.repeat(backwards, count))
+        rows = self.segments.run(base[of] + np.where(backwards, -1, 1)[of] * within, backwards[of])
+        start = np.cumsum(count) - count
         vertices, ends = start if closed else start[1:], rows.ends
         gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
         wide = gaps > NO_GAP

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Segments
 from armcontour.geometry.fit import fit_arcs
 from armcontour.geometry.segments import REPEATED_POINT, close_up
@@ -238,8 +239,7 @@ class Chain:
             return self[i]._at(t - i, order)
 
         quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
-        i = np.repeat(np.arange(n), quarters)
-        k = np.arange(len(i)) - np.repeat(np.cumsum(quarters) - quarters, quarters)
+        i, k = number_parts(quarters)
         return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
 
     def _as_drawn(self) -> Segments:

@@ -14,6 +14,7 @@ from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Study
+from armcontour.jobs.job import CURVATURE
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.report.sections.tolerance import draw_tube, tube_outline, tube_pieces
@@ -220,9 +221,14 @@ def replaced_paths(study: Study) -> str:
     """Words for the paths that follow the objective path: rounded, shaped or both."""
     which = _shown(study)
     kinds = {kind_of(x.path.contours[which].path) for x in study.runs.values()}
+    words = f"the {min(kinds)} path"
     if kinds == {ROUNDED, SHAPED}:
-        return "the rounded and the shaped path"
-    return f"the {min(kinds)} path"
+        words = "the rounded and the shaped path"
+    curved = [name for name, x in study.runs.items() if x.run.continuity == CURVATURE]
+    if not curved:
+        return words
+    where = "" if len(curved) == len(study.runs) else f" in {', '.join(curved)}"
+    return f"{words} (rounded with continuous curvature{where})"
 
 
 def kind_of(path: Path) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import permutations
 
+import numpy as np
+
 from armcontour.jobs import RunResult, Study, same_plan, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.report.planned import torques_of
@@ -89,6 +91,22 @@ def _worse_on_bodies(study: Study) -> list[str]:
     return notes
 
 
+def _jerk(result: RunResult) -> list[Tile]:
+    """The executed jerk of the joint that comes nearest to its limit of jerk, if there are such."""
+    e, limit = result.evaluation, result.run.limits.joint_jerk
+    if limit is None or not np.isfinite(limit).any():
+        return []
+    worst = int(e.jerk_ratio.argmax())
+    name, jerk = result.execution.arm.joint_names[worst], float(e.jerk[worst])
+    return [
+        Tile(
+            label="joint jerk / limit",
+            value=_ratio(float(e.jerk_ratio[worst])),
+            note=f"{name}; {jerk:.4g} rad/s³ over one command interval",
+        )
+    ]
+
+
 def _tiles(result: RunResult) -> tuple[Tile, ...]:
     """Tiles of one run."""
     e = result.evaluation
@@ -113,6 +131,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             value=_ratio(float(e.demand_ratio[worst])),
             note=f"{names[worst]}; {_saturated(result)}",
         ),
+        *_jerk(result),
         Tile(
             label="joints fully used",
             value=f"{e.utilisation:.0%}",

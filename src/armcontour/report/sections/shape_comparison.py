@@ -10,12 +10,12 @@ from armcontour._checks import FloatArray
 from armcontour.arms import PlanarTwoLink
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
+from armcontour.geometry.shaped import SHAPED
 from armcontour.jobs import Job, Run, RunResult
 from armcontour.motion import Trajectory
-from armcontour.report.sections.tolerance import tube_of
 from armcontour.timing import plan
 from armcontour.timing.shaping.starts import make_starts
-from armcontour.timing.shaping.wishes import Wishes
+from armcontour.timing.shaping.wishes import Wishes, tube_of
 
 # Evenly spaced places at which distances are drawn, and at which the largest one is looked for.
 PLACES = 1500
@@ -45,7 +45,8 @@ class ShapedContour:
     @property
     def saved(self) -> float:
         """Time that the shape saves [s]."""
-        return fastest_start(self.path)[1] - self.path.outcome.durations["shaped"]
+        outcome = self.path.outcome
+        return outcome.durations[outcome.start] - outcome.durations[SHAPED]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,13 +71,6 @@ class Variant:
     def origin(self, s: FloatArray) -> FloatArray:
         """Arc lengths on the objective path at arc lengths on this path [m]."""
         return np.interp(s, self.places[:, 1], self.places[:, 0])
-
-
-def fastest_start(path: ShapedPath) -> tuple[str, float]:
-    """Name and duration [s] of the fastest of the starts of a shaped path."""
-    starts = {name: x for name, x in path.outcome.durations.items() if name != "shaped"}
-    name = min(starts, key=lambda x: starts[x])
-    return name, starts[name]
 
 
 def variant_of(path: ShapedPath) -> Variant:
@@ -120,9 +114,10 @@ def starts_of(path: ShapedPath, run: Run) -> dict[str, Variant]:
         zone=path.zone,
         angular_tolerance=None if run.rounding is None else run.rounding.angular_tolerance,
     )
+    starts = make_starts(path.objective, tube_of(path.objective, path), wishes)
     return {
         name: Variant(name=name, path=found, places=without_jumps(places, path.objective))
-        for name, (found, places) in make_starts(path.objective, tube_of(path), wishes).items()
+        for name, (found, places) in starts.items()
     }
 
 
@@ -186,7 +181,7 @@ def sharp_vertices(objective: Path) -> FloatArray:
 
 def missed_vertices(path: ShapedPath) -> FloatArray:
     """Distances of the vertices at which the objective turns from their own parts of a path [m]."""
-    tube = tube_of(path)
+    tube = tube_of(path.objective, path)
     reach = np.full(len(path.places), REACH * path.tolerance)
     distance, _ = tube.nearest_to_corners(path, path.places, reach)
     return distance

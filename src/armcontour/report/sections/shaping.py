@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from armcontour.geometry import ShapedPath
+from armcontour.geometry.shaped import SHAPED
 from armcontour.jobs import Study
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.corners import Replaced, draw_corners, find_corners
 from armcontour.report.sections.shape_comparison import (
     ShapedContour,
-    fastest_start,
     largest_distance,
     missed_vertices,
     starts_of,
@@ -26,14 +26,14 @@ from armcontour.report.sections.shaping_figures import (
     magnified,
 )
 from armcontour.report.style import few
-from armcontour.timing.shaping.starts import ARCS
+from armcontour.timing.shaping.starts import ARCS, PARABOLAS, STOPS
 
 # Largest number of contours with figures, and of rows of the table.
 MOST_CONTOURS = 6
 MOST_ROWS = 20
 # Largest number of enlarged corners.
 MOST_CORNERS = 4
-STARTS = ("arcs", "parabolas", "stops")
+STARTS = (ARCS, PARABOLAS, STOPS)
 
 
 def shaping(study: Study) -> Section | None:
@@ -104,7 +104,7 @@ def _table(found: list[ShapedContour]) -> Table:
             (
                 x.label,
                 *("" if t is None else f"{t:.3f}" for t in times),
-                f"{outcome.durations['shaped']:.3f}",
+                f"{outcome.durations[SHAPED]:.3f}",
                 outcome.start,
                 f"{outcome.gain:.2%}",
                 f"{max(len(outcome.history) - 1, 0)}",
@@ -144,7 +144,7 @@ def _figures(study: Study, contour: ShapedContour) -> tuple[Any, ...]:
     """Figures of one shaped contour: corners, the whole path magnified, speeds."""
     path = contour.path
     starts = starts_of(path, contour.result.run)
-    shaped, rival = variant_of(path), starts[fastest_start(path)[0]]
+    shaped, rival = variant_of(path), starts[path.outcome.start]
     motions = [time_variant(x, contour, study.job) for x in (rival, shaped)]
     turned = find_corners(path)
     sharpest = sorted(turned, key=lambda x: -path.objective.turns[x.vertex - 1])[:MOST_CORNERS]

@@ -7,21 +7,15 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import ShapedPath, Tube
+from armcontour.geometry import ShapedPath
 from armcontour.report.outline import fine_places
+from armcontour.timing.shaping.wishes import tube_of
 
 TUBE_COLOUR = "rgba(86, 180, 233, 0.25)"
 # Points of the round joint between two pieces of a tube.
 ROUND = 24
 # Turns below this need no round joint: the gap between two pieces is not visible [rad].
 NO_GAP = 0.03
-
-
-def tube_of(path: ShapedPath) -> Tube:
-    """The tube that a shaped path stays in."""
-    return Tube.of(
-        path.objective, path.tolerance, line_tolerance=path.line_tolerance, zone=path.zone
-    )
 
 
 def tube_pieces(
@@ -37,7 +31,7 @@ def tube_pieces(
     Returns:
         Arc lengths, (n,), and tolerances, (n - 1,).
     """
-    objective, tube = path.objective, tube_of(path)
+    objective, tube = path.objective, tube_of(path.objective, path)
     low, high = max(start, 0.0), objective.length if end is None else min(end, objective.length)
     # Where zones of vertices start and end the tolerance jumps.
     inside = tube.breaks[(tube.breaks > low) & (tube.breaks < high)]

@@ -33,7 +33,7 @@ DURATION, START, END = 0, 1, 2
 
 
 class Section(NamedTuple):
-    """The problem between two rests, or other ends.
+    """The problem between two rests, or other ends, on n cells in m parts.
 
     A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
     are the values of a at the start and the end.
@@ -43,23 +43,25 @@ class Section(NamedTuple):
         begin, end: Rows of the first and last control point of a on each cell, (n, 3) each.
         ramps: Lengths of the cells of uniform jerk before the first and after the last cell [m],
             (2,); 0 where there is none.
-        plain: Rows `low <= row <= high`, (n, m, 3).
-        low, high: Their bounds, (n, m).
+        cell: The cell in which each part lies, (m,).
+        plain: Rows `low <= row <= high` of each part, (m, k, 3).
+        low, high: Their bounds, (m, k).
         curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
-            (n, k, 3).
-        jerk: Their limits, (k,).
-        of: The control point of each, (k,).
-        raised: Rows of the control points of a as a polynomial of the degree of the curved rows,
-            (n, j, 3).
-        round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (n, l, 3, 3).
-        radius, margin: Of the round rows, (n, l).
-        round_of: The control point of each, or -1 for a fixed radius, (l,).
+            (m, l, 3).
+        jerk: Their limits, (l,).
+        of: The control point of each, (l,).
+        raised: Rows of the control points of a on each part, as a polynomial of the degree of the
+            curved rows, (m, j, 3).
+        round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
+        radius, margin: Of the round rows, (m, o).
+        round_of: The control point of each, or -1 for a fixed radius, (o,).
     """
 
     width: FloatArray
     begin: FloatArray
     end: FloatArray
     ramps: FloatArray
+    cell: IntArray
     plain: FloatArray
     low: FloatArray
     high: FloatArray
@@ -85,13 +87,13 @@ class _Duals(NamedTuple):
 
 @compiled()
 def _duals(p: Section) -> _Duals:
-    n = len(p.width)
+    n = len(p.cell)
     return _Duals(
         np.zeros(p.low.shape),
         np.zeros(p.low.shape),
         np.zeros((n, p.curved.shape[1], 2)),
         np.zeros((n, p.round.shape[1])),
-        np.zeros(n + 2),
+        np.zeros(len(p.width) + 2),
     )
 
 
@@ -105,48 +107,49 @@ def _end(rows: FloatArray, i: int, d: FloatArray) -> float:
 
 
 @compiled(inline="always")
-def _of(rows: FloatArray, i: int, r: int, d: FloatArray) -> float:
-    """The value of row r of cell i."""
-    return float(rows[i, r, 0] * d[i] + rows[i, r, 1] * d[i + 1] + rows[i, r, 2] * d[i + 2])
+def _of(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
+    """The value of row r of part c, which lies in cell i."""
+    return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
 
 
 @compiled(inline="always")
-def _axis(rows: FloatArray, i: int, r: int, k: int, d: FloatArray) -> float:
-    """The value of axis k of the vector r of cell i."""
-    x, y, z = rows[i, r, k, 0], rows[i, r, k, 1], rows[i, r, k, 2]
+def _axis(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
+    """The value of axis k of the vector r of part c, which lies in cell i."""
+    x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
     return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
 
 
 @compiled(inline="always")
-def _tangents(p: Section, i: int, d: FloatArray, found: FloatArray) -> None:
-    """Write the control points of the tangent below a^(-1/2) in cell i, and slopes, (j, 4)."""
+def _tangents(p: Section, c: int, d: FloatArray, found: FloatArray) -> None:
+    """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
+    i = p.cell[c]
     x = d[i + 1]
     root = 1.0 / math.sqrt(x)
     half = 0.5 * root / x
     for k in range(p.raised.shape[1]):
-        point = _of(p.raised, i, k, d)
+        point = _of(p.raised, c, k, i, d)
         found[k, 0] = 1.5 * root - half * point
-        found[k, 1] = -half * p.raised[i, k, 0]
-        found[k, 2] = 1.5 * half * (point / x - 1.0) - half * p.raised[i, k, 1]
-        found[k, 3] = -half * p.raised[i, k, 2]
+        found[k, 1] = -half * p.raised[c, k, 0]
+        found[k, 2] = 1.5 * half * (point / x - 1.0) - half * p.raised[c, k, 1]
+        found[k, 3] = -half * p.raised[c, k, 2]
 
 
 @compiled(inline="always")
-def _radius(p: Section, i: int, r: int, tangents: FloatArray) -> Any:
+def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
     """The radius of a round row, and its slope, (value, x, y, z)."""
-    k, radius = p.round_of[r], p.radius[i, r]
+    k, radius = p.round_of[r], p.radius[c, r]
     if k < 0:
-        return radius - p.margin[i, r], 0.0, 0.0, 0.0
+        return radius - p.margin[c, r], 0.0, 0.0, 0.0
     value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
-    return radius * value - p.margin[i, r], radius * x, radius * y, radius * z
+    return radius * value - p.margin[c, r], radius * x, radius * y, radius * z
 
 
 @compiled(inline="always")
-def _square(p: Section, i: int, r: int, d: FloatArray) -> float:
+def _square(p: Section, c: int, r: int, d: FloatArray) -> float:
     """The square of the length of a vector of a round row."""
     total = 0.0
     for k in range(3):
-        total += _axis(p.round, i, r, k, d) ** 2
+        total += _axis(p.round, c, r, k, p.cell[c], d) ** 2
     return total
 
 
@@ -155,19 +158,20 @@ def _slacks(p: Section, d: FloatArray, found: _Duals) -> None:
     """Write how far d is from every bound."""
     n = len(p.width)
     tangents = np.empty((p.raised.shape[1], 4))
-    for i in range(n):
-        _tangents(p, i, d, tangents)
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            f = _of(p.plain, i, r, d)
-            found.high[i, r], found.low[i, r] = p.high[i, r] - f, f - p.low[i, r]
+            f = _of(p.plain, c, r, i, d)
+            found.high[c, r], found.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
         for r in range(p.curved.shape[1]):
             bound = p.jerk[r] * tangents[p.of[r], 0]
-            f = _of(p.curved, i, r, d)
-            found.curved[i, r, 0], found.curved[i, r, 1] = bound - f, bound + f
+            f = _of(p.curved, c, r, i, d)
+            found.curved[c, r, 0], found.curved[c, r, 1] = bound - f, bound + f
         for r in range(p.round.shape[1]):
-            bound = _radius(p, i, r, tangents)[0]
+            bound = _radius(p, c, r, tangents)[0]
             # Without a radius the row is broken, whatever the vector.
-            found.round[i, r] = bound - _square(p, i, r, d) / bound if bound > 0.0 else -1.0
+            found.round[c, r] = bound - _square(p, c, r, d) / bound if bound > 0.0 else -1.0
     for i in range(n + 2):
         found.positive[i] = d[i]
 
@@ -179,23 +183,24 @@ def least_slack(p: Section, d: FloatArray) -> float:
     _slacks(p, d, slack)
     least = 1.0
     tangents = np.empty((p.raised.shape[1], 4))
-    for i in range(len(p.width)):
+    for c in range(len(p.cell)):
+        i = p.cell[c]
         if d[i + 1] <= 0.0:
             return -1.0
-        _tangents(p, i, d, tangents)
+        _tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            f = abs(_of(p.plain, i, r, d))
-            if p.high[i, r] < math.inf:
-                least = min(least, slack.high[i, r] / max(abs(p.high[i, r]), f, TINY))
-            if p.low[i, r] > -math.inf:
-                least = min(least, slack.low[i, r] / max(abs(p.low[i, r]), f, TINY))
+            f = abs(_of(p.plain, c, r, i, d))
+            if p.high[c, r] < math.inf:
+                least = min(least, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
+            if p.low[c, r] > -math.inf:
+                least = min(least, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
         for r in range(p.curved.shape[1]):
-            left, right = slack.curved[i, r, 0], slack.curved[i, r, 1]
+            left, right = slack.curved[c, r, 0], slack.curved[c, r, 1]
             # The sum of both slacks is twice the bound.
             least = min(least, min(left, right) / max(abs(left + right) / 2, TINY))
         for r in range(p.round.shape[1]):
-            bound = abs(_radius(p, i, r, tangents)[0])
-            least = min(least, slack.round[i, r] / max(bound, TINY))
+            bound = abs(_radius(p, c, r, tangents)[0])
+            least = min(least, slack.round[c, r] / max(bound, TINY))
     return least
 
 
@@ -283,44 +288,45 @@ def _add_bounds(
     """Add what the barriers of all bounds contribute to Newton's system."""
     n = len(p.width)
     tangents = np.empty((p.raised.shape[1], 4))
-    for i in range(n):
-        _tangents(p, i, d, tangents)
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
         h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         g = (0.0, 0.0, 0.0)
         for r in range(p.plain.shape[1]):
             weight, push = 0.0, 0.0
-            if p.high[i, r] < math.inf:
-                one = 1.0 / slack.high[i, r]
-                weight += dual.high[i, r] * one
+            if p.high[c, r] < math.inf:
+                one = 1.0 / slack.high[c, r]
+                weight += dual.high[c, r] * one
                 push -= mu * one
-            if p.low[i, r] > -math.inf:
-                one = 1.0 / slack.low[i, r]
-                weight += dual.low[i, r] * one
+            if p.low[c, r] > -math.inf:
+                one = 1.0 / slack.low[c, r]
+                weight += dual.low[c, r] * one
                 push += mu * one
-            row = (p.plain[i, r, 0], p.plain[i, r, 1], p.plain[i, r, 2])
+            row = (p.plain[c, r, 0], p.plain[c, r, 1], p.plain[c, r, 2])
             h, g = _more(h, g, row, weight, push)
         for r in range(p.curved.shape[1]):
             k = p.of[r]
             x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             for side in range(2):
                 sign = -1.0 if side == 0 else 1.0
-                one = 1.0 / slack.curved[i, r, side]
+                one = 1.0 / slack.curved[c, r, side]
                 row = (
-                    p.jerk[r] * x + sign * p.curved[i, r, 0],
-                    p.jerk[r] * y + sign * p.curved[i, r, 1],
-                    p.jerk[r] * z + sign * p.curved[i, r, 2],
+                    p.jerk[r] * x + sign * p.curved[c, r, 0],
+                    p.jerk[r] * y + sign * p.curved[c, r, 1],
+                    p.jerk[r] * z + sign * p.curved[c, r, 2],
                 )
-                h, g = _more(h, g, row, dual.curved[i, r, side] * one, mu * one)
+                h, g = _more(h, g, row, dual.curved[c, r, side] * one, mu * one)
         for r in range(p.round.shape[1]):
-            bound, x, y, z = _radius(p, i, r, tangents)
-            one, weight = 1.0 / slack.round[i, r], dual.round[i, r]
-            h, g = _more(h, g, _round_slope(p, i, r, d, tangents), weight * one, mu * one)
+            bound, x, y, z = _radius(p, c, r, tangents)
+            one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
+            h, g = _more(h, g, _round_slope(p, c, r, d, tangents), weight * one, mu * one)
             for k in range(3):
-                share = _axis(p.round, i, r, k, d) / bound
+                share = _axis(p.round, c, r, k, p.cell[c], d) / bound
                 row = (
-                    p.round[i, r, k, 0] - share * x,
-                    p.round[i, r, k, 1] - share * y,
-                    p.round[i, r, k, 2] - share * z,
+                    p.round[c, r, k, 0] - share * x,
+                    p.round[c, r, k, 1] - share * y,
+                    p.round[c, r, k, 2] - share * z,
                 )
                 h, g = _more(h, g, row, 2.0 * weight / bound, 0.0)
         _add(bands, right, i, h, g)
@@ -331,16 +337,16 @@ def _add_bounds(
 
 
 @compiled(inline="always")
-def _round_slope(p: Section, i: int, r: int, d: FloatArray, tangents: FloatArray) -> Any:
+def _round_slope(p: Section, c: int, r: int, d: FloatArray, tangents: FloatArray) -> Any:
     """The slope of `bound - |vector|² / bound`, (x, y, z)."""
-    bound, x, y, z = _radius(p, i, r, tangents)
-    more = 1.0 + _square(p, i, r, d) / (bound * bound)
+    bound, x, y, z = _radius(p, c, r, tangents)
+    more = 1.0 + _square(p, c, r, d) / (bound * bound)
     x, y, z = more * x, more * y, more * z
     for k in range(3):
-        share = 2.0 * _axis(p.round, i, r, k, d) / bound
-        x -= share * p.round[i, r, k, 0]
-        y -= share * p.round[i, r, k, 1]
-        z -= share * p.round[i, r, k, 2]
+        share = 2.0 * _axis(p.round, c, r, k, p.cell[c], d) / bound
+        x -= share * p.round[c, r, k, 0]
+        y -= share * p.round[c, r, k, 1]
+        z -= share * p.round[c, r, k, 2]
     return x, y, z
 
 
@@ -369,38 +375,39 @@ def _changes(
     n = len(p.width)
     reach = (1.0, 1.0)
     tangents = np.empty((p.raised.shape[1], 4))
-    for i in range(n):
-        _tangents(p, i, d, tangents)
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            rise = _of(p.plain, i, r, step)
-            if p.high[i, r] < math.inf:
-                room, old = slack.high[i, r], dual.high[i, r]
+            rise = _of(p.plain, c, r, i, step)
+            if p.high[c, r] < math.inf:
+                room, old = slack.high[c, r], dual.high[c, r]
                 new = (mu + old * rise) / room - old
                 reach = _reach(room, old, -rise, new, reach)
-                change.high[i, r] = new
-            if p.low[i, r] > -math.inf:
-                room, old = slack.low[i, r], dual.low[i, r]
+                change.high[c, r] = new
+            if p.low[c, r] > -math.inf:
+                room, old = slack.low[c, r], dual.low[c, r]
                 new = (mu - old * rise) / room - old
                 reach = _reach(room, old, rise, new, reach)
-                change.low[i, r] = new
+                change.low[c, r] = new
         for r in range(p.curved.shape[1]):
             k = p.of[r]
             x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
-            rise = _of(p.curved, i, r, step)
+            rise = _of(p.curved, c, r, i, step)
             for side in range(2):
                 own = common - rise if side == 0 else common + rise
-                room, old = slack.curved[i, r, side], dual.curved[i, r, side]
+                room, old = slack.curved[c, r, side], dual.curved[c, r, side]
                 new = (mu - old * own) / room - old
                 reach = _reach(room, old, own, new, reach)
-                change.curved[i, r, side] = new
+                change.curved[c, r, side] = new
         for r in range(p.round.shape[1]):
-            x, y, z = _round_slope(p, i, r, d, tangents)
+            x, y, z = _round_slope(p, c, r, d, tangents)
             rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
-            room, old = slack.round[i, r], dual.round[i, r]
+            room, old = slack.round[c, r], dual.round[c, r]
             new = (mu - old * rise) / room - old
             reach = _reach(room, old, rise, new, reach)
-            change.round[i, r] = new
+            change.round[c, r] = new
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
             room, old = slack.positive[i], dual.positive[i]
@@ -413,19 +420,21 @@ def _changes(
 @compiled()
 def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
     """Whether d keeps a share of its old slack on every curved and round row."""
-    n = len(p.width)
     share = 1.0 - NEAREST
     tangents = np.empty((p.raised.shape[1], 4))
-    for i in range(n):
-        _tangents(p, i, d, tangents)
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
         for r in range(p.curved.shape[1]):
             bound = p.jerk[r] * tangents[p.of[r], 0]
-            f = _of(p.curved, i, r, d)
-            if bound - f < share * old.curved[i, r, 0] or bound + f < share * old.curved[i, r, 1]:
+            f = _of(p.curved, c, r, i, d)
+            left, right = bound - f, bound + f
+            # Also false for what is no number.
+            if not (left >= share * old.curved[c, r, 0] and right >= share * old.curved[c, r, 1]):
                 return False
         for r in range(p.round.shape[1]):
-            bound = _radius(p, i, r, tangents)[0]
-            if bound <= 0.0 or bound - _square(p, i, r, d) / bound < share * old.round[i, r]:
+            bound = _radius(p, c, r, tangents)[0]
+            if not (bound > 0.0 and bound - _square(p, c, r, d) / bound >= share * old.round[c, r]):
                 return False
     return True
 
@@ -489,24 +498,24 @@ def _move(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> N
 def _count(p: Section, dual: _Duals) -> float:
     """Number of bounds."""
     found = dual.curved.size + dual.round.size
-    for i in range(p.low.shape[0]):
+    for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
-            found += (p.low[i, r] > -math.inf) + (p.high[i, r] < math.inf)
+            found += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
     return float(found + len(p.width))
 
 
 @compiled()
 def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
     """Multipliers on the central path of mu."""
-    for i in range(p.low.shape[0]):
+    for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
-            dual.low[i, r] = mu / slack.low[i, r] if p.low[i, r] > -math.inf else 0.0
-            dual.high[i, r] = mu / slack.high[i, r] if p.high[i, r] < math.inf else 0.0
+            dual.low[c, r] = mu / slack.low[c, r] if p.low[c, r] > -math.inf else 0.0
+            dual.high[c, r] = mu / slack.high[c, r] if p.high[c, r] < math.inf else 0.0
         for r in range(p.curved.shape[1]):
             for side in range(2):
-                dual.curved[i, r, side] = mu / slack.curved[i, r, side]
+                dual.curved[c, r, side] = mu / slack.curved[c, r, side]
         for r in range(p.round.shape[1]):
-            dual.round[i, r] = mu / slack.round[i, r]
+            dual.round[c, r] = mu / slack.round[c, r]
     for i in range(len(slack.positive)):
         if slack.positive[i] > 0.0:
             dual.positive[i] = mu / slack.positive[i]
@@ -522,15 +531,23 @@ def _climb(dual: FloatArray, change: FloatArray, share: float) -> None:
 
 @compiled()
 def improve(
-    p: Section, d: FloatArray, goal: int, target: float, tolerance: float, most: int
+    p: Section,
+    d: FloatArray,
+    goal: int,
+    target: float,
+    weight: float,
+    tolerance: float,
+    most: int,
 ) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations.
 
     Args:
         p: The problem.
         d: Control points of a [m²/s²], (n + 2,); those of the ends stay, but for the goal's.
-        goal: DURATION, START or END: what is minimized, or maximized for the two others.
+        goal: DURATION, or START or END: the end at which a is free and is raised to the target.
         target: The value of a at which the search for START or END ends.
+        weight: What reaching the target counts, against the whole duration, which is minimized too
+            and keeps the rest of the path away from rest.
         tolerance: Share of the optimum within which the result is.
         most: Largest number of iterations.
     """
@@ -543,16 +560,16 @@ def improve(
     for k in (0, n + 1):
         if goal == DURATION or k != end:
             slack.positive[k] = 0.0
-    size = _add_durations(p, d, bands, right) if goal == DURATION else target
+    size = _add_durations(p, d, bands, right)
+    pull = weight * size / target if goal != DURATION else 0.0
     bounds = _count(p, dual)
     mu = size / bounds
     _start_duals(p, slack, mu, dual)
     for iteration in range(most):
         bands[:], right[:] = 0.0, 0.0
-        if goal == DURATION:
-            size = _add_durations(p, d, bands, right)
-        else:
-            right[end] += 1.0
+        size = _add_durations(p, d, bands, right)
+        if goal != DURATION:
+            right[end] += pull
         _add_bounds(p, d, slack, dual, mu, bands, right)
         _hold(bands, right, goal)
         trial[:] = right

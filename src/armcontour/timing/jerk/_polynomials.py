@@ -1,8 +1,9 @@
-"""Joint acceleration and jerk on cells of a path as polynomials in Bernstein form; compiled."""
+"""Joint acceleration and jerk on parts of cells as polynomials in Bernstein form; compiled."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,10 +12,48 @@ from armcontour._kernels import compiled
 
 # Highest degree of a joint path.
 HIGHEST = 5
-# Of the three control points of a on a cell of width 1: the powers of a, of dds and of its slope.
-SQUARE = np.array([[1.0, -2.0, 1.0], [0.0, 2.0, -2.0], [0.0, 0.0, 1.0]])
-RATE = np.array([[-1.0, 1.0], [1.0, -2.0], [0.0, 1.0]])
-SLOPE = np.array([1.0, -2.0, 1.0])
+
+
+class Basis(NamedTuple):
+    """ds² and its rates on parts of cells, by the three control points of ds² on each cell.
+
+    Args:
+        square: Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3).
+        rate: Powers of x of dds, (m, 3, 2).
+        slope: The slope of dds over s, (m, 3).
+    """
+
+    square: FloatArray
+    rate: FloatArray
+    slope: FloatArray
+
+    @property
+    def points(self) -> FloatArray:
+        """Control points of ds² on each part, (m, 3, 3 control points of the cell)."""
+        return raised(self, 2)
+
+    def at_end(self, end: int) -> tuple[FloatArray, FloatArray]:
+        """ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
+        if end == 0:
+            return self.square[..., 0], self.rate[..., 0]
+        return self.square.sum(axis=-1), self.rate.sum(axis=-1)
+
+
+def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
+    """The basis on parts of cells.
+
+    Args:
+        start: Where each part starts in its cell, from 0 to 1, (m,).
+        share: Its share of the cell, (m,).
+        width: Length of the cell [m], (m,).
+    """
+    x, second = start[:, None], np.array([2.0, -4.0, 2.0])
+    value = np.concatenate([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
+    first = np.concatenate([-2 * (1 - x), 2 - 4 * x, 2 * x], axis=1)
+    y, h = share[:, None], width[:, None]
+    square = np.stack([value, y * first, np.broadcast_to(y**2 * second / 2, value.shape)], axis=2)
+    rate = np.stack([first, np.broadcast_to(y * second, first.shape)], axis=2) / (2 * h[..., None])
+    return Basis(square, rate, second / (2 * h**2))
 
 
 def to_bernstein(degree: int) -> FloatArray:
@@ -27,9 +66,9 @@ def to_bernstein(degree: int) -> FloatArray:
     )
 
 
-def raised(degree: int) -> FloatArray:
-    """Control points of a quadratic as a polynomial of a higher degree, (degree + 1, 3)."""
-    return np.asarray(to_bernstein(degree)[:, :3] @ SQUARE.T)
+def raised(on: Basis, degree: int) -> FloatArray:
+    """Control points of ds² as a polynomial of a degree of at least two, (m, degree + 1, 3)."""
+    return np.asarray(np.einsum("cm,pbm->pcb", to_bernstein(degree)[:, :3], on.square))
 
 
 @compiled()
@@ -38,20 +77,22 @@ def motion_rows(
     breaks: FloatArray,
     piece: IntArray,
     s: FloatArray,
+    on: Basis,
     degree: int,
     of_powers: tuple[FloatArray, FloatArray],
     joints: tuple[IntArray, IntArray],
     found: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Control points of acceleration, and of jerk over ds, as rows of the control points of a.
+    """Control points of acceleration, and of jerk over ds, as rows of the control points of ds².
 
     The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
 
     Args:
         coefficients: Of the joint path, (pieces, 6, dof).
         breaks: Of the joint path, (pieces + 1,).
-        piece: Piece of each cell, (n,).
-        s: Ends of the cells, (n + 1,).
+        piece: Piece of each part, (n,).
+        s: Ends of the parts, (n + 1,).
+        on: The basis on the parts.
         degree: Of the joint path.
         of_powers: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less.
         joints: Joints whose accelerations, and whose jerks are wanted.
@@ -73,7 +114,7 @@ def motion_rows(
                 j = joints[kind][place]
                 factor = 1.0
                 for m in range(HIGHEST + 1):
-                    # The m-th derivative over m!, at the start of the cell.
+                    # The m-th derivative over m!, at the start of the part.
                     total = 0.0
                     for n in range(HIGHEST, m - 1, -1):
                         choose = 1.0
@@ -93,16 +134,16 @@ def motion_rows(
                     for m in range(HIGHEST):
                         for n in range(3):
                             if kind == 0:
-                                powers[m + n] += taylor[1, m] * SQUARE[b, n]
+                                powers[m + n] += taylor[1, m] * on.square[i, b, n]
                             else:
-                                powers[m + n] += taylor[2, m] * SQUARE[b, n]
+                                powers[m + n] += taylor[2, m] * on.square[i, b, n]
                         for n in range(2):
                             if kind == 0:
-                                powers[m + n] += taylor[0, m] * RATE[b, n] / h
+                                powers[m + n] += taylor[0, m] * on.rate[i, b, n]
                             else:
-                                powers[m + n] += 3.0 * taylor[1, m] * RATE[b, n] / h
+                                powers[m + n] += 3.0 * taylor[1, m] * on.rate[i, b, n]
                         if kind == 1:
-                            powers[m] += taylor[0, m] * SLOPE[b] / h**2
+                            powers[m] += taylor[0, m] * on.slope[i, b]
                     for c in range(count):
                         total = 0.0
                         for m in range(c + 1):

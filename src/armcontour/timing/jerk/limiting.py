@@ -12,6 +12,8 @@ from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.timing.constraints import Bounds, Constraint, JointDerivatives
+from armcontour.timing.end_speeds import END as END_SPEED
+from armcontour.timing.end_speeds import START as START_SPEED
 from armcontour.timing.end_speeds import refuse_speed
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk._interior_point import (
@@ -22,11 +24,13 @@ from armcontour.timing.jerk._interior_point import (
     improve,
     least_slack,
 )
-from armcontour.timing.jerk.mesh import Mesh, Rest, place_mesh, split_mesh
+from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import JerkLimits, Rows, control_points
 
-# Cells of a plan by default, and at least so many for each piece of the joint path.
-DEFAULT_CELLS, PER_PIECE = 1000, 1.5
+# Cells of a plan by default: so many while an acceleration builds up, but within these numbers.
+PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000
+# Motion is even below this share of the largest path acceleration.
+EVEN = 0.01
 # The first pass has this share of the cells, and at least so many.
 COARSER, FEWEST = 5, 60
 # Shares of the optimum within which the passes end, and their largest numbers of iterations.
@@ -41,6 +45,8 @@ CLEAR = 1e-4
 # to LEAST of it where rows ask for that.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
+# Bounds of dds are at least this share of the largest dds.
+LEAST_RATE = 0.02
 # A plan that comes nearer to these bounds than this share is made again with wider ones.
 TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
 # Cells whose margins take more than this share of a limit are split.
@@ -48,6 +54,13 @@ LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
 # A jump of d2q_ds2 counts if it is this share of its size, and if at the plan's speed the joint's
 # jerk needs longer than this share of the duration for it.
 KINK, TOO_SHORT = 1e-6, 1e-8
+# A start or end speed that is the limit is lower than the limit by half of this share: no row of an
+# interior point is met exactly.
+CLOSE_TO_LIMIT = 1e-7
+# What a start or end speed counts against the duration, one after the other, until it is reached.
+WEIGHTS = (0.0, 1.0, 10.0, 100.0)
+# The path hardly bends over a length that turns it by less than about this [rad].
+EVEN_BEND = 5e-4
 # The rates at a rest are those at this share of its section.
 NEAR_REST = 5e-3
 
@@ -62,7 +75,8 @@ class Task:
         jerk: The limits of jerk.
         start_speed, end_speed: Path speeds at the start and the end [m/s].
         cells: About so many cells; None for the default.
-        iterations: Largest number of iterations of each pass.
+        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
+            all limits.
     """
 
     arm: Arm
@@ -84,14 +98,13 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    pieces = len(law.joint_path.breaks) - 1
-    cells = max(DEFAULT_CELLS, int(PER_PIECE * pieces)) if task.cells is None else task.cells
-    ends, at_rest = _sections(law, task)
-    rests = _rests(law, task, ends)
-    mesh = place_mesh(law, max(cells // COARSER, FEWEST), ends, at_rest, rests)
+    places, at_rest = _sections(law, task)
+    ends = _ends(law, task, places, at_rest)
+    cells = _default_cells(law, ends) if task.cells is None else task.cells
+    mesh = place_mesh(law, law.s, max(cells // COARSER, FEWEST), places, ends)
     rough = _rows(task, mesh, law)
     found = _law(mesh, _solve(rough, (law, 0.0), task, ROUGH))
-    mesh = place_mesh(found, cells, ends, at_rest, rests)
+    mesh = place_mesh(found, law.s, cells, places, _ends(found, task, places, at_rest))
     if rough.exact:
         rows = _rows(task, mesh, found)
         return _law(mesh, _solve(rows, (found, INSIDE), task, EXACT))
@@ -105,17 +118,29 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         NotRealizable: Margins leave no room however small the cells, or as `limit_jerk`.
     """
     bracketed = any(x.bracketed for x in task.active)
-    splits, wider = 0, 1.0
+    splits, wider, best = 0, 1.0, None
     while True:
         bounds = _bounds(mesh, near, wider, bracketed)
         rows = _rows(task, mesh, near, bounds)
-        if splits < MOST_SPLITS and (rows.lost > LARGEST_MARGIN).any():
-            parts = np.ceil(np.sqrt(rows.lost / LARGEST_MARGIN))
-            mesh, splits = split_mesh(mesh, np.clip(parts, 1, MOST_PARTS)), splits + 1
+        narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
+        if splits < MOST_SPLITS and narrow.any() and len(mesh.grid) < MOST_CELLS:
+            parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
+            mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
             continue
-        found = _law(mesh, _solve(rows, (near, INSIDE), task, EXACT))
+        try:
+            found = _law(mesh, _solve(rows, (near, INSIDE), task, EXACT))
+        except NotRealizable as error:
+            if error.limit in (START_SPEED, END_SPEED) or not bracketed:
+                if best is None:
+                    raise
+                return best
+            # Rows that hold for any ds² down to rest always leave room for slow motion.
+            bracketed = False
+            continue
+        if best is None or found.breaks[-1] < best.breaks[-1]:
+            best = found
         if wider >= WIDEST or not _touches(mesh, bounds, found):
-            return found
+            return best
         near, wider = found, wider * WIDER
 
 
@@ -151,8 +176,10 @@ def _bends(law: PathLaw, jerk: JerkLimits) -> FloatArray:
     return np.asarray(at[((jump > size) & (jump * square > soon)).any(axis=1)])
 
 
-def _rests(law: PathLaw, task: Task, ends: FloatArray) -> list[tuple[Rest, Rest]]:
-    """How the motion may start and end in each section."""
+def _ends(
+    law: PathLaw, task: Task, places: FloatArray, at_rest: BoolArray
+) -> list[tuple[End, End]]:
+    """How the motion may start and stop in each section, near a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = JointDerivatives.on(grid)
     none = np.zeros(len(grid))
@@ -161,13 +188,39 @@ def _rests(law: PathLaw, task: Task, ends: FloatArray) -> list[tuple[Rest, Rest]
     with np.errstate(divide="ignore"):
         jerk = (task.jerk.joint / np.abs(path.first).max(axis=0)).min(axis=1)
     jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
-    near = NEAR_REST * np.diff(ends)
+    speed = np.maximum.reduceat(
+        np.append(law.speeds, 0.0), np.searchsorted(law.s, places, side="right")
+    )[:-1]
+    near = NEAR_REST * np.diff(places)
+    size = np.linalg.norm(path.first, axis=2).max(axis=0)
+    bend = np.linalg.norm(path.second, axis=2).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = np.fmin(EVEN_BEND * size / bend, np.sqrt(EVEN_BEND * size / path.third.max(axis=1)))
+    squares = np.square([task.start_speed, task.end_speed])
 
-    def at(s: FloatArray) -> list[Rest]:
+    def at(side: int, s: FloatArray) -> list[End]:
         i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
-        return [Rest(float(x), float(y)) for x, y in zip(acceleration[i], jerk[i], strict=True)]
+        edge = places[side : len(places) - 1 + side]
+        j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
+        straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
+        rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
+        return [
+            End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
+            for rest, x, y, v, e in rows
+        ]
 
-    return list(zip(at(ends[:-1] + near), at(ends[1:] - near), strict=True))
+    return list(zip(at(0, places[:-1] + near), at(1, places[1:] - near), strict=True))
+
+
+def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
+    """Number of cells by default: by the time without even motion, over that of a build-up."""
+    acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
+    times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
+    largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
+    active = float(times[largest > EVEN * acceleration].sum())
+    with np.errstate(divide="ignore"):
+        wanted = PER_BUILD_UP * active * np.divide(jerk, acceleration)
+    return int(np.clip(np.nan_to_num(wanted), FEWEST_CELLS, MOST_CELLS))
 
 
 def _square_at(law: PathLaw, s: FloatArray) -> FloatArray:
@@ -188,6 +241,8 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
     x = np.maximum(speed[:-1], speed[1:]) ** 2
     last = near.path_position(np.arange(len(width)), near.breaks[1:], 2)
     u = np.maximum(np.abs(dds), np.abs(last))
+    # Even motion has no rates, and a bound of zero would leave no room.
+    u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     least = np.minimum(speed[:-1], speed[1:]) ** 2
     # Cells of the other plan that each cell touches, and their neighbours.
@@ -207,13 +262,13 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
         x=HEADROOM * wider * most,
         u=HEADROOM_RATE * wider * largest(u),
         skew=HEADROOM_SLOPE * wider * largest(change),
-        least=np.where(mesh.ramps, 0.0, lowest),
+        least=np.where(mesh.ramps[mesh.cell] != 0, 0.0, lowest),
     )
 
 
 def _touches(mesh: Mesh, bounds: Bounds, law: PathLaw) -> bool:
     """Whether a plan comes near the bounds from which its margins follow."""
-    inner = ~mesh.ramps
+    inner = mesh.ramps[mesh.cell] == 0
     speed, (_, dds, slope, _) = law.speeds**2, law.rates
     near = 1 - TOO_NEAR
     x = np.maximum(speed[:-1], speed[1:]) > near * bounds.x
@@ -240,16 +295,20 @@ def _solve(
     speeds = np.square([task.start_speed, task.end_speed])
     for k, at_rest in enumerate(mesh.at_rest):
         p = rows.of_section(k)
-        s = mesh.grid.s[mesh.sections[k] : mesh.sections[k + 1] + 1]
+        s = mesh.nodes[mesh.sections[k] : mesh.sections[k + 1] + 1]
         targets = np.where(at_rest, 0.0, speeds)
         d = _start(p, s, at_rest, near, targets)
         for goal, end, target in ((START, 0, targets[0]), (END, -1, targets[1])):
-            if target > d[end]:
-                improve(p, d, goal, target, EXACT, MOST_ITERATIONS)
+            most = float(p.high[end, 0 if end == 0 else 2])
+            if (1 - CLOSE_TO_LIMIT) * target <= most:
+                target = min(target, (1 - CLOSE_TO_LIMIT) * most)
+            for weight in WEIGHTS:
                 if d[end] < target:
-                    name = "start" if goal == START else "end"
-                    refuse_speed(name, target, float(d[end]), float(s[end]))
-        improve(p, d, DURATION, 0.0, tolerance, task.iterations)
+                    improve(p, d, goal, target, weight, ROUGH, MOST_ITERATIONS)
+            if d[end] < target:
+                name = "start" if goal == START else "end"
+                refuse_speed(name, target, float(d[end]), float(s[end]))
+        improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
         found.append(d)
     return found
 
@@ -279,15 +338,20 @@ def _start(
     d = np.empty(len(middle) + 2)
     d[1:-1] = _square_at(law, middle)
     if share == 0:
+        # Even motion from one given speed to the other, or slowly to a rest.
         way, share = (middle - s[0]) / (s[-1] - s[0]), 1.0
-        shape = np.where(at_rest[0], way, 1.0) * np.where(at_rest[1], 1 - way, 1.0)
-        d[1:-1] = d[1:-1].max() * (shape / shape.max()) ** (4 / 3)
-    d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[1:-1].min(), targets))
+        if at_rest.all():
+            d[1:-1] = d[1:-1].max() * (4 * way * (1 - way)) ** (4 / 3)
+        elif at_rest.any():
+            d[1:-1] = targets.max() * np.where(at_rest[0], way, 1 - way) ** (4 / 3)
+        else:
+            d[1:-1] = targets[0] + (targets[1] - targets[0]) * way
+    d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[[1, -2]], targets))
     for _ in range(MOST_LESS):
         if least_slack(p, share * d) > CLEAR:
             return np.asarray(share * d)
         share *= LESS
-    where = float(s[int(np.argmin(p.high.min(axis=1)))])
+    where = float(inner[int(p.cell[int(np.argmin(p.high.min(axis=1)))])])
     raise NotRealizable(
         f"At {where:.6g} m along the path the limits allow no motion at all, however slow.", s=where
     )
@@ -295,35 +359,45 @@ def _start(
 
 def _law(mesh: Mesh, found: Sequence[FloatArray]) -> PathLaw:
     """The time law of control points of ds² of all sections."""
-    grid, width = mesh.grid, mesh.grid.width
+    grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     begin, end = control_points(mesh)
-    n = len(grid)
-    ds, dds, slope, jerk, left = np.zeros((5, n))
-    for k, d in enumerate(found):
-        first, last = mesh.sections[k : k + 2]
-        start, stop = mesh.at_rest[k]
+    square = np.zeros((3, len(width)))  # control points of ds² on each cell
+    for d, first, last, (start, stop) in zip(
+        found, mesh.sections[:-1], mesh.sections[1:], mesh.at_rest, strict=True
+    ):
         cells = slice(first + int(start), last - int(stop))
         around = np.stack([d[:-2], d[1:-1], d[2:]], axis=1)
-        a0, a2 = (np.sum(x[cells] * around, axis=1) for x in (begin, end))
-        h = width[cells]
-        ds[cells], left[cells] = np.sqrt(a0), np.sqrt(a2)
-        dds[cells] = (d[1:-1] - a0) / h
-        slope[cells] = (a0 - 2 * d[1:-1] + a2) / h**2
-        if start:
-            left[first] = ds[first + 1]
-        if stop:
-            ds[last - 1] = left[last - 2]
-            dds[last - 1] = -2 / 3 * ds[last - 1] ** 2 / width[last - 1]
-    ramps = mesh.ramps
-    times = np.empty(n)
-    moving = ~ramps
-    times[moving] = interval_times(width[moving], ds[moving], left[moving], slope[moving])
-    # Uniform jerk from or to rest: the way is a third of the larger speed times the time.
-    times[ramps] = 3 * width[ramps] / (ds + left)[ramps]
-    jerk[ramps] = 6 * width[ramps] / times[ramps] ** 3
+        square[0, cells], square[2, cells] = (
+            np.sum(x[cells] * around, axis=1) for x in (begin, end)
+        )
+        square[1, cells] = d[1:-1]
+        # At the moving end of a cell of uniform jerk.
+        square[2, first] = square[0, first + 1] if start else square[2, first]
+        square[0, last - 1] = square[2, last - 2] if stop else square[0, last - 1]
+    i, n = mesh.cell, len(grid)
+    x, y = (np.clip((s - mesh.nodes[i]) / width[i], 0, 1) for s in (grid.s[:-1], grid.s[1:]))
+    first, last = ((square[1] - square[0]) / width)[i], ((square[2] - square[1]) / width)[i]
+    slope = ((square[0] - 2 * square[1] + square[2]) / width**2)[i]
+    dds = first + (last - first) * x
+    ds, left = (np.sqrt(_parabola(square[:, i], z)) for z in (x, y))
+    times, jerk = interval_times(grid.width, ds, left, slope), np.zeros(n)
+    for sign, moving in ((1, 2), (-1, 0)):
+        parts = np.flatnonzero(ramps[i] == sign)
+        h = width[i[parts]]
+        # Uniform jerk: the way is a third of the larger speed times the time from or to the rest.
+        whole = 3 * h / np.sqrt(square[moving, i[parts]])
+        jerk[parts] = 6 * h / whole**3
+        since, until = (whole * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y))
+        ds[parts], dds[parts] = jerk[parts] * since**2 / 2, sign * jerk[parts] * since
+        slope[parts], times[parts] = 0.0, np.abs(until - since)
     return PathLaw(
         joint_path=grid.joint_path,
         breaks=np.concatenate([[0.0], np.cumsum(times)]),
         s=grid.s,
         rates=Rates(ds=ds, dds=dds, slope=slope, jerk=jerk),
     )
+
+
+def _parabola(points: FloatArray, x: FloatArray) -> FloatArray:
+    """Parabolas of three control points at places from 0 to 1, (m,)."""
+    return np.asarray(((1 - x) * points[0] + 2 * x * points[1]) * (1 - x) + x * x * points[2])

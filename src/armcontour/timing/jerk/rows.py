@@ -17,10 +17,11 @@ from armcontour.timing.constraints import (
     JointAcceleration,
     JointDerivatives,
     JointVelocity,
+    ToolAcceleration,
 )
 from armcontour.timing.constraints import Rows as GeneralRows
 from armcontour.timing.jerk._interior_point import Section
-from armcontour.timing.jerk._polynomials import motion_rows, raised, to_bernstein
+from armcontour.timing.jerk._polynomials import Basis, basis, motion_rows, raised, to_bernstein
 from armcontour.timing.jerk.mesh import Mesh
 from armcontour.timing.jerk.tool import DEGREE, ToolMotion
 
@@ -59,9 +60,9 @@ class Rows:
         mesh: The cells.
         active: The constraints of the planner.
         jerk: The limits of jerk.
-        bounds: Bounds of ds² and dds on the cells that hold for the plan, from which margins
-            between the ends follow; None for no margins.
-        about: Without bounds: ds² on each cell near which rows that stand for a curve are
+        bounds: Bounds of ds² and dds on the parts of cells, which rows hold the plan to, and from
+            which margins between the ends follow; None for no margins.
+        about: Without bounds: ds² on each part near which rows that stand for a curve are
             linearized, (n,).
         arm: The arm.
     """
@@ -78,17 +79,24 @@ class Rows:
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
         self.path = JointDerivatives.on(grid)
+        width = mesh.width[mesh.cell]
+        start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
+        self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
         self.degree = _degree(grid.joint_path.coefficients)
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
             # The tangents have as many control points as the jerk of the tool.
             self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
-        self.bounded = np.full((2, grid.joint_path.dof), np.inf)
+        self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full(grid.joint_path.dof, np.inf)
         self.ceilings: list[FloatArray] = []
         self.general: list[GeneralRows] = []
         self.discs: list[Disc] = []
+        # Vectors of the tool's acceleration and their radii.
+        self.round: list[tuple[FloatArray, FloatArray]] = []
+        # Curvatures and radii of vectors, for cells of uniform jerk.
+        self.at_ramps: list[tuple[FloatArray, FloatArray]] = []
         for x in active:
             self._add(x, about)
         self.section = self._whole()
@@ -100,7 +108,11 @@ class Rows:
             self.speeds = np.minimum(self.speeds, x.limit)
             return
         if isinstance(x, JointAcceleration):
-            self.bounded = np.minimum(self.bounded, [-x.low, x.high])
+            low, high = x.on(grid)
+            self.bounded = np.minimum(self.bounded, [-low, high])
+            return
+        if isinstance(x, ToolAcceleration):
+            self._add_tool_acceleration(x)
             return
         ceiling, disc = x.ceiling(grid, path, bounds), x.disc(grid, path, bounds)
         rows = x.rows_about(grid, path, about) if bounds is None else x.rows(grid, path, bounds)
@@ -111,6 +123,9 @@ class Rows:
                 self.lost = np.maximum(self.lost, ceiling.lost)
         if disc is not None:
             self.discs.append(disc)
+            plain = x.disc(grid, path, None)
+            if plain is not None:
+                self.lost = np.maximum(self.lost, 1 - disc.r / plain.r)
         if rows is not None:
             self.general.append(rows)
             room = np.minimum(rows.high, -rows.low).min(axis=0)
@@ -118,67 +133,94 @@ class Rows:
                 share = np.where(np.isfinite(room), rows.margin / room, 0.0)
             self.lost = np.maximum(self.lost, np.where(room > 0, share, 1.0).max(axis=1))
 
+    def _add_tool_acceleration(self, x: ToolAcceleration) -> None:
+        """Add the vectors of the tool's acceleration, along the motion and at right angles to it.
+
+        The curvature is below a chord, so that its product with ds² is below a cubic. With dds, its
+        control points are vectors in a disc.
+        """
+        grid, on = self.mesh.grid, self.basis
+        begin, end = x.metric.chords_on(grid)[..., None, None]
+        square = on.points
+        above = [begin * square[:, :1], (end * square[:, :1] + 2 * begin * square[:, 1:2]) / 3]
+        above += [(2 * end * square[:, 1:2] + begin * square[:, 2:]) / 3, end * square[:, 2:]]
+        across = np.concatenate(above, axis=1)
+        first, last = (on.at_end(e)[1][:, None] for e in range(2))
+        share = np.arange(4)[:, None] / 3
+        speed = x.metric.speed[grid.piece]
+        vectors = np.zeros((len(grid), 4, 3, 3))
+        vectors[:, :, 0] = first + (last - first) * share
+        vectors[:, :, 1] = across / speed[:, None, None]
+        # What the tool's own speed adds along the path.
+        play = x.metric.stretch[grid.piece] / speed
+        most = np.zeros(len(grid)) if self.bounds is None else self.bounds.x
+        radius = x.limit / speed
+        self.round.append((vectors, np.maximum(radius - play * most, 0.0)))
+        self.lost = np.maximum(self.lost, np.minimum(play * most / radius, 1.0))
+        largest = np.maximum(begin, end)[:, 0, 0] / speed
+        self.at_ramps.append((largest, self.round[-1][1]))
+
     @property
     def exact(self) -> bool:
         """Whether all limits are polynomials, which need no margins."""
-        return not (self.ceilings or self.discs or self.general or self.tool)
+        return not (self.ceilings or self.discs or self.general or self.round or self.tool)
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
-        first, last = self.mesh.sections[k : k + 2]
+        mesh, p = self.mesh, self.section
+        first, last = mesh.sections[k : k + 2]
         ramps = np.zeros(2)
-        if self.mesh.at_rest[k, 0]:
-            ramps[0] = self.mesh.grid.width[first]
+        if mesh.at_rest[k, 0]:
+            ramps[0] = mesh.width[first]
             first += 1
-        if self.mesh.at_rest[k, 1]:
+        if mesh.at_rest[k, 1]:
             last -= 1
-            ramps[1] = self.mesh.grid.width[last]
-        p = self.section
-        cells = {
-            name: getattr(p, name)[first:last]
-            for name in Section._fields
-            if name not in ("ramps", "jerk", "of", "round_of")
+            ramps[1] = mesh.width[last]
+        start, end = np.searchsorted(mesh.cell, [first, last])
+        cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
+        parts = {
+            name: getattr(p, name)[start:end]
+            for name in ("plain", "low", "high", "curved", "raised", "round", "radius", "margin")
         }
-        return p._replace(ramps=ramps, **cells)
+        return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
     def _whole(self) -> Section:
         """The rows of all cells."""
-        grid, n = self.mesh.grid, len(self.mesh.grid)
+        of, on = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
         acceleration, jerk = self._motion()
         plain, low, high = self._plain(acceleration)
         curved, limits = [jerk], [np.repeat(self.jerk.joint[self._jerky()], self.degree)]
         if np.isfinite(self.jerk.path):
-            slope = np.array([1.0, -2.0, 1.0]) / grid.width[:, None] ** 2
-            curved.append(np.repeat(slope[:, None], self.degree, axis=1))
+            curved.append(np.repeat(on.slope[:, None], self.degree, axis=1))
             limits.append(np.full(self.degree, self.jerk.path))
         rows = np.concatenate(curved, axis=1)
-        vectors, radius, margin, of = self._round()
-        points = np.broadcast_to(raised(self.degree - 1), (n, self.degree, 3))
+        vectors, radius, margin, points = self._round()
 
         def local(x: FloatArray) -> FloatArray:
-            """Rows of control points of a on each cell as rows of the unknowns."""
-            around = (slice(None),) + (None,) * (x.ndim - 2)
+            """Rows of control points of ds² on each cell as rows of the unknowns."""
+            around = (of,) + (None,) * (x.ndim - 2)
             found = x[..., :1] * begin[around] + x[..., 2:] * end[around]
             found[..., 1] += x[..., 1]
             return np.asarray(found)
 
         return Section(
-            width=grid.width,
+            width=self.mesh.width,
             begin=begin,
             end=end,
             ramps=np.zeros(2),
+            cell=of,
             plain=local(plain),
             low=low,
             high=high,
             curved=local(rows),
             jerk=np.concatenate(limits),
             of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
-            raised=local(points),
+            raised=local(raised(on, self.degree - 1)),
             round=local(vectors),
             radius=radius,
             margin=margin,
-            round_of=of,
+            round_of=points,
         )
 
     def _jerky(self) -> IntArray:
@@ -188,46 +230,43 @@ class Rows:
     def _motion(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, joint after joint."""
         grid, degree = self.mesh.grid, self.degree
-        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0)), self._jerky()
+        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))), self._jerky()
         n = len(grid)
         found = (
             np.empty((n, len(joints[0]) * (degree + 1), 3)),
             np.empty((n, len(joints[1]) * degree, 3)),
         )
         powers = to_bernstein(degree), to_bernstein(degree - 1)
-        path = grid.joint_path
+        path, on = grid.joint_path, self.basis
         motion_rows(
-            path.coefficients, path.breaks, grid.piece, grid.s, degree, powers, joints, found
+            path.coefficients, path.breaks, grid.piece, grid.s, on, degree, powers, joints, found
         )
         return found
 
     def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
-        grid, n, bounds = self.mesh.grid, len(self.mesh.grid), self.bounds
+        n, bounds, on = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
         top = np.min([none, self._speed_ceiling(), *self.ceilings], axis=0)
-        bottom = -none
-        h = grid.width[:, None]
-        u = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]]) / h[:, None]
-        x = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        rows, low, high = [np.broadcast_to(np.eye(3), (n, 3, 3))], [bottom], [top]
+        ends = [on.at_end(e) for e in range(2)]
+        rows, low, high = [on.points], [-none], [top]
         if bounds is not None:
-            top = np.minimum(top, bounds.x[:, None])
             least = np.where(bounds.least > 0, bounds.least, -np.inf)
-            low, high = [np.broadcast_to(least[:, None], (n, 3))], [top]
-            slope = np.array([[[1.0, -2.0, 1.0]]]) / h[:, None] ** 2
+            low = [np.broadcast_to(least[:, None], (n, 3))]
+            high = [np.minimum(top, bounds.x[:, None])]
             most = np.stack([bounds.u, bounds.u, np.abs(bounds.skew)], axis=1)
-            rows.append(np.concatenate([u, slope], axis=1))
+            rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
             low.append(-most)
             high.append(most)
-        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0))
+        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1)))
         rows.append(acceleration)
         for sign, out in ((-1, low), (1, high)):
-            limit = np.repeat(sign * self.bounded[(sign + 1) // 2, joints], self.degree + 1)
-            out.append(np.broadcast_to(limit, acceleration.shape[:2]))
+            bound = self.bounded[(sign + 1) // 2][:, joints]
+            out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
         for y in self.general:
             for e in range(2):
-                rows.append(y.a[e][..., None] * u[:, e : e + 1] + y.b[e][..., None] * x[e])
+                square, rate = (x[:, None] for x in ends[e])
+                rows.append(y.a[e][..., None] * rate + y.b[e][..., None] * square)
                 low.append(y.low[e] + y.margin)
                 high.append(y.high[e] - y.margin)
         bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
@@ -236,19 +275,26 @@ class Rows:
 
     def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
-        n, h = len(self.mesh.grid), self.mesh.grid.width
+        n = len(self.mesh.grid)
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
+        for both, most in self.round:
+            vectors.append(both)
+            radius += [most] * both.shape[1]
         for disc in self.discs:
             both = np.zeros((n, 2, 3, 3))
             for e in range(2):
-                both[:, e, 0, e : e + 2] = np.array([-1.0, 1.0]) / h[:, None]
-                both[:, e, 1, 2 * e] = disc.c[e]
+                square, rate = self.basis.at_end(e)
+                both[:, e, 0], both[:, e, 1] = rate, disc.c[e][:, None] * square
                 radius.append(disc.r)
             vectors.append(both)
         of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
         if self.tool is not None:
-            vectors.append(self.tool.rows())
-            left_out = np.zeros(n) if self.bounds is None else self.tool.margin(self.bounds)
+            vectors.append(self.tool.rows(self.basis))
+            left_out = np.zeros(n)
+            if self.bounds is not None:
+                left_out = self.tool.margin(self.bounds)
+                share = left_out * np.sqrt(self.bounds.x) / self.jerk.tool
+                self.lost = np.maximum(self.lost, share)
             of += range(DEGREE + 1)
             radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
             margin += [left_out] * (DEGREE + 1)
@@ -283,25 +329,28 @@ class Rows:
         return np.asarray(np.min(points, axis=2).T)
 
     def _bound_next_to_ramps(self, top: FloatArray) -> None:
-        """Lower the bounds of a where cells of uniform jerk end, so that these keep all limits."""
-        mesh = self.mesh
-        largest = self._largest_at_ramps()
-        starts = mesh.sections[:-1][mesh.at_rest[:, 0]]
-        ends = mesh.sections[1:][mesh.at_rest[:, 1]] - 1
-        top[starts + 1, 0] = np.minimum(top[starts + 1, 0], largest[starts])
-        top[ends - 1, 2] = np.minimum(top[ends - 1, 2], largest[ends])
+        """Lower the bounds of ds² where cells of uniform jerk end, so that they keep all limits."""
+        mesh, ramps = self.mesh, self.mesh.ramps
+        largest = np.full(len(ramps), np.inf)
+        np.minimum.at(largest, mesh.cell, self._largest_at_ramps())
+        first = np.searchsorted(mesh.cell, np.flatnonzero(ramps > 0) + 1)
+        last = np.searchsorted(mesh.cell, np.flatnonzero(ramps < 0)) - 1
+        top[first, 0] = np.minimum(top[first, 0], largest[ramps > 0])
+        top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
     def _largest_at_ramps(self) -> FloatArray:
-        """Largest a at the moving end of cells of uniform jerk, (n,); other cells mean nothing.
+        """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,).
 
-        From rest, `a = A (s / h)^(4/3)`; at its end dds is `2 A / 3 h`, the jerk `2 A^1.5 / 9 h²`.
+        From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is
+        `2 A^1.5 / 9 h²`. Each part is bounded with the speed and acceleration of the end. Parts of
+        other cells mean nothing.
         """
-        path, h = self.path, self.mesh.grid.width
-        wide = h[:, None]
-        first = np.abs(path.first).max(axis=0) + wide**2 / 8 * path.third
-        second = np.abs(path.second).max(axis=0) + wide * path.third
+        path, width, h = self.path, self.mesh.grid.width, self.mesh.width[self.mesh.cell]
+        wide, own = h[:, None], width[:, None]
+        first = np.abs(path.first).max(axis=0) + own**2 / 8 * path.third
+        second = np.abs(path.second).max(axis=0) + own**2 / 8 * path.fourth
         rate = 2 / (3 * h)
-        found = [np.min([y for x in self.ceilings for y in x.T], axis=0)] if self.ceilings else []
+        found = [x.min(axis=1) for x in self.ceilings]
         with np.errstate(divide="ignore", invalid="ignore"):
             found.append(((self.speeds / first) ** 2).min(axis=1))
             pull = second + first * rate[:, None]
@@ -316,33 +365,33 @@ class Rows:
                     left = np.maximum(room.min(axis=0) - y.margin, 0)
                     found.append(np.where(up > 0, left / up, np.inf).min(axis=1))
             if self.tool is not None:
-                found.append(self.tool.largest_at_ramps(self.jerk.tool))
+                found.append(self.tool.largest_at_ramps(self.jerk.tool, h))
             for x in self.discs:
                 found.append(x.r / np.hypot(x.c.max(axis=0), rate))
+            found += [radius / np.hypot(most, rate) for most, radius in self.at_ramps]
             if self.bounds is not None:
                 found += [self.bounds.x, self.bounds.u / rate]
         return np.asarray(np.nanmin(found, axis=0))
 
 
 def control_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Rows of the first and last control point of a on every cell, (n, 3) each.
+    """Rows of the first and last control point of ds² on every cell, (n, 3) each.
 
-    Inside a section both are means of the neighbours, so that a has a continuous slope. Next to a
+    Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to a
     cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
     """
-    width = mesh.grid.width
+    width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]
     begin[1:, 0], begin[1:, 1] = width[1:] / total, width[:-1] / total
     end[:-1, 1], end[:-1, 2] = width[1:] / total, width[:-1] / total
-    for (first, last), rests in zip(
-        zip(mesh.sections[:-1], mesh.sections[1:], strict=True), mesh.at_rest, strict=True
-    ):
-        begin[first], end[last - 1] = (1, 0, 0), (0, 0, 1)
-        if rests[0]:
-            begin[first + 1] = (0, 1 / (1 + 2 * width[first + 1] / (3 * width[first])), 0)
-        if rests[1]:
-            end[last - 2] = (0, 1 / (1 + 2 * width[last - 2] / (3 * width[last - 1])), 0)
+    first, last = mesh.sections[:-1], mesh.sections[1:] - 1
+    begin[first], end[last] = (1, 0, 0), (0, 0, 1)
+    for rows, ramp, step in ((begin, first, 1), (end, last, -1)):
+        ramp = ramp[mesh.at_rest[:, 0 if step > 0 else 1]]
+        near = ramp + step
+        rows[near] = 0
+        rows[near, 1] = 1 / (1 + 2 * width[near] / (3 * width[ramp]))
     return begin, end
 
 

@@ -1,4 +1,4 @@
-"""The jerk of the tool on cells of a path, as polynomials in Bernstein form."""
+"""The jerk of the tool on parts of cells, as polynomials in Bernstein form."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.timing.constraints import Bounds
 from armcontour.timing.grid import Grid
-from armcontour.timing.jerk._polynomials import RATE, SLOPE, SQUARE, to_bernstein
+from armcontour.timing.jerk._polynomials import Basis, to_bernstein
 
-# Degree of the polynomials: derivatives of the tool's position are parabolas on a cell.
+# Degree of the polynomials: derivatives of the tool's position are parabolas on a part.
 DEGREE = 4
-# Places of a cell: parabolas go through every second one, and are checked at the others.
+# Places of a part: parabolas go through every second one, and are checked at the others.
 PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
 # Safety factor of the distance from the parabolas that is measured at the places between.
@@ -23,16 +23,14 @@ MARGIN = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
-    """Derivatives of the tool's position over s on cells of a path.
+    """Derivatives of the tool's position over s on parts of cells.
 
     Args:
-        width: Lengths of the cells [m], (n,).
-        powers: Of x from 0 to 1 on every cell, for the first to third derivative, (3, 3, n, 3).
+        powers: Of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3).
         off: Bounds of the distance of the derivatives from these parabolas, (3, n).
         largest: Bounds of the derivatives' lengths, (3, n).
     """
 
-    width: FloatArray
     powers: FloatArray
     off: FloatArray
     largest: FloatArray
@@ -52,24 +50,24 @@ class ToolMotion:
         powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
         parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
         off = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
-        largest = np.linalg.norm(values, axis=3).max(axis=1) + off
-        return cls(grid.width, powers, off, largest)
+        points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
+        largest = np.linalg.norm(points, axis=3).max(axis=1) + off
+        return cls(powers, off, largest)
 
-    def rows(self) -> FloatArray:
-        """Control points of jerk over ds as rows of the control points of a, (n, 5, 3, 3).
+    def rows(self, on: Basis) -> FloatArray:
+        """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3).
 
-        The jerk over ds is `p''' a + 3 p'' dds + p' slope`, a vector.
+        The jerk over ds is `p''' ds² + 3 p'' dds + p' slope`, a vector.
         """
         first, second, third = self.powers
-        h = self.width[:, None]
-        found = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, cell, axis
+        found = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
         for b in range(3):
             for m in range(3):
                 for k in range(3):
-                    found[m + k, b] += third[m] * SQUARE[b, k]
+                    found[m + k, b] += third[m] * on.square[:, b, k, None]
                 for k in range(2):
-                    found[m + k, b] += 3 * second[m] * RATE[b, k] / h
-                found[m, b] += first[m] * SLOPE[b] / h**2
+                    found[m + k, b] += 3 * second[m] * on.rate[:, b, k, None]
+                found[m, b] += first[m] * on.slope[:, b, None]
         return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), found))
 
     def margin(self, bounds: Bounds) -> FloatArray:
@@ -78,9 +76,8 @@ class ToolMotion:
             self.off[2] * bounds.x + 3 * self.off[1] * bounds.u + self.off[0] * np.abs(bounds.skew)
         )
 
-    def largest_at_ramps(self, limit: float) -> FloatArray:
-        """Largest a at the moving end of cells of uniform jerk, (n,)."""
-        h = self.width
+    def largest_at_ramps(self, limit: float, h: FloatArray) -> FloatArray:
+        """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,)."""
         first, second, third = self.largest
         with np.errstate(divide="ignore"):
             jerk = third + 2 * second / h + 2 / 9 * first / h**2

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour._quintics import quintic
 from armcontour.arms import Arm
 from armcontour.geometry import Path, Segments, SmoothCurve
@@ -101,9 +102,8 @@ def _lack(
 
 def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
     """The span of each part, and the shares of its span at which it begins and ends, (p, 2)."""
-    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    share = np.stack([number, number + 1], axis=1) / np.repeat(count, count)[:, None]
-    return np.repeat(spans, count), share
+    of, number = number_parts(count)
+    return spans[of], np.stack([number, number + 1], axis=1) / count[of][:, None]
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:

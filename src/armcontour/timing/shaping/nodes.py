@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.arms import Arm
 from armcontour.frames import perpendicular
 from armcontour.geometry import Path, Tube
@@ -323,8 +324,7 @@ def _divide(
         count: Parts of every stretch, (m - 1,).
         along: These values over arc lengths, where they are others.
     """
-    stretch = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
+    stretch, number = number_parts(count)
     value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
     s = value if along is None else np.interp(value, *along)
     s = np.append(np.where(number == 0, marks[stretch], s), marks[-1])

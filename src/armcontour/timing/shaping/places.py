@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._parts import number_parts
 from armcontour.geometry import Path, Proof, Tube
 
 # Places are found at the ends of segments, and so often along arcs [rad].
@@ -31,8 +32,7 @@ def match(tube: Tube, path: Path, places: FloatArray, reach: FloatArray | float)
     _, passed = tube.nearest_to_corners(path, places, reaches)
     passed = np.maximum.accumulate(passed)
     count = np.maximum(np.ceil(path.curvatures * path.lengths / TURN).astype(np.intp), 1)
-    segment = np.repeat(np.arange(len(path)), count)
-    number = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
+    segment, number = number_parts(count)
     even = path.breaks[segment] + path.lengths[segment] * number / count[segment]
     # The points that pass a corner are on both sides of it.
     s = np.concatenate([even, [path.length], passed, passed])

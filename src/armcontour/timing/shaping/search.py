@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._parts import number_parts
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.shaped import SHAPED
 from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
@@ -37,7 +39,6 @@ MOST_MENDED = 4
 WEIGHT = (1e-3, 1e-9)
 # Where the tube is left the offsets keep this much more than was lacking.
 SPARE = 1.5
-SHAPED = "shaped"
 # The search starts from parabolas within this share of the tolerance.
 SHARE = 0.7
 
@@ -227,7 +228,7 @@ class Search:
         edges = np.minimum(stays[1:], stays[:-1])
         first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
         count = np.bincount(group)
-        number = np.arange(len(group)) - (np.cumsum(count) - count)[group]
+        _, number = number_parts(count)
         share = first + (number + 0.5) / count[group] * (last - first)
         return (
             state.offsets + share[:, None] * (offsets - state.offsets),
@@ -309,10 +310,9 @@ class Search:
 
     def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
-        nodes, state = self.nodes, self.state
+        nodes = self.nodes
         spline = self._spline(offsets, h)
-        objective = self.tube.objective
-        drawn = draw(spline, self.timer.arm, objective, nodes.place, nodes.tolerance)
+        drawn = draw(spline, self.timer.arm, self.tube.objective, nodes.place, nodes.tolerance)
         if self._nearly_stops(drawn):
             return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
@@ -326,16 +326,28 @@ class Search:
         excess = max(float((proof.segments + beside).max()), float(vertices.max(initial=-np.inf)))
         if excess <= proof.slack:
             return drawn
-        lacking = np.zeros(len(nodes))
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
+        lacking = np.zeros(len(nodes))
         np.maximum.at(lacking, span, proof.segments + beside)
+        self._tighten(lacking, np.where(vertices > proof.slack, vertices, 0.0))
+        return None
+
+    def _tighten(self, lacking: FloatArray, missed: FloatArray) -> None:
+        """Limit the offsets of nodes more where the tube is left.
+
+        Args:
+            lacking: How far the path leaves the tube in the span of each node [m], (n,).
+            missed: How much farther than allowed each corner is from the path [m], (k,).
+        """
+        nodes, state = self.nodes, self.state
+        lacking = lacking.copy()
         at = self.tube.objective.breaks[self.tube.vertex]
-        for k in np.flatnonzero(vertices > proof.slack):
+        for k in np.flatnonzero(missed):
             near = nodes.vertex == k
             if not near.any():
                 near = np.abs(nodes.place - at[k]) == np.abs(nodes.place - at[k]).min()
-            lacking[near] = np.maximum(lacking[near], vertices[k])
+            lacking[near] = np.maximum(lacking[near], missed[k])
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
@@ -345,7 +357,6 @@ class Search:
         state.inside = np.where(lacking > 0, np.minimum(more, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
-        return None
 
     def _nearly_stops(self, drawn: Drawn) -> bool:
         """Whether the tool turns on the spot somewhere; the offsets there then change less."""

@@ -17,17 +17,17 @@ from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.motion import JointPath
+from armcontour.geometry.shaped import SHAPED
+from armcontour.motion import JointPath, Method
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
+from armcontour.timing.methods import refuse_unkept_jerk
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
-from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes
+from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
 
 # The search ends with the first start that saves this share of the duration.
 ENOUGH = 0.01
-
-
 # From so many contours on other processes shape them, which take a few seconds to start.
 MANY = 24
 
@@ -106,8 +106,10 @@ def shape(
         InvalidInput: A tolerance is negative, not a number or above half of a stretch between two
             sharp corners, or `line_tolerance` and `zone` are not given together.
         Unreachable: The arm cannot follow the objective.
-        NotRealizable: No motion along the objective keeps the limits.
+        NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
+            which would stop the tool where the curvature of a shaped path jumps.
     """
+    refuse_unkept_jerk(Method.SHAPED, arm.limits if limits is None else limits)
     wishes = Wishes(
         tolerance=tolerance,
         line_tolerance=line_tolerance,
@@ -207,7 +209,7 @@ class Shaping:
             return rounded
 
         def least_duration(traced: Tracing) -> float:
-            tube, timer = _tube(program.path, self.wishes), self._timer(traced.joint_paths[0])
+            tube, timer = tube_of(program.path, self.wishes), self._timer(traced.joint_paths[0])
             known = _time_starts(program.path, tube, timer, self.wishes)
             return min((x.duration for x in known), default=np.inf)
 
@@ -276,7 +278,7 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
     """The shaped path of one contour; `tell` is called with the share that is done."""
     objective, timer, wishes = task.objective, task.timer, task.wishes
-    tube = _tube(objective, wishes)
+    tube = tube_of(objective, wishes)
     known = _time_starts(objective, tube, timer, wishes)
     if not known:
         # Raises what is wrong with the objective.
@@ -295,17 +297,10 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
         # Another start mostly leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
-    durations["shaped"] = best.duration
+    durations[SHAPED] = best.duration
     outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
     tell(1.0)
     return _shaped_path(objective, best, wishes, outcome)
-
-
-def _tube(objective: Path, wishes: Wishes) -> Tube:
-    """The tube of the tolerance."""
-    return Tube.of(
-        objective, wishes.tolerance, line_tolerance=wishes.line_tolerance, zone=wishes.zone
-    )
 
 
 def _time_starts(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> list[Candidate]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Path
+from armcontour.geometry import Path, ShapedPath, Tube
 
 # Iterations of the search, unless another number is given.
 DEFAULT_ITERATIONS = 60
@@ -91,3 +91,15 @@ class Wishes:
                 needed=self.tolerance,
                 allowed=float(lengths[i] / 2),
             )
+
+
+def tube_of(objective: Path, within: Wishes | ShapedPath) -> Tube:
+    """The tube of the tolerance around an objective path.
+
+    Args:
+        objective: The objective path.
+        within: What is wanted, or a shaped path, which has the same tolerances.
+    """
+    return Tube.of(
+        objective, within.tolerance, line_tolerance=within.line_tolerance, zone=within.zone
+    )

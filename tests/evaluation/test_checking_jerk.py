@@ -1,0 +1,273 @@
+"""Jerk judged: of laws and their jumps, and of samples by what every motion through them needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import PPoly
+
+import armcontour as ac
+from armcontour.motion import Method, PathLaw, Rates
+
+ARM = ac.load_arm("pmk3s")
+START = np.array([0.3, 0.9])  # rad
+
+
+@dataclass
+class Phases:
+    """A law of somebody else: phases of uniform jerk, one after the other."""
+
+    breaks: np.ndarray
+    curve: PPoly
+
+    @classmethod
+    def of(cls, durations, jerks, *, velocity=0.0, jumps=None) -> Phases:
+        """From a velocity of joint 1 on, whose acceleration jumps before every phase."""
+        breaks, terms = np.concatenate([[0], np.cumsum(durations)]), []
+        q, v, a = START, np.array([velocity, 0.0]), np.zeros(2)
+        for k, (h, j) in enumerate(zip(durations, np.asarray(jerks), strict=True)):
+            a = a + [0.0 if jumps is None else jumps[k], 0.0]
+            terms.append([j / 6, a / 2, v, q])
+            q, v, a = q + h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j
+        return cls(breaks, PPoly(np.swapaxes(np.array(terms), 0, 1), breaks))
+
+    @property
+    def duration(self) -> float:
+        return float(self.breaks[-1])
+
+    def __call__(self, t, order=0, *, side="right"):
+        i = np.clip(np.searchsorted(self.breaks, t, side=side) - 1, 0, len(self.breaks) - 2)
+        curve = self.curve.derivative(order)
+        x = (np.asarray(t) - self.breaks[i])[:, None]
+        return sum(curve.c[-1 - k, i] * x**k for k in range(len(curve.c)))
+
+
+# From rest to rest; joint 2 the other way at a quarter. The phases lie on no grid of samples.
+UNIT = math.sqrt(0.05)  # s
+JERK = 8.0  # rad/s³
+SMOOTH = Phases.of([UNIT, 2 * UNIT, UNIT], [[JERK, -2.0], [-JERK, 2.0], [JERK, -2.0]])
+LIMITS = ac.Limits(joint_jerk=[JERK, 2.0])
+
+
+def sampled(law, t, names):
+    """Samples of some columns, at given times."""
+    kept = {name: law(t, order) for order, name in enumerate(("q", "dq", "ddq")) if name in names}
+    return SimpleNamespace(t=t, **kept)
+
+
+def times(period):
+    return np.append(np.arange(0, SMOOTH.duration, period), SMOOTH.duration)
+
+
+# --- laws
+
+
+def test_a_law_that_is_smooth_uses_its_limit_in_full():
+    found = ac.check(SMOOTH, ARM, LIMITS.replace(tool_jerk=1e3))
+    assert found.verdict == "kept"
+    use = found["joint_jerk"]
+    assert (use.value, use.limit, use.ratio) == pytest.approx((JERK, JERK, 1), abs=1e-12)
+    assert found["acceleration_step"].value < 1e-12
+    q, dq, ddq, dddq = (
+        SMOOTH(np.linspace(0, 1e-9 + SMOOTH.duration / 4, 500), k) for k in range(4)
+    )
+    most = np.linalg.norm(ARM.tool_jerk(q, dq, ddq, dddq), axis=1).max()
+    assert found["tool_jerk"].value >= most * (1 - 1e-3)
+    tight = ac.check(SMOOTH, ARM, ac.Limits(joint_jerk=[np.inf, 1.9]))
+    assert [(x.name, x.joint) for x in tight.violations] == [("joint_jerk", 2)]
+
+
+@pytest.mark.parametrize(
+    ("durations", "velocity", "jumps", "place"),
+    [
+        ([1.0], 0.0, [0.5], 0.0),  # from rest
+        ([1.0], 0.5, [-0.5], 1.0),  # to rest; nobody knows what was before
+        ([0.4, 0.6], 0.0, [0.0, 0.5], 0.4),
+    ],
+)
+def test_a_jump_of_acceleration_is_found_with_its_place(durations, velocity, jumps, place):
+    law = Phases.of(durations, np.zeros((len(durations), 2)), velocity=velocity, jumps=jumps)
+    found = ac.check(law, ARM, LIMITS.replace(tool_jerk=1e3))
+    use, tool = found["acceleration_step"], found["tool_acceleration_step"]
+    assert found.verdict == "violated" and found["joint_jerk"].ratio == 0
+    assert (use.value, use.t, use.joint) == pytest.approx((0.5, place, 1))
+    q = law(np.array([place]))
+    jump = ARM.tool_acceleration(q, 0 * q, np.array([[0.5, 0.0]]))
+    assert (tool.value, tool.t) == pytest.approx((np.linalg.norm(jump), place))
+
+
+def test_a_law_that_starts_and_ends_in_motion_may_have_any_acceleration_there():
+    def part(t, order=0, *, side="right"):
+        return SMOOTH(t, order, side=side)
+
+    part.breaks, part.duration = SMOOTH.breaks[1:-1], 0.0
+    assert np.abs(part(part.breaks, 2)).min() > 0.4
+    assert ac.check(part, ARM, LIMITS).verdict == "kept"
+
+
+def test_plans_that_know_no_jerk_jump():
+    planned = ac.plan(
+        ac.JointPath.spline([START, START + [0.5, -0.2]]), ARM, ac.Limits(joint_acceleration=2.0)
+    )
+    found = ac.check(planned, ARM, ac.Limits(joint_jerk=[np.inf, 5.0]))
+    # From 0.8 to -0.8 in the middle.
+    use = found["acceleration_step"]
+    assert (use.value, use.joint) == pytest.approx((1.6, 2))
+    assert use.t == pytest.approx(planned.duration / 2)
+
+
+def test_a_law_without_a_third_derivative_is_not_judged():
+    class Older(Phases):
+        def __call__(self, t, order=0, *, side="right"):
+            if order > 2:
+                raise ValueError("The order is 0, 1 or 2.")
+            return super().__call__(t, order, side=side)
+
+    law = Older(SMOOTH.breaks, SMOOTH.curve)
+    limits = LIMITS.replace(path_jerk=1.0, tool_jerk=1.0)
+    found = ac.check(law, ARM, limits)
+    assert found.not_judged == ("joint_jerk", "tool_jerk", "path_jerk")
+    assert found.verdict == "kept"  # of what is judged: no jump of the position
+
+
+def test_path_jerk_is_judged_of_laws_along_a_path():
+    center = np.array([0.135, 0.0])  # m, the first joint
+    point = ARM.forward(START)
+    path = ac.Path.from_segments([ac.Arc(start=point, center=center, angle=-1.0)])
+    radius = float(np.hypot(*(point - center)))
+    coefficients = np.zeros((1, 6, 2))
+    coefficients[0, 0], coefficients[0, 1] = START, [1.0, 0.0]
+    joint_path = ac.JointPath(
+        breaks=np.array([0.0, path.length]), coefficients=coefficients, tool_path=path
+    )
+    # Uniform jerk to and fro: from rest to its largest acceleration, half a wave, and to rest.
+    ramp, jerk = 0.2, 5.0
+    speed, most = jerk * ramp**2 / 2, jerk * ramp
+    width = path.length - jerk * ramp**3 / 6 - (speed * ramp - jerk * ramp**3 / 3)
+    slope = 2 * most / width
+    wave = 2 * math.atan(most / (speed * math.sqrt(slope))) / math.sqrt(slope)
+    law = PathLaw(
+        joint_path=joint_path,
+        breaks=np.cumsum([0.0, ramp, wave, ramp]),
+        s=np.array([0.0, jerk * ramp**3 / 6, jerk * ramp**3 / 6 + width, path.length]),
+        rates=Rates(
+            ds=np.array([0.0, speed, speed]),
+            dds=np.array([0.0, most, -most]),
+            slope=np.array([0.0, -slope, 0.0]),
+            jerk=np.array([jerk, 0.0, jerk]),
+        ),
+    )
+    planned = ac.Trajectory(laws=(law,), method=Method.OPTIMAL, path=path)
+    most_of_all = max(jerk, slope * math.sqrt(speed**2 + most**2 / slope))
+    limits = ac.Limits(path_jerk=most_of_all, tool_jerk=1e3, joint_jerk=most_of_all / radius)
+    found = ac.check(planned, ARM, limits, path, deviation=1e-9)
+    assert found.verdict == "kept" and not found.not_judged
+    for name in ("path_jerk", "joint_jerk"):
+        assert found[name].ratio == pytest.approx(1, abs=1e-3)
+    assert found["path_acceleration_step"].value < 1e-9
+    # On a circle the tool has more than the jerk along it.
+    t = np.linspace(0, planned.duration, 2001)
+    ds, dds, jerks = (planned.s(t, order) for order in (1, 2, 3))
+    tool = np.hypot(jerks - ds**3 / radius**2, 3 * ds * dds / radius)
+    assert found["tool_jerk"].value == pytest.approx(tool.max(), rel=1e-3)
+    tight = ac.check(planned, ARM, ac.Limits(path_jerk=0.99 * most_of_all))
+    assert [x.name for x in tight.violations] == ["path_jerk"]
+    # Samples have no arc length.
+    found = ac.check(planned.sample(4e-3), ARM, ac.Limits(path_jerk=1.0, joint_jerk=1e3), path)
+    assert found.not_judged == ("path_jerk",)
+
+
+def test_contours_of_a_program_are_judged_one_by_one():
+    square = ac.Path.polyline([[0.3, 0.1], [0.36, 0.1], [0.36, 0.14]])
+    other = ac.Path.polyline([[0.3, 0.2], [0.35, 0.2]])
+    program = ac.Program(moves=(ac.Contour(path=square), ac.Contour(path=other)))
+    planned = ac.plan(program, ARM, ARM.limits.replace(speed=0.1))
+    limits = ac.Limits(path_jerk=50.0, tool_jerk=50.0, joint_jerk=50.0)
+    found = ac.check(planned, ARM, limits, program, points=3)
+    assert not found.not_judged
+    starts = [x.t[0] for x in planned.contour_spans]
+    step = found["path_acceleration_step"]
+    assert found.verdict == "violated" and step.t >= starts[0]
+    # The whole motion starts and ends at rest, and jumps there too.
+    assert found["acceleration_step"].ratio > 100
+
+
+# --- samples
+
+
+@pytest.mark.parametrize("names", [["q"], ["q", "dq"], ["q", "dq", "ddq"], ["q", "ddq"]])
+@pytest.mark.parametrize("period", [4e-3, 0.0613])
+def test_samples_of_a_motion_that_keeps_its_limits_are_never_blamed(names, period):
+    found = ac.check(sampled(SMOOTH, times(period), names), ARM, LIMITS)
+    assert found.verdict == "kept", found.worst
+    assert found["joint_jerk"].ratio == pytest.approx(1, abs=1e-6)
+    tight = ac.Limits(joint_jerk=np.array([JERK, 2.0]) / 1.001)
+    found = ac.check(sampled(SMOOTH, times(period), names), ARM, tight)
+    assert found.violated and found["joint_jerk"].certain == pytest.approx(1.001, abs=1e-6)
+
+
+@pytest.mark.parametrize("names", [["q"], ["q", "dq"], ["q", "dq", "ddq"]])
+def test_the_tools_jerk_is_bounded_from_below(names):
+    t = times(1e-3)
+    q, dq, ddq, dddq = (SMOOTH(np.linspace(0, SMOOTH.duration, 5001), k) for k in range(4))
+    most = np.linalg.norm(ARM.tool_jerk(q, dq, ddq, dddq), axis=1).max()
+    found = ac.check(sampled(SMOOTH, t, names), ARM, ac.Limits(tool_jerk=most))["tool_jerk"]
+    assert found.verdict == "kept" and 0.99 < found.certain <= found.ratio <= 1 + 1e-6
+    assert found.joint is None
+
+
+def test_digits_are_forgiven_and_no_more():
+    log = sampled(SMOOTH, times(1e-3), ["q"])
+    log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
+    found = ac.check(log, ARM, LIMITS)
+    # Six decimals at 1 ms are 4000 rad/s³: what the numbers say is far above the limit.
+    assert found.verdict == "cannot tell" and found["joint_jerk"].highest.ratio > 10
+    assert 0.9 < found["joint_jerk"].certain < 1
+    assert ac.check(log, ARM, LIMITS, resolution={"q": 0.0}).violated
+    tight = ac.Limits(joint_jerk=np.array([JERK, 2.0]) / 1.2)
+    assert ac.check(log, ARM, tight)["joint_jerk"].verdict == "violated"
+
+
+def test_positions_and_velocities_at_two_times_say_something_about_jerk():
+    """From rest to rest in one interval: 6 (v0 + v1 - 2 d / T) / T²."""
+    log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=np.zeros((2, 2)))
+    found = ac.check(log, ARM, ac.Limits(joint_jerk=1.0))["joint_jerk"]
+    assert (found.value, found.joint, found.t) == pytest.approx((1.2, 1, 0.5))
+    assert found.verdict == "violated"
+
+
+def test_too_few_samples_say_nothing():
+    q = np.zeros((3, 2)) + START
+    found = ac.check(SimpleNamespace(t=[0.0, 1.0, 2.0], q=q), ARM, LIMITS)
+    assert found.not_judged == ("joint_jerk",)
+
+
+@given(
+    durations=st.lists(st.floats(0.02, 0.5), min_size=2, max_size=6),
+    seed=st.integers(0, 9999),
+    digits=st.integers(3, 9),
+    names=st.sampled_from([["q"], ["q", "dq"], ["q", "dq", "ddq"], ["q", "ddq"]]),
+    clock=st.sampled_from([None, 1e-5]),
+)
+def test_no_motion_within_its_limits_is_blamed(durations, seed, digits, names, clock):
+    random = np.random.default_rng(seed)
+    law = Phases.of(durations, random.uniform(-1, 1, (len(durations), 2)) * [JERK, 2.0])
+    t = np.unique(np.append(random.uniform(0, law.duration, 60), [0, law.duration]))
+    t = t[np.append(True, np.diff(t) > 1e-4)]
+    log = sampled(law, t, names)
+    for name in names:
+        setattr(log, name, np.round(getattr(log, name), digits))
+    log.resolution = dict.fromkeys(names, 10.0**-digits)
+    if clock is not None:
+        log.t, log.resolution["t"] = np.round(t, 5), clock
+    dense = np.linspace(0, law.duration, 3001)
+    motion = [law(dense, k) for k in range(4)]
+    tool = np.linalg.norm(ARM.tool_jerk(*motion), axis=1).max() * 1.01 + 0.01
+    found = ac.check(log, ARM, LIMITS.replace(tool_jerk=tool))
+    assert not found.violated, found.worst
