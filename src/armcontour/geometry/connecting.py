@@ -89,7 +89,7 @@ class Connections:
             first, second = self.at(EVERY, x, 1), self.at(EVERY, x, 2)
             slope = np.maximum(dot(first, first) + dot(off, second), 0.1 * dot(first, first))
             x = np.clip(x - dot(off, first) / slope, MANY[1], MANY[-2])
-        return x
+        return np.asarray(x)
 
     @property
     def largest_bend(self) -> FloatArray:
