@@ -204,8 +204,8 @@ def _draw(
     # Places on the connections at the ends of the quintics.
     node = np.where(first, number, number - parts[of])
     s = np.where(first, 0.0, half[of]) + node * step
-    x = np.where(first, middle[of] * node / parts[of], 0.0)
-    x = np.where(first, x, middle[of] + (1 - middle[of]) * node / parts[of])
+    low, high = np.where(first, 0.0, middle[of]), np.where(first, middle[of], 1.0)
+    x = low + (high - low) * node / parts[of]
     inner = node > 0
     i, place, goal = of[inner], x[inner], s[inner]
     for _ in range(STEPS):

@@ -39,6 +39,8 @@ SHORTEST = 1e-6
 # Those that leave the tolerance are made shorter, so often at most; by at least the first share,
 # and less than what the deviation asks for by the second.
 TRIES, SHORTER, SAFE = 20, 0.95, 0.99
+# Those that are not sound become so much shorter.
+HALF = 0.5
 # Parts of each quintic in which deviations are bounded: first few, and many where that does not
 # show that the tolerance is kept. And connections that are drawn at a time.
 FEW, MANY, AT_A_TIME = 2, 16, 4000
@@ -147,7 +149,8 @@ def _draw(
         drawn, done = [*drawn, rows[keep]], [*done, vertex[left[of[keep]]]]
         first = [*first, before[keep]]
         left, off = left[~good], off[~good]
-        w[left] *= np.minimum(SHORTER, SAFE * np.sqrt(allowed[left] / off))
+        shorter = np.minimum(SHORTER, SAFE * np.sqrt(allowed[left] / off))
+        w[left] *= np.where(np.isfinite(off), shorter, HALF)
         w[left[w[left] < SHORTEST]] = 0.0
         left = left[w[left] > 0]
     w[left] = 0.0

@@ -96,9 +96,8 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
         ]
     )
     plain = segments[~bent].replace(quintics=np.empty((len(rest), 0, 0)))
-    return Segments.join([plain, *drawn])[order], np.concatenate([breaks[rest], first, middle])[
-        order
-    ]
+    begin = np.concatenate([breaks[rest], first, middle])
+    return Segments.join([plain, *drawn])[order], begin[order]
 
 
 def spread_out(count: IntArray) -> tuple[IntArray, IntArray]:
