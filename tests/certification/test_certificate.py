@@ -61,7 +61,7 @@ def judged(found):
 
 def test_four_milliseconds(certified):
     executed, result = judged(certified)
-    assert certified.duration <= 5.36
+    assert certified.duration <= 5.332 and certified.windows == ()
     assert certified.uncertified.duration == pytest.approx(OPTIMUM, abs=1e-4)
     assert certified.cost == certified.duration - certified.uncertified.duration > 0
     assert result.contour_error.rms <= 0.5e-6
@@ -69,19 +69,22 @@ def test_four_milliseconds(certified):
     assert (executed.peak_demand <= 0.72 * (1 + 1e-6)).all() and (result.saturated == 0).all()
     assert result.speed <= 0.15 * (1 + 1e-3)
     # Nothing of that is there without a certificate.
-    assert certified.uncertified.contour_error[0] > 1e-3
+    assert certified.uncertified.contour_error[0] > 1e-4
 
 
 def test_the_parts_of_the_budget_are_what_they_say(certified):
     budget, found = certified.budget, certified
     assert budget.rounding == pytest.approx(5e-3)
-    assert budget.executed == pytest.approx(found.evaluation.contour_error.max, rel=1e-12)
-    assert budget.left == pytest.approx(2e-6 - found.evaluation.contour_error.max, rel=1e-9)
+    worst = max(found.evaluation.contour_error.max, found.contours[0].missed.max)
+    assert budget.executed == pytest.approx(worst, rel=1e-12)
+    assert budget.left == pytest.approx(2e-6 - worst, rel=1e-9)
     # With set-points twenty times as often only the servo's part is left.
     often = ac.compensate(found.trajectory, found.job.servo, method="inverse", period=2e-4)
     ideal = ac.ServoPlant(found.job.arm, found.job.servo, saturation="none")
     tool = ac.execute(often, ideal, resolution=2e-4).tool
-    assert budget.servo == pytest.approx(found.path.path.project(tool).distance.max(), rel=1e-6)
+    # The larger one of both directions.
+    distance = found.path.path.project(tool).distance.max()
+    assert distance * (1 - 1e-6) <= budget.servo < 1.05 * distance
     assert 0 < found.headroom.max() < found.largest_headroom.max() < 1
 
 
@@ -106,6 +109,23 @@ def test_other_intervals(period, slowest, budget):
     assert result.contour_error.max <= budget
     assert (executed.peak_demand <= 0.72 * (1 + 1e-6)).all()
     assert result.speed <= 0.15 * (1 + 1e-3)
+
+
+def test_limits_of_jerk_are_kept():
+    base = job()
+    run = base.runs[0]
+    run = replace(run, limits=run.limits.replace(joint_jerk=36.0))
+    found = ac.certify(replace(base, runs=(run,)), servo=2e-6)
+    executed, result = judged(found)
+    assert found.windows == ()
+    # Slower by what linear interpolation adds to a uniform acceleration, 0.25 % at 4 ms.
+    assert 0 < found.cost < 6e-3 and (found.largest_headroom < 0.01).all()
+    assert result.contour_error.max <= 2e-7
+    assert (executed.peak_demand <= 0.72 * (1 + 1e-6)).all()
+    # The taught data of the plan itself, by differences.
+    q = found.trajectory(np.arange(0.0, found.duration, 1e-3))
+    for order, limit in ((2, 0.72), (3, 36.0)):
+        assert np.abs(np.diff(q, order, axis=0)).max() / 1e-3**order <= limit * (1 + 1e-4)
 
 
 def test_held_set_points():
@@ -187,7 +207,7 @@ def test_a_command_keeps_to_joint_velocities(refuses):
 def test_stops_at_sharp_corners_stay():
     sharp = parse_job(LINE.replace("[0.40, 0.20]]", "[0.40, 0.20], [0.40, 0.25]]"))
     found = ac.certify(sharp, servo=2e-6)
-    assert len(found.trajectory.laws) == 2
+    assert found.trajectory.speed_at([0.1]) < 1e-8
     assert found.budget.rounding == 0.0
     assert found.evaluation.contour_error.max <= 2e-6
     assert found.evaluation.demand_ratio.max() <= 1 + 1e-6
@@ -215,8 +235,9 @@ def test_what_binds_is_said(refuses):
     refuses(
         lambda: ac.certify(job(), servo=1e-3, slowest=1.0001),
         ac.NotRealizable,
-        "smoothing",
-        limit="slowest",
+        "acceleration limit",
+        "larger slowest",
+        limit="joint_acceleration",
     )
 
 

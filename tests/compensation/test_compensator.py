@@ -147,7 +147,7 @@ def test_the_inverse_undoes_the_servo(arm, uneven):
         done = ac.execute(taught, plant, resolution=period)
         off = done.q - trajectory(done.t.clip(0, 1.0))
         errors.append(np.abs(off).max())
-    # Means over intervals, and lines between them, leave errors of second order in the period, which
+    # Means over intervals, and lines between them, leave errors of second order in the period. They
     # are made up for but next to both ends.
     assert errors[0] / errors[1] > 5 and errors[1] / errors[2] > 5
     assert errors[2] < 2e-7

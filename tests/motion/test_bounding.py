@@ -4,27 +4,44 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import largest_shares, smooth
+from armcontour.motion import SmoothedLaw, largest_shares, smooth
+from armcontour.motion._bounding import path_rates
 
 NAMES = ("acceleration", "deceleration", "velocity", "speed", "bent")
 # The peaks of the laws below are above the largest value at dense places by less.
 NEAR = 1e-5
 
 
-@pytest.fixture(scope="module")
-def planned():
+def planned(jerk):
     arm = ac.load_arm("ur5e")
     points = [(0.45, -0.1, 0.2), (0.6, 0.1, 0.25), (0.4, 0.2, 0.3)]
-    path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
+    path = ac.round_corners(
+        ac.Path.polyline(points),
+        tolerance=5e-3,
+        continuity="tangent" if jerk is None else "curvature",
+    )
     down = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]
-    limits = ac.Limits(speed=0.2, joint_acceleration=2.0)
+    limits = ac.Limits(speed=0.2, joint_acceleration=2.0, joint_jerk=jerk)
     return ac.plan(path.oriented(down), arm, limits, intervals=200)
 
 
-@pytest.fixture(scope="module", params=[(), (8e-3,), (4e-3, 4e-3), (30e-3, 7e-3)])
-def case(planned, request):
+@pytest.fixture(
+    scope="module",
+    params=[
+        (None, ()),
+        (None, (8e-3,)),
+        (None, (4e-3, 4e-3)),
+        (None, (30e-3, 7e-3)),
+        (20.0, ()),
+        (20.0, (30e-3, 7e-3)),
+    ],
+    ids=str,
+)
+def case(request):
     """A law, and limits that it takes in full."""
-    law = (smooth(planned, *request.param) if request.param else planned).laws[0]
+    jerk, windows = request.param
+    plan = planned(jerk)
+    law = (smooth(plan, *windows) if windows else plan).laws[0]
     return law, *limits_of(law)
 
 
@@ -76,6 +93,21 @@ def test_random_times_take_no_more(case):
     assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, found[3])
 
 
+def test_rates_are_the_third_and_fourth_derivative_of_the_arc_length(case):
+    law = case[0]
+    base, windows = (law.law, law.windows) if isinstance(law, SmoothedLaw) else (law, (0.0, 0.0))
+    i = np.arange(len(law.breaks) - 1)
+    width = np.diff(law.breaks)
+    i, width = i[width > 1e-4], width[width > 1e-4]
+    middle, step = law.breaks[i] + 0.37 * width, 0.2 * width
+    found = path_rates(middle, step, base.breaks, base.rates, windows)
+    third = [law.path_position(i, middle + sign * step, 3) for sign in (-1, 0, 1)]
+    size = np.abs(third[1]).max()
+    np.testing.assert_allclose(found[:, 0], third[1], rtol=1e-9, atol=1e-9 * size)
+    change, rounding = third[2] - third[0], 1e-8 * size
+    assert (np.abs(change - 2 * step * found[:, 1]) <= 2 * step**2 * found[:, 2] + rounding).all()
+
+
 def test_a_limit_that_nobody_has_is_not_used(case):
     law = case[0]
     pieces = len(law.joint_path.breaks) - 1
@@ -83,13 +115,14 @@ def test_a_limit_that_nobody_has_is_not_used(case):
     np.testing.assert_array_equal(largest_shares(law, *none, 1.0), 0.0)
 
 
+@pytest.mark.parametrize("jerk", [None, 10.0])
 @pytest.mark.parametrize("windows", [(), (0.3,), (0.2, 0.1)])
-def test_long_intervals_lose_no_peak(windows):
+def test_long_intervals_lose_no_peak(jerk, windows):
     # Few and long intervals, on which a bound has to make up for what its polynomial leaves out.
     random = np.random.default_rng(1)
     arm = ac.load_arm("ur5e")
-    limits = ac.Limits(joint_acceleration=2.0, joint_velocity=1.0)
-    for _ in range(12):
+    limits = ac.Limits(joint_acceleration=2.0, joint_velocity=1.0, joint_jerk=jerk)
+    for _ in range(12 if jerk is None else 4):
         joint_path = ac.JointPath.spline(random.uniform(-1.5, 1.5, (4, 6)))
         plan = ac.plan(joint_path, arm, limits, intervals=12)
         law = (smooth(plan, *windows) if windows else plan).laws[0]

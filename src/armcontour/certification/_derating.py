@@ -18,7 +18,6 @@ from armcontour.timing.constraints import (
     Constraint,
     JointAcceleration,
     JointDerivatives,
-    Rows,
 )
 from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
@@ -75,11 +74,10 @@ class DeratedAcceleration(JointAcceleration):
         super().__init__(low, high)
         self.derating = derating
 
-    def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """The derated bounds, which are constant on an interval because it lies in one cell."""
-        full = super().rows(grid, path, bounds)
+    def on(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
+        """The bounds, derated as in the cell that contains the middle of every interval."""
         share = self.derating.share[self.derating.cell_of(grid)]
-        return Rows(full.a, full.b, full.low * share, full.high * share, full.margin)
+        return self.low * share, self.high * share
 
 
 class Cap(Constraint):

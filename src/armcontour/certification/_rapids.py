@@ -24,7 +24,7 @@ from armcontour.servo import ServoModel
 from armcontour.timing.methods import plan_rapid
 
 # Lengths of the moving averages in command intervals, of which the fastest is taken.
-WINDOWS = ((0.5, 0.5), (1.0,), (1.0, 1.0))
+WINDOWS: tuple[tuple[float, ...], ...] = ((), (0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0))
 # Plans with the same windows; each one derates the limits that the last one exceeded.
 MOST_TRIALS = 12
 # Trials aim at this share of each limit, so that the contour after a rapid does not exceed it.
@@ -66,7 +66,7 @@ def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robo
     robot = replace(robot, saturated=False)
     found = [
         x
-        for multiples in WINDOWS
+        for multiples in (((),) if robot.limits.jerk_limits else WINDOWS)
         if (x := _derate(joint_path, approach, robot, multiples)) is not None
     ]
     if not found:
@@ -95,7 +95,7 @@ def _derate(
     for _ in range(MOST_TRIALS):
         left = {name: getattr(robot.limits, name) * share for name, share in factors.items()}
         plan = plan_rapid(joint_path, robot.arm, robot.limits.replace(**left))
-        plan = smooth(plan, *windows)
+        plan = smooth(plan, *windows) if windows else plan
         over = {name: x for name, x in _uses(plan, approach, robot).items() if x > 1}
         if not over:
             return Derated(windows=windows, factors=factors, trajectory=plan)

@@ -41,7 +41,7 @@ from armcontour.robustness.monte_carlo import Spread
 
 # Lengths of the moving averages in command intervals, the likeliest fastest first.
 WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {
-    "refuse": ((0.5, 0.5), (1.0,), (0.5,), (1.0, 1.0), (2.0, 1.0)),
+    "refuse": ((), (0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0), (2.0, 1.0)),
     "report": ((), (1.0,)),
 }
 # A search with one choice of windows takes at most this many trials.
@@ -267,6 +267,9 @@ class Search:
 
     def _windows(self) -> list[tuple[float, ...]]:
         """Lengths of moving averages to try [s]."""
+        if self.setting.limits.jerk_limits:
+            # Averages along a path that bends exceed limits of jerk, which smooth the plan already.
+            return [()]
         period, kv = self.setting.run.period, self.setting.servo.kv
         if self.setting.bodies and kv is not None:
             slowest = 1 / float(kv.min())

@@ -24,6 +24,11 @@ class JointAcceleration(Constraint):
     def __init__(self, low: FloatArray, high: FloatArray) -> None:
         self.low, self.high = low, high
 
+    def on(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds on every interval of a grid, (n, dof) each."""
+        shape = (len(grid), len(self.low))
+        return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
+
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
         """The bounds, less what the acceleration can exceed its chord between the ends."""
         margin = np.zeros(path.third.shape)
@@ -39,8 +44,7 @@ class JointAcceleration(Constraint):
                 bounds.skew,
                 margin,
             )
-        shape = path.first.shape
-        low, high = np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
+        low, high = (np.broadcast_to(x, path.first.shape) for x in self.on(grid))
         return Rows(path.first, path.second, low, high, margin)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:

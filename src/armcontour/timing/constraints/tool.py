@@ -154,11 +154,11 @@ class CentripetalAcceleration(Constraint):
         """The bound at both ends, less what skew adds to x between them."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature_on(grid)
-        if bounds is not None:
-            uneven = self.metric.uneven[grid.piece]
-            sag = np.abs(bounds.skew) * grid.width**2 / 4
-            ceiling = np.where(uneven, np.maximum(ceiling - sag, 0.0), ceiling)
-        return Ceiling(ceiling)
+        if bounds is None:
+            return Ceiling(ceiling)
+        sag = np.abs(bounds.skew) * grid.width**2 / 4
+        sag = np.where(self.metric.uneven[grid.piece], sag, 0.0)
+        return Ceiling(np.maximum(ceiling - sag, 0.0), np.minimum(sag / ceiling.min(axis=0), 1.0))
 
 
 class ToolAcceleration(Constraint):

@@ -87,7 +87,7 @@ class Rows:
             # The tangents have as many control points as the jerk of the tool.
             self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
-        self.bounded = np.full((2, grid.joint_path.dof), np.inf)
+        self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full(grid.joint_path.dof, np.inf)
         self.ceilings: list[FloatArray] = []
         self.general: list[GeneralRows] = []
@@ -103,7 +103,8 @@ class Rows:
             self.speeds = np.minimum(self.speeds, x.limit)
             return
         if isinstance(x, JointAcceleration):
-            self.bounded = np.minimum(self.bounded, [-x.low, x.high])
+            low, high = x.on(grid)
+            self.bounded = np.minimum(self.bounded, [-low, high])
             return
         ceiling, disc = x.ceiling(grid, path, bounds), x.disc(grid, path, bounds)
         rows = x.rows_about(grid, path, about) if bounds is None else x.rows(grid, path, bounds)
@@ -191,7 +192,7 @@ class Rows:
     def _motion(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, joint after joint."""
         grid, degree = self.mesh.grid, self.degree
-        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0)), self._jerky()
+        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))), self._jerky()
         n = len(grid)
         found = (
             np.empty((n, len(joints[0]) * (degree + 1), 3)),
@@ -219,11 +220,11 @@ class Rows:
             rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
             low.append(-most)
             high.append(most)
-        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=0))
+        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1)))
         rows.append(acceleration)
         for sign, out in ((-1, low), (1, high)):
-            limit = np.repeat(sign * self.bounded[(sign + 1) // 2, joints], self.degree + 1)
-            out.append(np.broadcast_to(limit, acceleration.shape[:2]))
+            bound = self.bounded[(sign + 1) // 2][:, joints]
+            out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
         for y in self.general:
             for e in range(2):
                 square, rate = (x[:, None] for x in ends[e])
