@@ -22,11 +22,13 @@ from soak.jerk_judge import LEAK, MOST_ITERATIONS, Outcome, Sampled, counted, ju
 
 ARMS = ("ur5e", "pmk3s", "panda")
 # Places at which lengths are measured, and knots of the spline over the length.
-DENSE, KNOTS = 4001, 40
+DENSE, KNOTS = 8001, 200
 # Limits of the tool, and what they are of the speed of a joint or less at the path's size.
 TOOL = ("speed", "tool_acceleration", "centripetal_acceleration", "tool_jerk", "path_jerk")
 ANGULAR = ("angular_speed", "angular_acceleration")
 CHANCE = 0.35
+# The slowest place of the tool along a drawn curve, as a share of the fastest.
+EVEN = 0.25
 # Exponents of the time in the units of limits.
 ORDERS = {"speed": 1, "acceleration": 2, "jerk": 3}
 
@@ -64,12 +66,16 @@ def _path(rng: np.random.Generator, arm: Any) -> tuple[ac.JointPath, np.ndarray]
     """A smooth joint path over the length of its tool's path, and shares of speed per piece."""
     low, high = arm.limits.joint_range(arm.dof)
     low, high = np.maximum(low, -2.5), np.minimum(high, 2.5)
-    way = low + (high - low) * rng.uniform(0.2, 0.8, (int(rng.integers(3, 6)), arm.dof))
-    way = way[:1] + rng.uniform(0.1, 1.0) * (way - way[:1])
-    curve = CubicSpline(np.arange(len(way)), way)
-    t = np.linspace(0, len(way) - 1, DENSE)
-    rates = series(arm, curve(t), curve(t, 1), np.zeros((DENSE, arm.dof)))[0]
-    speed = np.linalg.norm(rates[1], axis=1)
+    while True:
+        way = low + (high - low) * rng.uniform(0.2, 0.8, (int(rng.integers(3, 6)), arm.dof))
+        way = way[:1] + rng.uniform(0.1, 1.0) * (way - way[:1])
+        curve = CubicSpline(np.arange(len(way)), way)
+        t = np.linspace(0, len(way) - 1, DENSE)
+        rates = series(arm, curve(t), curve(t, 1))[0]
+        speed = np.linalg.norm(rates[1], axis=1)
+        # No place at which the tool nearly turns back.
+        if speed.min() > EVEN * speed.max():
+            break
     s = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) * (t[1] - t[0])
     at = np.linspace(0, s[-1], KNOTS)
     spline = CubicSpline(at, curve(np.interp(at, s, t)))
@@ -112,8 +118,9 @@ def _limits(rng: np.random.Generator, arm: Any, path: ac.JointPath) -> ac.Limits
     if arm.has_bodies and rng.random() < CHANCE:
         torque = np.abs(tool.torque()).max(axis=(0, 1))
         still = np.abs(tool.torque(still=True)).max(axis=(0, 1))
-        share = rng.uniform(0.3, 1.1, dof)
-        wanted["joint_torque"] = 1.05 * still + share * (torque - 0.9 * still) + 1e-3
+        # The arm can hold itself, against its friction too.
+        least = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
+        wanted["joint_torque"] = least + rng.uniform(0.1, 1.0, dof) * torque
     return ac.Limits(**wanted)
 
 

@@ -2,8 +2,8 @@
 
 These figures have a source of their own: 5.327 s and 0.0026 mm RMS of the paper's job, in
 tests/golden; 503 mm, the circumference of the tube's seam, 2 pi 80 mm; 0.020 s and 40 ms, the
-laser's delay and the dead time that the examples give. All others were printed by the code itself,
-and say only that nothing changed.
+laser's delay and the dead time that the examples give; 36 and 7.2 rad/s³, the limits of jerk. All
+others were printed by the code itself, and say only that nothing changed.
 """
 
 import re
@@ -63,6 +63,23 @@ set-points lead by 40 ms
   executed within 0.00 mm of the shaped path
   executed within 4.99 mm of the objective path
 seam on a UR5e, 1 mm, ten iterations: 1.32 s, arcs take 1.35 s; 1.9% less than parabolas
+""",
+    "10_limited_jerk": """\
+arcs, no limit of jerk: 5.326 s, contour error 0.0430 mm RMS
+  jerk 2.62 rad/s³ between breaks, 259.02 from samples every 4 ms
+  set-points ask for 24.56 rad/s², the arm has 0.72
+continuous curvature, no limit of jerk: 5.065 s, contour error 0.0056 mm RMS
+  jerk 10.53 rad/s³ between breaks, 249.60 from samples every 4 ms
+  set-points ask for 23.10 rad/s², the arm has 0.72
+jerk 50 times the acceleration: 5.144 s, contour error 0.0032 mm RMS
+  jerk 36.00 rad/s³ between breaks, 36.00 from samples every 4 ms
+  set-points ask for 3.38 rad/s², the arm has 0.72
+jerk 10 times the acceleration: 5.277 s, contour error 0.0004 mm RMS
+  jerk 7.20 rad/s³ between breaks, 7.20 from samples every 4 ms
+  set-points ask for 1.16 rad/s², the arm has 0.72
+the same on arcs, which have to stop: 6.869 s, contour error 0.0005 mm RMS
+  jerk 7.20 rad/s³ between breaks, 7.20 from samples every 4 ms
+  set-points ask for 0.96 rad/s², the arm has 0.72
 """,
     "07_learning": """\
 run 1: contour error 1.614 mm RMS, 2.181 mm at most

@@ -110,7 +110,9 @@ def test_places_that_do_not_lead_along_both_paths_are_refused(shaped, places):
 
 def test_an_outcome_says_what_was_gained():
     assert OUTCOME.gain == 0.25
-    again = pickle.loads(pickle.dumps(OUTCOME))
+    noted = dataclasses.replace(OUTCOME, note="too long")
+    again = pickle.loads(pickle.dumps(noted))
+    assert again.note == "too long"
     assert again.durations == OUTCOME.durations and again.start == "arcs"
     with pytest.raises(TypeError):
         OUTCOME.durations["arcs"] = 0.0

@@ -349,6 +349,14 @@ def test_limits_of_jerk_are_refused_before_any_run_starts(in_space, refuses):
         "limits: {joint_jerk: null}",
     )
     assert not started
+    free = dataclasses.replace(this, limits=jerky, rounding=Rounding(shape="free", tolerance=1e-3))
+    for work in (ac.run, lambda job: ac.certify(job, tolerance=2e-3)):
+        refuses(
+            lambda work=work: work(dataclasses.replace(in_space, runs=(free,))),
+            ac.NotRealizable,
+            "Along a shaped path accelerations jump",
+            "corners: {shape: arc}",
+        )
 
 
 def test_a_start_for_another_arm_is_refused(in_space, refuses):

@@ -123,6 +123,22 @@ def test_methods_without_limits_of_jerk_refuse_them(arm, traced, limits, refuses
     )
 
 
+def test_shaped_paths_are_not_for_limits_of_jerk(arm, objective, limits, refuses):
+    jerk = limits.replace(joint_jerk=10.0, tool_jerk=5.0)
+    for make in (
+        lambda: ac.plan(objective, arm, jerk, method="shaped", tolerance=1e-3),
+        lambda: ac.shape(objective, arm, jerk, tolerance=1e-3),
+    ):
+        refuses(
+            make,
+            ac.NotRealizable,
+            "Along a shaped path accelerations jump, at places where joint_jerk and tool_jerk",
+            'continuity="curvature"',
+            "limits.replace(joint_jerk=None, tool_jerk=None)",
+            limit="joint_jerk",
+        )
+
+
 def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     slow = limits.replace(speed=0.04)
     endless = slow.replace(joint_jerk=[np.inf, np.inf])

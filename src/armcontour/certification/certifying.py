@@ -37,9 +37,10 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.programs import trace_run
 from armcontour.jobs.study import on_bodies
-from armcontour.motion import Trajectory
+from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import worst_corner
+from armcontour.timing import refuse_unkept_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
@@ -78,6 +79,8 @@ def certify(
             f"Run {this.name} has smoothing, but a certified plan has windows of its own: leave "
             "smoothing out."
         )
+    if this.rounding is not None and this.rounding.free:
+        refuse_unkept_jerk(Method.SHAPED, this.limits)
     search = _Certifying(job, this, goal, under(progress))
     return search.certificate()
 

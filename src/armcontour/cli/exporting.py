@@ -321,11 +321,19 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
     joint = int(np.argmax(ratio))
     if ratio[joint] < FAR_ABOVE:
         return []
+    smooth = limits.joint_jerk is not None and bool(np.isfinite(limits.joint_jerk[joint]))
+    cause, mend = (
+        ("compensation needs set-points that change faster than the plan", "")
+        if smooth
+        else (
+            "where the planned acceleration jumps, so do the set-points",
+            "Limits of jerk (joint_jerk) avoid jumps of the plan. ",
+        )
+    )
     return [
-        f"{target.option}, run {name}: where the planned acceleration jumps, so do the set-points, "
-        f"and a controller that joins them by quintics needs up to {ratio[joint]:.0f} times the "
-        f"acceleration limit of {table.joint_names[joint]}. With --derivatives 0 a ROS controller "
-        "joins them by lines."
+        f"{target.option}, run {name}: {cause}, and a controller that joins them by quintics needs "
+        f"up to {ratio[joint]:.0f} times the acceleration limit of {table.joint_names[joint]}. "
+        f"{mend}With --derivatives 0 a ROS controller joins them by lines."
     ]
 
 

@@ -140,6 +140,8 @@ def _acceleration_steps(
         names: The limits of jerk that are judged.
         ends: The first and the last break [s].
     """
+    if not names:
+        return
     q = law(t)
     resting = np.abs(law(t, 1)).max(axis=1) <= STILL
     for name in names:

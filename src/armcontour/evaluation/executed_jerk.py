@@ -15,14 +15,19 @@ from armcontour.motion import Execution, TaughtData
 
 def executed_jerk(executed: Execution) -> FloatArray:
     """Largest mean jerk of each joint over any command interval [rad/s³], (dof,)."""
+    return np.asarray(np.abs(mean_jerk(executed)).max(axis=0))
+
+
+def mean_jerk(executed: Execution) -> FloatArray:
+    """Mean jerk over the command interval that ends at each time [rad/s³], (n, dof)."""
     t, ddq = executed.t, executed.ddq
     if len(t) < 2:
-        return np.zeros(ddq.shape[1])
+        return np.zeros_like(ddq)
     step = float(t[-1] - t[0]) / (len(t) - 1)
     k = max(1, round(executed.taught.period / step))
     # The arm stands still before the first result.
     before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
-    return np.asarray(np.abs(ddq - before).max(axis=0) / (k * step))
+    return np.asarray((ddq - before) / (k * step))
 
 
 def commanded_jerk(taught: TaughtData) -> FloatArray:

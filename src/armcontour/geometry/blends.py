@@ -1,9 +1,9 @@
-"""Blends across corners beside arcs: pairs of tangent arcs within a corner error.
+"""Blends across corners beside arcs: pairs of tangent arcs, or connections, within a corner error.
 
 A blend replaces the tangent length t of both segments at a corner by two arcs, each of which bends
 more than the segment beside it by nearly the same curvature. Where there is no corner, the blend
-is the two segments; between two lines it is the one arc of (10)-(16). See
-docs/concepts/rounding.md.
+is the two segments; between two lines it is the one arc of (10)-(16). Where the curvature must not
+jump, a blend is a connection (connecting.py). See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour.geometry.biarcs import biarcs, dot, length
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.geometry.biarcs import biarcs, dot, length, unit
+from armcontour.geometry.connecting import around_vertices, connect, draw_connections
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_demand
 
 # A search for a tangent length may end this fraction below it; halving alone comes there from a
@@ -26,6 +27,8 @@ SHORTEST = 2 * REPEATED_POINT
 # them turns back, so that the corner is where blend and path are farthest apart.
 WIDEST = np.pi / 2
 ROUNDING = 1e-9
+# Shares of each half of a connection at which it is compared with what it replaces.
+LOOKS = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,9 +36,30 @@ class Blends:
     """The blends of n corners.
 
     Args:
+        rows: Their segments in order.
+        of: The blend of each segment.
+        lengths: Lengths of the blends [m], (n,).
+        radius: Smallest radii of the blends [m], infinite for a straight one, (n,).
+        error: Distance from each corner to its blend [m], (n,).
+        bend: Largest curvature towards the inside of the corner [1/m], (n,).
+    """
+
+    rows: Segments
+    of: IntArray
+    lengths: FloatArray
+    radius: FloatArray
+    error: FloatArray
+    bend: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Pairs:
+    """Pairs of tangent arcs across n corners.
+
+    Args:
         first: The arcs that leave the segments before the corners.
         second: The arcs that lead into the segments after the corners.
-        error: Distance from each corner to its blend [m], (n,).
+        error: Distance from each corner to its arcs [m], (n,).
         bend: Largest curvature towards the inside of the corner [1/m], (n,).
     """
 
@@ -46,14 +70,8 @@ class Blends:
 
     @property
     def lengths(self) -> FloatArray:
-        """Lengths of the blends [m], (n,)."""
+        """Lengths of the pairs [m], (n,)."""
         return np.asarray(self.first.lengths + self.second.lengths)
-
-    @property
-    def radius(self) -> FloatArray:
-        """Smallest radii of the blends [m], infinite for a straight one, (n,)."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(1 / np.maximum(self.first.curvatures, self.second.curvatures))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,14 +81,18 @@ class Bounds:
     Args:
         error: Largest corner errors [m], (n,).
         radius: Radii that are large enough for the corner speeds [m], infinite without one, (n,).
-        turn: Largest `t / 2 - length / 8`, which the tool's orientation allows [m], (n,).
+        turn: Largest `t / 2 - middle length`, which the tool's orientation allows [m], (n,).
         tangent: Largest tangent lengths [m], (n,).
+        middle: The factor of the length there; see `rounded_orientation.middle_of`.
+        smooth: Whether the blends have continuous curvature.
     """
 
     error: FloatArray
     radius: FloatArray
     turn: FloatArray
     tangent: FloatArray
+    middle: float
+    smooth: bool
 
     def __getitem__(self, rows: IntArray) -> Bounds:
         """The bounds of the selected corners."""
@@ -79,34 +101,61 @@ class Bounds:
             radius=self.radius[rows],
             turn=self.turn[rows],
             tangent=self.tangent[rows],
+            middle=self.middle,
+            smooth=self.smooth,
         )
 
 
-def make_blends(before: Segments, after: Segments, t: FloatArray) -> Blends:
+def make_blends(before: Segments, after: Segments, t: FloatArray, smooth: BoolArray) -> Blends:
     """Blends with given tangent lengths.
 
     Args:
         before: Segments before the corners.
         after: Segments after the corners.
         t: Tangent lengths, no longer than the segments [m], (n,).
+        smooth: Mask of the blends with continuous curvature; the others are pairs of arcs, (n,).
     """
+    plain, bent = np.flatnonzero(~smooth), np.flatnonzero(smooth)
+    pairs = _make_pairs(before[plain], after[plain], t[plain])
+    found = connect(before[bent], after[bent], t[bent])
+    nearest = found.nearest
+    drawn, of, _ = draw_connections(found, after.starts[bent], nearest)
+    drawn = drawn.replace(**share_demand(before[bent[of]], after[bent[of]]))
+    rows = Segments.join([pairs.first, pairs.second, drawn])
+    which = np.concatenate([plain, plain, bent[of]])
+    lengths = np.bincount(which, rows.lengths, minlength=len(t))
+    error, bend, tightest = np.empty(len(t)), np.empty(len(t)), np.empty(len(t))
+    error[plain], bend[plain] = pairs.error, pairs.bend
+    tightest[plain] = np.maximum(pairs.first.curvatures, pairs.second.curvatures)
+    error[bent] = length(found.begin + found.at(EVERY, nearest))
+    bend[bent] = tightest[bent] = found.largest_bend
+    order = np.argsort(which, kind="stable")
+    with np.errstate(divide="ignore"):
+        radius = 1 / tightest
+    return Blends(
+        rows=rows[order],
+        of=which[order],
+        lengths=np.asarray(lengths, dtype=float),
+        radius=radius,
+        error=error,
+        bend=bend,
+    )
+
+
+def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
+    """Pairs of tangent arcs with given tangent lengths [m], (n,)."""
     corner, inward = after.starts, after.tangents - before.end_tangents
     # Points relative to the corner, so that even tiny blends keep their digits.
-    back = before.replace(
-        starts=np.zeros_like(corner),
-        tangents=-before.end_tangents,
-        normals=before.normals_at(EVERY, before.lengths),
-    )
-    ahead = after.replace(starts=np.zeros_like(corner))
-    p0, t0 = back.at(EVERY, t), -back.at(EVERY, t, 1)
-    p1, t1 = ahead.at(EVERY, t), ahead.at(EVERY, t, 1)
+    back, ahead = around_vertices(before, after)
+    p0, t0 = back.at(EVERY, t), -unit(back.at(EVERY, t, 1))
+    p1, t1 = ahead.at(EVERY, t), unit(ahead.at(EVERY, t, 1))
     share = _tangent_length(back, t) / _tangent_length(ahead, t)
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = biarcs(p0, t0, p1, t1, share)
         error = _distance(first, second)
     bend = np.maximum(_inward(first, inward), _inward(second, inward))
     demand = share_demand(before, after)
-    return Blends(
+    return _Pairs(
         first=first.replace(starts=first.starts + corner, **demand),
         second=second.replace(starts=second.starts + corner, **demand),
         error=error,
@@ -188,14 +237,65 @@ def _excess(
     Returns:
         The excess, and that without regard to the radius.
     """
-    found = make_blends(before, after, t)
-    turns = [x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)]
-    shares = [*turns, found.error / bounds.error, (t / 2 - found.lengths / 8) / bounds.turn]
-    any_radius = np.max(shares, axis=0)
-    need = 1 / (bounds.radius * np.maximum(found.bend, 0.0))
+    excess = _excess_of_connections if bounds.smooth else _excess_of_pairs
+    any_radius, bend = excess(before, after, t, bounds)
+    need = 1 / (bounds.radius * np.maximum(bend, 0.0))
     wide = np.where(np.isfinite(bounds.radius), need, 0.0)
     both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
     return tuple(np.where(np.isnan(x), np.inf, x) for x in both)  # type: ignore[return-value]
+
+
+def _excess_of_pairs(
+    before: Segments, after: Segments, t: FloatArray, bounds: Bounds
+) -> tuple[FloatArray, FloatArray]:
+    """The largest share of a bound that pairs of arcs take, and their bend [1/m], (n,)."""
+    found = _make_pairs(before, after, t)
+    turns = [x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)]
+    off = t / 2 - bounds.middle * found.lengths
+    shares = [*turns, found.error / bounds.error, off / bounds.turn]
+    return np.max(shares, axis=0), found.bend
+
+
+def _excess_of_connections(
+    before: Segments, after: Segments, t: FloatArray, bounds: Bounds
+) -> tuple[FloatArray, FloatArray]:
+    """The largest share of a bound that connections take, and their bend [1/m], (n,)."""
+    found = connect(before, after, t)
+    back, ahead = around_vertices(before, after)
+    x, peaks = found.nearest, []
+    for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
+        # A half and what it replaces, both passed evenly.
+        places = [begin + share * (end - begin) for share in LOOKS]
+        olds = [np.abs(old_begin - share * t) for share in LOOKS]
+        off = np.stack(
+            [
+                length(found.begin + found.at(EVERY, own) - old.at(EVERY, u))
+                for own, u in zip(places, olds, strict=True)
+            ]
+        )
+        peaks.append(_peak(off))
+    turn = t / 2 - bounds.middle * found.lengths_to(EVERY, np.ones(len(t)))
+    shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
+    largest = np.where(found.sound, np.max(shares, axis=0), np.inf)
+    return largest, found.largest_bend
+
+
+def _peak(values: FloatArray) -> FloatArray:
+    """Largest values of smooth functions that are known at even places, (n,).
+
+    Between places a peak is higher than the place next to it by an eighth of the second difference.
+
+    Args:
+        values: Values at the places, (places, n).
+    """
+    inner = values[1:-1]
+    more = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
+    found = inner + np.where((inner >= values[2:]) & (inner >= values[:-2]), more, 0.0)
+    # At an end the values may fall towards it.
+    for ends, beside in ((values[:3], more[0]), (values[:-4:-1], more[-1])):
+        falls = 3 * ends[0] < 4 * ends[1] - ends[2]
+        found = np.concatenate([found, [ends[0] + np.where(falls, beside, 0.0)]])
+    return np.asarray(found.max(axis=0))
 
 
 def _distance(first: Segments, second: Segments) -> FloatArray:

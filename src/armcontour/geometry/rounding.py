@@ -32,6 +32,7 @@ from armcontour.geometry.rounded_orientation import (
     follow_rounded,
     largest_blend,
     largest_tangent,
+    middle_of,
     round_orientation,
 )
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
@@ -42,6 +43,9 @@ Continuity: TypeAlias = Literal["tangent", "curvature"]
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is left
 # out [m].
 SLIVER = 1e-12
+# A blend of continuous curvature is at least this long on either side: shorter ones have too few
+# digits, and no motion passes them faster than a full stop [m].
+SHORTEST_SMOOTH = 1e-6
 # Planes that differ by less than this are one [rad].
 SAME_PLANE = 1e-9
 # A blend counts as one that uses its tolerance within this fraction, by which its search may miss.
@@ -163,7 +167,8 @@ def round_corners(
 
     With continuity "curvature" the curvature does not jump either, so that a motion with a limit of
     jerk need not stop: a corner between two lines becomes a smooth bend, with the same corner error
-    on more of both lines, whose radius in the middle is `corners.radius`.
+    on more of both lines, whose radius in the middle is `corners.radius`. Beside an arc it becomes a
+    connection; where the turn is too sharp for one, two tangent arcs, at whose ends it jumps.
 
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
     the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
@@ -355,20 +360,28 @@ def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> Round
         kinked: Segments after which only the angular rate jumps, (k,).
         angle: Angular tolerance [rad].
     """
-    tangents, wanted = _tangent_lengths(path, wishes, kinked, angle)
-    found = _rounded_corners(path, wishes, tangents[: len(wishes.corner)], wanted)
+    tangents, wanted, smooth = _tangent_lengths(path, wishes, kinked, angle)
+    found = _rounded_corners(path, wishes, tangents[: len(wishes.corner)], wanted, smooth)
     rounded, source = _assemble(path, wishes, found, _stop_reasons(path, wishes, found, angle))
     which = np.concatenate([wishes.corner, kinked])
     lengths = np.append(found.length, 2 * tangents[len(wishes.corner) :])
     tangents = np.append(found.tangent, tangents[len(wishes.corner) :])
-    smooth = wishes.curve.smooth
-    return _add_orientation(rounded, source, which, tangents, lengths, angle, smooth=smooth)
+    even = wishes.curve.smooth
+    return _add_orientation(rounded, source, which, tangents, lengths, angle, smooth=even)
 
 
 def _rounded_corners(
-    path: Path, wishes: _Wishes, tangent: FloatArray, wanted: FloatArray
+    path: Path, wishes: _Wishes, tangent: FloatArray, wanted: FloatArray, smooth: BoolArray
 ) -> _Found:
-    """How corners are rounded with given tangent lengths [m], where others were wanted, (n,)."""
+    """How corners are rounded with given tangent lengths [m], where others were wanted, (n,).
+
+    Args:
+        path: The objective path.
+        wishes: What is wanted of its corners.
+        tangent: The tangent lengths [m], (n,).
+        wanted: Those that were wanted [m], (n,).
+        smooth: Mask of the corners beside arcs whose blends have continuous curvature, (n,).
+    """
     corner, half = wishes.corner, wishes.half
     bent = _beside_arcs(path, corner)
     stretch = wishes.curve.stretch(half)
@@ -377,7 +390,10 @@ def _rounded_corners(
     length, error = radius * wishes.long, wishes.curve.error(radius, half)
     drawn = bent & (tangent > 0)
     blends = make_blends(
-        path.segments[corner[drawn]], path.segments[corner[drawn] + 1], tangent[drawn]
+        path.segments[corner[drawn]],
+        path.segments[corner[drawn] + 1],
+        tangent[drawn],
+        smooth[drawn],
     )
     radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
     full = blends.error >= wishes.error[drawn] * (1 - FULL)
@@ -461,7 +477,7 @@ def _assemble(
 
 def _tangent_lengths(
     path: Path, wishes: _Wishes, kinked: IntArray, angle: float
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Tangent lengths that keep the tolerances and fit the segments.
 
     Args:
@@ -471,15 +487,17 @@ def _tangent_lengths(
         angle: Angular tolerance [rad].
 
     Returns:
-        Tangent lengths of corners, then of kinks [m], (n + k,); 0 for sharp corners. And those that
-        the corners would take if their segments were long enough [m], (n,).
+        Tangent lengths of corners, then of kinks [m], (n + k,); 0 for sharp corners. Those that
+        the corners would take if their segments were long enough [m], (n,). And the mask of the
+        corners beside arcs whose blends have continuous curvature, (n,).
     """
     corner, half = wishes.corner, wishes.half
     bent = _beside_arcs(path, corner)
     allowed = _largest_tangent(path, wishes, angle)
     wanted = np.minimum(wishes.radius * wishes.curve.stretch(half), allowed)
+    smooth = np.zeros(len(corner), dtype=bool)
     if bent.any():
-        wanted[bent] = _wanted_blends(path, wishes, bent, angle)
+        wanted[bent], smooth[bent] = _wanted_blends(path, wishes, bent, angle)
     wanted = np.minimum(wanted, wishes.most)
     # Arcs smaller than the resolution of a point are dropped; at a turn of 180° no radius is left.
     shortest = np.where(bent, REPEATED_POINT, wishes.curve.shortest(half))
@@ -487,15 +505,15 @@ def _tangent_lengths(
     wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
     # Blends of the orientation alone share the segments with the corners' arcs.
     which = np.concatenate([corner, kinked])
-    smooth = wishes.curve.smooth
-    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle, smooth=smooth)
+    even = wishes.curve.smooth
+    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle, smooth=even)
     order = np.argsort(which)
     tangents = np.empty(len(which))
     tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
     # A very short segment between two corners can leave an arc below that resolution, too.
     tangent = tangents[: len(corner)]
     tangent[tangent <= shortest / 4] = 0.0
-    return tangents, wanted
+    return tangents, wanted, smooth
 
 
 def _largest_tangent(path: Path, wishes: _Wishes, angle: float) -> FloatArray:
@@ -504,21 +522,43 @@ def _largest_tangent(path: Path, wishes: _Wishes, angle: float) -> FloatArray:
     return largest_tangent(path, wishes.corner, ratio, angle, smooth=wishes.curve.smooth)
 
 
-def _wanted_blends(path: Path, wishes: _Wishes, bent: BoolArray, angle: float) -> FloatArray:
-    """Tangent lengths of corners beside arcs [m], if nothing else used their segments."""
+def _wanted_blends(
+    path: Path, wishes: _Wishes, bent: BoolArray, angle: float
+) -> tuple[FloatArray, BoolArray]:
+    """Tangent lengths of corners beside arcs [m], if nothing else used their segments.
+
+    Where the curvature must not jump, but no such blend is possible, a pair of arcs is taken.
+
+    Args:
+        path: The objective path.
+        wishes: What is wanted of its corners.
+        bent: Mask of the corners beside arcs.
+        angle: Angular tolerance [rad].
+
+    Returns:
+        The tangent lengths, and the mask of the blends with continuous curvature.
+    """
     corner = wishes.corner[bent]
     bounds = Bounds(
         error=wishes.error[bent],
         radius=wishes.enough[bent],
         turn=largest_blend(path, corner, angle),
         tangent=wishes.most[bent],
+        middle=middle_of(wishes.curve.smooth),
+        smooth=wishes.curve.smooth,
     )
-    found = widest_blends(path.segments[corner], path.segments[corner + 1], bounds)
     free = (bounds.error > 0) & (bounds.radius > 0)
     if path.orientation is not None and path.orientation.follows:
         # A frame that follows the tangent out of the plane would come round turned about it.
         free &= _in_plane(path, corner)
-    return np.where(free, found, 0.0)
+    sides = path.segments[corner], path.segments[corner + 1]
+    found = np.where(free, widest_blends(*sides, bounds), 0.0)
+    smooth = bounds.smooth & (found > SHORTEST_SMOOTH)
+    rest = np.flatnonzero(free & ~smooth)
+    if bounds.smooth and len(rest):
+        plain = dataclasses.replace(bounds, smooth=False)[rest]
+        found[rest] = widest_blends(sides[0][rest], sides[1][rest], plain)
+    return found, smooth
 
 
 def _wishes(
@@ -668,17 +708,17 @@ def _replace_corners(
     cut[corner + 1] = found.tangent
     kept = _cut(path.segments, cut)
     plain = (found.radius > 0) & ~found.bent
-    blended = corner[(found.radius > 0) & found.bent]
+    blended = corner[(found.tangent > 0) & found.bent]
     before = corner[plain]
     curves, row = wishes.curve.draw(
         path.segments[before], path.segments[before + 1], found.radius[plain], wishes.half[plain]
     )
-    # Each segment, and the arcs after it.
+    # Each segment, and what replaces the corner after it.
     tables = [kept, curves]
     if len(blended):
-        tables += [found.blends.first, found.blends.second]
+        tables += [found.blends.rows]
     table = Segments.join(tables)
-    source = np.concatenate([np.arange(n), before[row], blended, blended])
+    source = np.concatenate([np.arange(n), before[row], blended[found.blends.of]])
     # A remainder of an arc is left out only if the tangent jumps by no more than a rounding error.
     used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
     used[n:] = True

@@ -179,7 +179,10 @@ class Segments:
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        return self.at(EVERY, self.lengths, 1)
+        found = self.at(EVERY, self.lengths, 1)
+        # Inside a transition, where one may be cut, the parameter is not quite the arc length.
+        found[self.bent] = _unit_or_zero(found[self.bent])
+        return found
 
     @property
     def extent(self) -> FloatArray:
@@ -267,12 +270,15 @@ class Segments:
         changed = self.bent & ((begin != 0) | (factor != 1))
         if not changed.any():
             return self
-        quintics, curvatures = self.quintics.copy(), self.curvatures.copy()
+        quintics, curvatures, tangents = (
+            getattr(self, x).copy() for x in ("quintics", "curvatures", "tangents")
+        )
         parts = re_expand(quintics[changed], begin[changed], factor[changed])
         parts[:, 0] = 0.0
         quintics[changed] = parts
         curvatures[changed] = largest_bend(parts, self.lengths[changed])
-        return self.replace(quintics=quintics, curvatures=curvatures)
+        tangents[changed] = _unit_or_zero(tangents[changed])
+        return self.replace(quintics=quintics, curvatures=curvatures, tangents=tangents)
 
     def run(self, i: IntArray, back: BoolArray) -> Segments:
         """Segments `i`, with those in mask `back` reversed."""

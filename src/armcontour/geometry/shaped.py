@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
 
@@ -42,8 +42,8 @@ class Outcome:
 
     def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
         # Mapping proxies cannot be pickled.
-        durations = dict(self.durations)
-        return partial(Outcome, start=self.start, durations=durations, history=self.history), ()
+        given = {x.name: getattr(self, x.name) for x in fields(self)}
+        return partial(Outcome, **given | {"durations": dict(self.durations)}), ()
 
     @property
     def gain(self) -> float:

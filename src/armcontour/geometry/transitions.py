@@ -62,7 +62,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     if not bent.any():
         return segments, segments.breaks[:-1]
     quintics, lengths = segments.quintics[bent], segments.lengths[bent]
-    need = lengths * np.cbrt(MORE * BIARC * _largest_change(quintics, lengths) / DRAWN)
+    need = lengths * np.cbrt(MORE * BIARC * largest_change(quintics, lengths) / DRAWN)
     count = np.maximum(np.ceil(need), 1).astype(np.intp)
     row, number = spread_out(count)
     step = (lengths / count)[row]
@@ -107,7 +107,7 @@ def spread_out(count: IntArray) -> tuple[IntArray, IntArray]:
     return item, np.arange(len(item)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def _largest_change(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
+def largest_change(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """Largest third derivatives of quintics by arc length, or slightly more [1/m²], (n,)."""
     c3, c4, c5 = quintics[:, 3], quintics[:, 4], quintics[:, 5]
     control = np.stack([6 * c3, 6 * c3 + 12 * c4, 6 * c3 + 24 * c4 + 60 * c5], axis=1)

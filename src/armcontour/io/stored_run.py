@@ -14,10 +14,13 @@ from armcontour._files import read_text
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.io.exports.table import Table, differentiate, tabulate
+from armcontour.io.exports.table import Table, are_places, differentiate, regular_times, tabulate
 from armcontour.io.results import SUMMARY, verify_file
 from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
 from armcontour.motion import Samples, TimedEvent
+
+# Times this near to each other are the same, in command intervals: they are printed with 12 digits.
+SAME_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +35,7 @@ class StoredRun:
         period: Command interval, which is also the time between rows of the plan [s].
         events: Events with their times from the start of the plan.
         analog: Names of analog outputs, whose values a result does not have.
+        plain: Whether set-points are those of the plan, without compensation.
     """
 
     folder: FilePath
@@ -41,6 +45,7 @@ class StoredRun:
     period: float
     events: tuple[TimedEvent, ...]
     analog: tuple[str, ...] = ()
+    plain: bool = False
 
     def taught(
         self, *, arm: Arm | None = None, derivatives: int = 2, tool_motion: bool = False
@@ -53,7 +58,7 @@ class StoredRun:
         found = self._read("taught.csv")
         start = float(found.t[0])
         return tabulate(
-            differentiate(found.q, self.period),
+            self._set_points(found, derivatives),
             name=f"{self.title} taught",
             period=self.period,
             events=tuple(x.shifted(-start) for x in self.events),
@@ -111,6 +116,19 @@ class StoredRun:
             tool_motion=tool_motion,
         )
 
+    def _set_points(self, taught: TrajectoryFile, derivatives: int) -> Samples:
+        """Set-points with their derivatives, as `make_table` gives them."""
+        if not self.plain or derivatives < 2:
+            return differentiate(taught.q, self.period)
+        plan = self._read("planned.csv")
+        if plan.dq is None or plan.ddq is None or not are_places(taught.q, plan.q):
+            return differentiate(taught.q, self.period)
+        dq, ddq = plan.dq.copy(), plan.ddq.copy()
+        if abs(plan.t[-1] - taught.t[-1]) > SAME_TIME * self.period:
+            # The plan ends between the last two set-points, and rests at the last one.
+            dq[-1], ddq[-1] = 0.0, 0.0
+        return Samples(t=regular_times(len(dq), self.period), q=taught.q, dq=dq, ddq=ddq)
+
     def _read(self, name: str) -> TrajectoryFile:
         """Read a file of the run that did not change since it was written."""
         return read_trajectory(verify_file(self.folder, f"{self.name}/{name}"), self.joint_names)
@@ -140,6 +158,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             period=about["period"],
             events=tuple(_event(x) for x in about.get("events", ())),
             analog=tuple(about.get("analog", ())),
+            plain=about.get("compensation") == "none",
         )
     except InvalidInput:
         raise

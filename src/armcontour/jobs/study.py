@@ -270,7 +270,8 @@ def _do_runs(
     for x in job.runs:
         # Refused before any work, which can take minutes.
         with locate_errors(f"Run {x.name}"):
-            refuse_unkept_jerk(x.timing, x.limits)
+            free = x.rounding is not None and x.rounding.free
+            refuse_unkept_jerk(Method.SHAPED if free else x.timing, x.limits)
     found: dict[str, Result] = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):

@@ -51,6 +51,7 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         sections.bindings(study),
         sections.joints(study),
         sections.accelerations(study),
+        sections.jerks(study),
         sections.torques(study),
         sections.contour_error(study),
         sections.time_stamps(study),

@@ -18,8 +18,9 @@ from armcontour.timing.optimal import constraints_of
 # A limit binds on an interval from this used share on. Margins may take the rest; below this share
 # the plan passes from one limit to another.
 BINDS = 0.99
-# Next to a rest jerk is uniform over a whole interval, where a limit of joints changes by so much.
-BINDS_AT_REST = 0.9
+# With limits of jerk it binds from this share on: its intervals are longer, and along one of them
+# the share of a limit changes more.
+BINDS_WITH_JERK = 0.9
 # The assigned velocity counts as reached from this share of it on.
 REACHED = 0.999
 # The speed has passed an extreme when it has left the extreme by this share.
@@ -176,11 +177,8 @@ def _explain_law(
     offsets: tuple[float, float],
 ) -> _LawExplanation:
     """Explain one law; `offsets` are its start time [s] and start arc length [m] in the motion."""
-    active = [
-        *constraints_of(law.joint_path, arm, bounds),
-        *jerks_of(bounds, arm.dof),
-        *constraints,
-    ]
+    jerks = jerks_of(bounds, arm.dof)
+    active = [*constraints_of(law.joint_path, arm, bounds), *jerks, *constraints]
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
     ends = IntervalEnds(arm, law, grid)
@@ -192,7 +190,7 @@ def _explain_law(
     ]
     shares = np.concatenate(used, axis=1)
     share = shares.max(axis=1)
-    least = np.where(law.rates.jerk != 0, BINDS_AT_REST, BINDS)
+    least = BINDS_WITH_JERK if jerks else BINDS
     which = np.where(share >= least, shares.argmax(axis=1), -1)
     bindings = _bindings(law, share, which, names, offsets)
     for constraint, shares in zip(active, used, strict=True):

@@ -133,13 +133,22 @@ def refuse_unkept_jerk(method: str, limits: Limits) -> None:
         NotRealizable: There are limits of jerk, and the method keeps none.
     """
     given = limits.jerk_limits
-    if not given or method in (Method.OPTIMAL, Method.SHAPED):
+    if not given or method == Method.OPTIMAL:
         return
     names = " and ".join(given)
+    lift = (
+        f"lift {names} with limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, "
+        f"limits: {{{', '.join(f'{x}: null' for x in given)}}})"
+    )
+    if method == Method.SHAPED:
+        raise NotRealizable(
+            f"Along a shaped path accelerations jump, at places where {names} would stop the tool: "
+            'round corners with continuity="curvature" and plan by the method optimal (in a job, '
+            f"corners: {{shape: arc}}, which has it where jerk is limited), or {lift}.",
+            limit=given[0],
+        )
     raise NotRealizable(
         f"The method {method} keeps no limits of jerk, but there is {names}: plan by the method "
-        f"optimal (in a job, timing: {{method: optimal}}), or lift {names} with "
-        f"limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, limits: "
-        f"{{{', '.join(f'{x}: null' for x in given)}}}).",
+        f"optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit=given[0],
     )

@@ -148,8 +148,7 @@ def _shape(
     program = Program.of(path, "plan needs a Path or a Program")
     refuse_endless(program, timing.limits)
     wishes = Wishes(**{name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS})
-    bounds = timing.limits.without_jerk
-    shaping = Shaping(timing.arm, bounds, wishes, branch, timing.options.get("intervals"))
+    shaping = Shaping(timing.arm, timing.limits, wishes, branch, timing.options.get("intervals"))
     return shaping.shape(program, start, progress, named=program is path)
 
 

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import BPoly
+from scipy.interpolate import BPoly, CubicSpline
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.io.exports import Table, make_table
+from armcontour.io import read_trajectory
+from armcontour.io.exports import Table, make_table, write_table
 from armcontour.motion import TimedEvent
 
 PERIOD = 0.004
+JERK = 7.2  # rad/s³
 
 
 def joined(samples: Any, orders: int) -> BPoly:
@@ -79,6 +82,40 @@ def test_the_curve_through_set_points_is_of_fourth_order(
         errors.append(np.abs(curve(dense) - rest_to_rest(dense)).max())
     assert errors[0] < 1e-6
     assert 12 < errors[0] / errors[1] < 20
+
+
+@pytest.fixture(scope="module")
+def smooth() -> ac.Trajectory:
+    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
+    return ac.plan(path, ac.load_arm("pmk3s"), ac.Limits(joint_acceleration=0.72, joint_jerk=JERK))
+
+
+def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(
+    smooth: ac.Trajectory, tmp_path: FilePath
+) -> None:
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(smooth, servo, method="none", period=PERIOD)
+    for data, period in ((smooth, PERIOD), (taught, None)):
+        found = make_table(data, name="x", period=period)
+        assert found.dq is not None and found.ddq is not None
+        at = np.minimum(found.t, smooth.duration)
+        np.testing.assert_allclose(found.dq, smooth(at, 1), atol=1e-12)
+        np.testing.assert_allclose(found.ddq, smooth(at, 2), atol=1e-12)
+        steps = np.abs(np.diff(found.ddq, axis=0)) / np.diff(found.t)[:, None]
+        assert 0.99 * JERK < steps.max() <= JERK * (1 + 1e-9)
+        assert np.abs(found.ddq[[0, -1]]).max() < 1e-12
+        # Between points, a controller of quintics is within a nanoradian of the plan.
+        dense = np.linspace(0, smooth.duration, 3001)
+        np.testing.assert_allclose(joined(found, 3)(dense), smooth(dense), atol=1e-9)
+        write_table(found, tmp_path / "a.yaml", format="ros-yaml")
+        again = read_trajectory(tmp_path / "a.yaml", found.joint_names)
+        assert again.ddq is not None
+        np.testing.assert_allclose(again.ddq, found.ddq, atol=1e-11)
+    # Where it is to join points by cubics, velocities are those of the spline, as before.
+    found = make_table(taught, name="x", derivatives=1)
+    assert found.dq is not None
+    spline = CubicSpline(taught.t, taught.q, bc_type="clamped")
+    np.testing.assert_allclose(found.dq, spline(taught.t, 1), atol=1e-12)
 
 
 def test_one_set_point_is_at_rest(taught: Callable[..., ac.TaughtData]) -> None:

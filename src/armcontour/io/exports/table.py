@@ -19,6 +19,8 @@ from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
 # point: the times are sums and multiples with rounding errors.
 ON_THE_POINT = 1e-9
+# Set-points this near to their plan are places of it [rad]: results have 12 decimals.
+SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Rows of which the motion of the tool is computed at once.
@@ -182,9 +184,10 @@ def make_table(
     """The table of taught data or of a sampled trajectory; time counts from the first point.
 
     Velocities and accelerations of a trajectory are its own; where they jump, the values after the
-    jump. Those of set-points are the derivatives of the clamped cubic spline through the
-    set-points. The spline is at rest at both ends, and a controller follows the same curve whether
-    it interpolates by cubics (positions, velocities) or by quintics (accelerations too).
+    jump. So are those of set-points that are places of their plan, where accelerations are written.
+    Those of other set-points are the derivatives of the clamped cubic spline through them. The
+    spline is at rest at both ends, and a controller follows the same curve whether it interpolates
+    by cubics (positions, velocities) or by quintics (accelerations too).
 
     Args:
         data: The taught data or the trajectory.
@@ -207,7 +210,7 @@ def make_table(
             f"Only taught data and trajectories can be exported, not a {type(data).__name__}."
         )
     if isinstance(data, TaughtData):
-        samples, step = _set_points(data, period), data.period
+        samples, step = _set_points(data, period, derivatives), data.period
         start, events = data.start_time, data.trajectory.events
     else:
         step = _sampling_period(data, name, period)
@@ -321,8 +324,8 @@ def _joint_names(given: Sequence[str] | None, arm: Arm | None, dof: int) -> tupl
     return arm.joint_names if arm else tuple(f"joint {i}" for i in range(1, dof + 1))
 
 
-def _set_points(taught: TaughtData, period: float | None) -> Samples:
-    """The set-points of taught data with the derivatives of the spline through them.
+def _set_points(taught: TaughtData, period: float | None, derivatives: int) -> Samples:
+    """The set-points of taught data with their derivatives, as `make_table` says.
 
     Raises:
         InvalidInput: The given period is not that of the taught data.
@@ -335,7 +338,23 @@ def _set_points(taught: TaughtData, period: float | None) -> Samples:
             needed=wanted,
             allowed=taught.period,
         )
+    plan, t = taught.trajectory, taught.t
+    if derivatives > 1 and are_places(taught.q, plan.with_rests(t)):
+        dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
+        for values in (dq, ddq):
+            values.setflags(write=False)
+        return Samples(t=regular_times(len(t), taught.period), q=taught.q, dq=dq, ddq=ddq)
     return differentiate(taught.q, taught.period)
+
+
+def are_places(q: FloatArray, plan: FloatArray) -> bool:
+    """Whether set-points are the places of their plan at the same times, (n, dof) each."""
+    return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
+
+
+def regular_times(count: int, period: float) -> FloatArray:
+    """Times every `period` from 0 on [s], (count,)."""
+    return np.asarray(np.arange(count) * period, dtype=np.float64)
 
 
 def differentiate(q: FloatArray, period: float) -> Samples:
@@ -345,7 +364,7 @@ def differentiate(q: FloatArray, period: float) -> Samples:
         q: Set-points [rad], (n, dof).
         period: Time between set-points [s].
     """
-    t = np.asarray(np.arange(len(q)) * period, dtype=np.float64)
+    t = regular_times(len(q), period)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
     from scipy.linalg import solve_banded

@@ -3,6 +3,7 @@
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate
 from armcontour.report.sections.drawing import drawing
+from armcontour.report.sections.jerks import jerks
 from armcontour.report.sections.joints import joints, torques
 from armcontour.report.sections.learning import learning
 from armcontour.report.sections.motion import (
@@ -26,6 +27,7 @@ __all__ = [
     "certificate",
     "contour_error",
     "drawing",
+    "jerks",
     "joint_space",
     "joints",
     "learning",

@@ -91,7 +91,7 @@ class Bounds:
     Args:
         x: Largest ds² [m²/s²], (n,).
         u: Largest |dds| [m/s²], (n,).
-        skew: Slope of dds over s [1/s²], (n,).
+        skew: Slope of dds over s [1/s²], (n,); with limits of jerk the largest size of the slope.
         least: Smallest ds² [m²/s²], (n,); a lower bound if any constraint is `bracketed`.
     """
 

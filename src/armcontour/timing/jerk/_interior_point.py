@@ -28,8 +28,6 @@ WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 # The scaled diagonal is at least this far above zero.
 RIDGE = 1e-14
 TINY = 1e-300
-# Weight of the speed at an end against the duration, while it is raised to its target.
-PULL = 10.0
 # What is minimized: the duration, or the speed at the start or at the end, with a minus sign.
 DURATION, START, END = 0, 1, 2
 
@@ -533,15 +531,23 @@ def _climb(dual: FloatArray, change: FloatArray, share: float) -> None:
 
 @compiled()
 def improve(
-    p: Section, d: FloatArray, goal: int, target: float, tolerance: float, most: int
+    p: Section,
+    d: FloatArray,
+    goal: int,
+    target: float,
+    weight: float,
+    tolerance: float,
+    most: int,
 ) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations.
 
     Args:
         p: The problem.
         d: Control points of a [m²/s²], (n + 2,); those of the ends stay, but for the goal's.
-        goal: DURATION, START or END: what is minimized, or raised to the target.
+        goal: DURATION, or START or END: the end at which a is free and is raised to the target.
         target: The value of a at which the search for START or END ends.
+        weight: What reaching the target counts, against the whole duration, which is minimized too
+            and keeps the rest of the path away from rest.
         tolerance: Share of the optimum within which the result is.
         most: Largest number of iterations.
     """
@@ -555,9 +561,7 @@ def improve(
         if goal == DURATION or k != end:
             slack.positive[k] = 0.0
     size = _add_durations(p, d, bands, right)
-    # The speed at an end counts much more than the duration, which keeps the rest of the path away
-    # from rest.
-    pull = PULL * size / target if goal != DURATION else 0.0
+    pull = weight * size / target if goal != DURATION else 0.0
     bounds = _count(p, dual)
     mu = size / bounds
     _start_duals(p, slack, mu, dual)

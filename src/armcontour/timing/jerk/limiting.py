@@ -55,6 +55,8 @@ KINK, TOO_SHORT = 1e-6, 1e-8
 # A start or end speed that is the limit is lower than the limit by half of this share: no row of an
 # interior point is met exactly.
 CLOSE_TO_LIMIT = 1e-7
+# What a start or end speed counts against the duration, one after the other, until it is reached.
+WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 # The rates at a rest are those at this share of its section.
 NEAR_REST = 5e-3
 
@@ -278,12 +280,13 @@ def _solve(
             most = float(p.high[end, 0 if end == 0 else 2])
             if (1 - CLOSE_TO_LIMIT) * target <= most:
                 target = min(target, (1 - CLOSE_TO_LIMIT) * most)
-            if target > d[end]:
-                improve(p, d, goal, target, EXACT, MOST_ITERATIONS)
+            for weight in WEIGHTS:
                 if d[end] < target:
-                    name = "start" if goal == START else "end"
-                    refuse_speed(name, target, float(d[end]), float(s[end]))
-        improve(p, d, DURATION, 0.0, tolerance, task.iterations)
+                    improve(p, d, goal, target, weight, ROUGH, MOST_ITERATIONS)
+            if d[end] < target:
+                name = "start" if goal == START else "end"
+                refuse_speed(name, target, float(d[end]), float(s[end]))
+        improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
         found.append(d)
     return found
 

@@ -19,7 +19,7 @@ RAMPS = 8.0
 # Farther away they may grow by this share of their distance.
 GROWTH = 0.3
 # The first cell is at most and at least this share of a section.
-LONGEST_FIRST, SHORTEST_FIRST = 2e-3, 1e-9
+LONGEST_FIRST, SHORTEST_FIRST = 5e-4, 1e-9
 # The mass of cells next to a rest is computed at so many places.
 PLACES = 200
 # Breaks of the joint path nearer to another one than this share of a cell end parts, not cells.

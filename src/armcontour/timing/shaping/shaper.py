@@ -18,8 +18,9 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import SHAPED
-from armcontour.motion import JointPath
+from armcontour.motion import JointPath, Method
 from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
+from armcontour.timing.methods import refuse_unkept_jerk
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
@@ -105,8 +106,10 @@ def shape(
         InvalidInput: A tolerance is negative, not a number or above half of a stretch between two
             sharp corners, or `line_tolerance` and `zone` are not given together.
         Unreachable: The arm cannot follow the objective.
-        NotRealizable: No motion along the objective keeps the limits.
+        NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
+            which would stop the tool where the curvature of a shaped path jumps.
     """
+    refuse_unkept_jerk(Method.SHAPED, arm.limits if limits is None else limits)
     wishes = Wishes(
         tolerance=tolerance,
         line_tolerance=line_tolerance,

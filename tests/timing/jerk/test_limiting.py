@@ -1,0 +1,152 @@
+"""Limits of jerk: closed forms, stops, speeds at the ends, and cases that once failed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from scipy.interpolate import CubicSpline
+from soak.jerk_judge import Sampled, ratios
+
+import armcontour as ac
+
+LINE = ac.JointPath.spline([(0.0,), (1.0,)], [0.0, 1.0])
+# From rest over 1 rad to rest: 1.35 s, of which 0.1 s are each of the four ramps, 0.15 s each of
+# the two stretches of full acceleration, and 0.65 s even motion.
+LIMITS = ac.Limits(joint_velocity=[1.0], joint_acceleration=[4.0], joint_jerk=[40.0])
+SPLINE = CubicSpline(np.linspace(0, 1, 5), np.random.default_rng(3).uniform(-1, 1, (5, 3)))
+OF_SPLINE = ac.Limits(joint_velocity=[2.0] * 3, joint_acceleration=[5.0] * 3, joint_jerk=[50.0] * 3)
+
+
+def pieces(breaks):
+    """The spline as a joint path of given pieces, each within one of its own."""
+    at = np.array(breaks)
+    coefficients = np.zeros((len(at) - 1, 6, 3))
+    for i, (begin, end) in enumerate(zip(at[:-1], at[1:], strict=True)):
+        k = min(int((begin + end) / 2 * 4), 3)
+        for j in range(3):
+            own = Polynomial(SPLINE.c[::-1, k, j])
+            moved = own(Polynomial([begin - SPLINE.x[k], end - begin]))
+            coefficients[i, : len(moved.coef), j] = moved.coef
+    return ac.JointPath(breaks=at, coefficients=coefficients)
+
+
+WHOLE = pieces(SPLINE.x)
+
+
+def largest(planned, limits):
+    """The largest use of any limit of a joint, by power series of the law and the path."""
+    found = ratios(Sampled(planned.laws[0]), limits)
+    return max(float(np.max(used / limit)) for used, limit in found.values())
+
+
+def test_a_straight_line_takes_the_time_of_its_closed_form():
+    found = ac.plan(LINE, limits=LIMITS, intervals=1000)
+    assert 1.35 <= found.duration <= 1.35 * 1.001
+    again = ac.plan(LINE, limits=LIMITS, intervals=1000)
+    np.testing.assert_array_equal(found.laws[0].breaks, again.laws[0].breaks)
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-9, 1e-12])
+def test_breaks_close_together_change_nothing(gap):
+    near = sorted([*SPLINE.x, gap, 0.3, 0.3 + gap, 0.75 - gap, 1 - gap])
+    found = ac.plan(pieces(near), limits=OF_SPLINE, intervals=300)
+    assert found.duration == pytest.approx(
+        ac.plan(WHOLE, limits=OF_SPLINE, intervals=300).duration, rel=1e-5
+    )
+    assert largest(found, OF_SPLINE) <= 1 + 1e-9
+
+
+def test_a_plan_may_be_stopped_after_any_iteration():
+    durations = []
+    for most in (1, 2, 5, 12, 150):
+        found = ac.plan(WHOLE, limits=OF_SPLINE, intervals=200, iterations=most)
+        assert largest(found, OF_SPLINE) <= 1 + 1e-9
+        durations.append(found.duration)
+    assert durations == sorted(durations, reverse=True)
+
+
+def test_motion_rests_where_the_second_derivative_jumps():
+    # A line that turns into a parabola: dq_ds is continuous at 0.5, the second derivative is not.
+    coefficients = np.zeros((2, 6, 2))
+    coefficients[0, :2] = [(0.0, 0.0), (0.5, 0.0)]
+    coefficients[1, :3] = [(0.5, 0.0), (0.5, 0.0), (0.0, 0.4)]
+    path = ac.JointPath(breaks=[0.0, 0.5, 1.0], coefficients=coefficients)
+    limits = OF_SPLINE.replace(
+        joint_velocity=[2.0] * 2, joint_acceleration=[5.0] * 2, joint_jerk=[50.0, np.inf]
+    )
+    # Only the second joint's derivative jumps, and its jerk is free.
+    law = ac.plan(path, limits=limits).laws[0]
+    assert law.speeds[1:-1].min() > 0
+    law = ac.plan(path, limits=limits.replace(joint_jerk=[50.0, 50.0])).laws[0]
+    np.testing.assert_allclose(law.s[1:-1][law.speeds[1:-1] == 0], [0.5])
+    # The third derivative of s itself does not mind.
+    law = ac.plan(path, limits=limits.replace(joint_jerk=None, path_jerk=50.0)).laws[0]
+    assert law.speeds[1:-1].min() > 0
+    middle = (law.breaks[:-1] + law.breaks[1:]) / 2
+    jerk = law.path_position(np.arange(len(middle)), middle, 3)
+    assert 40 < np.abs(jerk).max() <= 50 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.05, 0.0), (0.5, 0.3), (1.0, 0.0), (0.0, 1.0)])
+def test_speeds_at_the_ends(start, end):
+    found = ac.plan(LINE, limits=LIMITS, intervals=200, start_speed=start, end_speed=end)
+    np.testing.assert_allclose(found.laws[0].speeds[[0, -1]], [start, end], rtol=1e-6, atol=1e-12)
+    assert largest(found, LIMITS) <= 1 + 1e-9
+    assert found.duration < 1.35
+
+
+def test_an_end_speed_that_takes_too_much_jerk_is_refused_with_one_that_can_be_had(refuses):
+    # From rest over 1 mm with a jerk of 40 rad/s³: s = j t³ / 6, so that ds is at most this.
+    short = ac.JointPath.spline([(0.0,), (1e-3,)], [0.0, 1e-3])
+    most = 40 / 2 * (6 * 1e-3 / 40) ** (2 / 3)
+    words = "The end speed of 0.06 m/s is too high", "at 0.001 m"
+    refuses(lambda: ac.plan(short, limits=LIMITS, end_speed=0.06), ac.NotRealizable, *words)
+    with pytest.raises(ac.NotRealizable) as caught:
+        ac.plan(short, limits=LIMITS, end_speed=0.06)
+    assert most * 0.99 <= caught.value.allowed <= most
+    ac.plan(short, limits=LIMITS, end_speed=caught.value.allowed)
+
+
+def test_even_motion_leaves_room_for_margins():
+    arm = ac.load_arm("ur5e")
+    points = [(0.3, -0.3, 0.2), (0.4, 0.0, 0.2), (0.42, 0.06, 0.2), (0.5, 0.3, 0.2)]
+    speeds = (1.0, 0.003, 1.0)
+    lines = [
+        ac.Line(start=a, end=b, demand=ac.Demand(speed=v))
+        for a, b, v in zip(points, points[1:], speeds, strict=False)
+    ]
+    path = ac.Path.from_segments(lines).pointing((0, 0, -1))
+    limits = arm.limits.replace(joint_torque=None, joint_acceleration=8.0, joint_jerk=100.0)
+    found = ac.plan(path, arm, limits)
+    assert ac.check(found, arm, limits).kept
+    inner = found.s(found.breaks)
+    assert found.speed_at(np.array([np.median(inner)])).max() <= 1.0
+
+
+def test_torque_that_margins_bracket_leaves_room():
+    arm = ac.load_arm("ur5e")
+    path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
+    limits = ac.Limits(
+        joint_velocity=[2.0] * 6, joint_torque=arm.limits.joint_torque, joint_jerk=[500.0] * 6
+    )
+    free = ac.plan(path, arm, limits.replace(joint_jerk=None)).duration
+    found = ac.plan(path, arm, limits)
+    assert free < found.duration < 1.05 * free
+    used = arm.torque(*(found(found.breaks, k) for k in range(3)))
+    assert np.max(np.abs(used) / limits.joint_torque) <= 1 + 1e-9
+
+
+def test_jerk_of_the_tool():
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.from_segments([ac.Arc(start=(0.35, 0.1), center=(0.3, 0.2), angle=2.2)])
+    limits = arm.limits.replace(speed=0.15, tool_jerk=0.3)
+    found = ac.plan(path, arm, limits)
+    t = np.linspace(0, found.duration, 4001)
+    used = np.linalg.norm(arm.tool_jerk(*(found(t, k) for k in range(4))), axis=1)
+    assert 0.25 < used.max() <= 0.3 * (1 + 1e-9)
+    # Third differences of the tool's positions say the same, without any derivative.
+    step = 1e-3
+    tool = arm.forward(found(np.arange(0, found.duration, step)))
+    jerk = np.linalg.norm(np.diff(tool, 3, axis=0), axis=1) / step**3
+    assert 0.25 < jerk.max() <= 0.3 * (1 + 1e-4)
