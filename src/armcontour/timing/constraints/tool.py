@@ -31,6 +31,8 @@ PLACES = 9
 SHARES = np.linspace(0.0, 1.0, 5)[:, None]
 # A piece is even if its curvature varies by less than this share.
 EVEN = 1e-3
+# A tangent of the bound of x touches it where the curvature is at least this share of its largest.
+TOUCH = 0.8
 # Curvatures below this are those of lines [1/m].
 FLAT = 1e-3
 
@@ -76,10 +78,10 @@ class ToolMetric:
         """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n).
 
         If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
-        times x is at most a on all of the interval. Where the curvature is linear, too, with the
-        ratio r of its ends, its product with x is larger than at the ends by up to the factor
-        (1 + r)² / 4r. Another factor bounds how far the curvature is from linear: twice its
-        distance at the samples in between.
+        times x is at most a on all of the interval. Where the curvature k is linear, too, a / k is
+        convex: x stays below its tangent, which c at the ends stands for. The tangent touches in
+        the middle, or nearer to the end of the larger curvature, so that it is positive. A factor
+        bounds how far the curvature is above its chord: twice what the samples in between show.
         """
         found = np.stack([self.curvature[grid.piece]] * 2)
         i = np.flatnonzero(self.uneven[grid.piece])
@@ -88,10 +90,10 @@ class ToolMetric:
             pieces = np.broadcast_to(grid.piece[i], s.shape)
             _, values, _ = _measure(self.joint_path, self.arm, pieces, s)
             begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
-            product = (begin + end) ** 2 / (4 * begin * end)
+            touch = np.maximum((begin + end) / 2, TOUCH * np.maximum(begin, end))
             even = begin + SHARES[1:-1] * (end - begin)
-            bent = 1 + 2 * np.abs(values[1:-1] / even - 1).max(axis=0)
-            found[:, i] = np.stack([begin, end]) * product * bent
+            bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
+            found[:, i] = touch**2 / (2 * touch - np.stack([begin, end])) * bent
         return found
 
 

@@ -27,8 +27,10 @@ from armcontour.timing.jerk._interior_point import (
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import JerkLimits, Rows, control_points
 
-# Cells of a plan by default, and at least so many for each piece of the joint path.
-DEFAULT_CELLS, PER_PIECE = 1000, 1.5
+# Cells of a plan by default: so many while an acceleration builds up, but within these numbers.
+PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000
+# Motion is even below this share of the largest path acceleration.
+EVEN = 0.01
 # The first pass has this share of the cells, and at least so many.
 COARSER, FEWEST = 5, 60
 # Shares of the optimum within which the passes end, and their largest numbers of iterations.
@@ -94,14 +96,13 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    pieces = len(law.joint_path.breaks) - 1
-    cells = max(DEFAULT_CELLS, int(PER_PIECE * pieces)) if task.cells is None else task.cells
     places, at_rest = _sections(law, task)
     ends = _ends(law, task, places, at_rest)
-    mesh = place_mesh(law, max(cells // COARSER, FEWEST), places, ends)
+    cells = _default_cells(law, ends) if task.cells is None else task.cells
+    mesh = place_mesh(law, law.s, max(cells // COARSER, FEWEST), places, ends)
     rough = _rows(task, mesh, law)
     found = _law(mesh, _solve(rough, (law, 0.0), task, ROUGH))
-    mesh = place_mesh(found, cells, places, _ends(found, task, places, at_rest))
+    mesh = place_mesh(found, law.s, cells, places, _ends(found, task, places, at_rest))
     if rough.exact:
         rows = _rows(task, mesh, found)
         return _law(mesh, _solve(rows, (found, INSIDE), task, EXACT))
@@ -199,6 +200,17 @@ def _ends(
         ]
 
     return list(zip(at(0, places[:-1] + near), at(1, places[1:] - near), strict=True))
+
+
+def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
+    """Number of cells by default: by the time without even motion, over that of a build-up."""
+    acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
+    times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
+    largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
+    active = float(times[largest > EVEN * acceleration].sum())
+    with np.errstate(divide="ignore"):
+        wanted = PER_BUILD_UP * active * np.divide(jerk, acceleration)
+    return int(np.clip(np.nan_to_num(wanted), FEWEST_CELLS, MOST_CELLS))
 
 
 def _square_at(law: PathLaw, s: FloatArray) -> FloatArray:

@@ -10,8 +10,9 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.motion import JointPath, PathLaw
 from armcontour.timing.grid import Grid
 
-# Cells are spread over time and over arc length in these shares.
-OVER_TIME, OVER_LENGTH = 0.6, 0.4
+# Cells are spread over time, over arc length, and as the grid of the plan without jerk, which is
+# finer where the joints turn, in these shares.
+OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
 # The cell at a rest is this share of the way in which the acceleration would build up.
 FIRST_CELL = 0.3
 # Up to so many such ways from a rest, cells take one K-th of the first cell's time each.
@@ -57,7 +58,7 @@ class End:
                 way = self.square / self.acceleration
             else:
                 time = min(self.acceleration / self.jerk, np.sqrt(self.speed / self.jerk))
-                way = FIRST_CELL * self.jerk * time**3 / 6
+                way = FIRST_CELL * self.jerk * time**3 / 6 if np.isfinite(self.jerk) else 0.0
         return float(np.clip(np.nan_to_num(way, nan=longest), shortest, longest))
 
 
@@ -117,19 +118,49 @@ class Mesh:
         return Mesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
 
 
-def place_mesh(law: PathLaw, cells: int, places: FloatArray, ends: list[tuple[End, End]]) -> Mesh:
+@dataclass(frozen=True, slots=True)
+class _Share:
+    """Which share of the cells lies where.
+
+    Args:
+        law: A plan.
+        turns: Arc lengths that are denser where the joints turn [m], from start to end.
+    """
+
+    law: PathLaw
+    turns: FloatArray
+
+    def before(self, s: FloatArray) -> FloatArray:
+        """Share of the cells before arc lengths, (n,)."""
+        law = self.law
+        _, t = law.reach(s)
+        length = (s - law.s[0]) / (law.s[-1] - law.s[0])
+        turned = np.interp(s, self.turns, np.linspace(0, 1, len(self.turns)))
+        return np.asarray(
+            OVER_TIME * t / law.breaks[-1] + OVER_LENGTH * length + OVER_TURNS * turned
+        )
+
+
+def place_mesh(
+    law: PathLaw,
+    turns: FloatArray,
+    cells: int,
+    places: FloatArray,
+    ends: list[tuple[End, End]],
+) -> Mesh:
     """Make cells for a plan near another one.
 
     Args:
         law: The other plan.
+        turns: Arc lengths that are denser where the joints turn [m], from start to end.
         cells: About so many cells, without those next to rests.
         places: Arc lengths of the ends of the sections [m], (sections + 1,).
         ends: How the motion starts and stops in each section.
     """
-    found, first = [], [0]
+    found, first, share = [], [0], _Share(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(places[:-1], places[1:], ends, strict=True):
-        nodes = _nodes(law, cells, (float(begin), float(end)), both, per_ramp)
+        nodes = _nodes(share, cells, (float(begin), float(end)), both, per_ramp)
         found.append(nodes[:-1])
         first.append(first[-1] + len(nodes) - 1)
     nodes = np.concatenate([*found, places[-1:]])
@@ -138,7 +169,7 @@ def place_mesh(law: PathLaw, cells: int, places: FloatArray, ends: list[tuple[En
 
 
 def _nodes(
-    law: PathLaw,
+    share: _Share,
     cells: int,
     places: tuple[float, float],
     ends: tuple[End, End],
@@ -148,11 +179,11 @@ def _nodes(
     begin, end = places
     length = end - begin
     firsts = [x.first_cell(length) for x in ends]
-    inner = law.s[(law.s > begin) & (law.s < end)]
-    knots = law.joint_path.breaks
+    inner = np.concatenate([x[(x > begin) & (x < end)] for x in (share.law.s, share.turns)])
+    knots = share.law.joint_path.breaks
     knots = knots[(knots > begin) & (knots < end)]
     at = np.unique(np.concatenate([[begin, end], inner, knots, _near_ends(places, firsts)]))
-    mass = cells * _share_of_plan(law, at)
+    mass = cells * share.before(at)
     for first, away, sign, x in zip(firsts, (at - begin, end - at), (1, -1), ends, strict=True):
         mass += sign * _mass_near(first, away, per_ramp if x.rest else 0.0)
     start, stop = (begin + firsts[0] * ends[0].rest, end - firsts[1] * ends[1].rest)
@@ -188,13 +219,6 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     found = nodes.copy()
     found[1:-1] = np.where(np.abs(nearest - inner) < SNAP * room, nearest, inner)
     return found
-
-
-def _share_of_plan(law: PathLaw, s: FloatArray) -> FloatArray:
-    """Share of the plan before arc lengths, over time and over length, (n,)."""
-    _, t = law.reach(s)
-    length = law.s[-1] - law.s[0]
-    return np.asarray(OVER_TIME * t / law.breaks[-1] + OVER_LENGTH * (s - law.s[0]) / length)
 
 
 def _near_ends(places: tuple[float, float], firsts: list[float]) -> FloatArray:

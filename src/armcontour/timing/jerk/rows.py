@@ -115,6 +115,9 @@ class Rows:
                 self.lost = np.maximum(self.lost, ceiling.lost)
         if disc is not None:
             self.discs.append(disc)
+            plain = x.disc(grid, path, None)
+            if plain is not None:
+                self.lost = np.maximum(self.lost, 1 - disc.r / plain.r)
         if rows is not None:
             self.general.append(rows)
             room = np.minimum(rows.high, -rows.low).min(axis=0)
