@@ -7,6 +7,7 @@ from rich.table import Table
 
 from benchmarks import (
     certify,
+    jerk,
     kinematics,
     learning,
     optimal,
@@ -30,11 +31,12 @@ def main() -> None:
     executed, rates = spread.measure()
     programs, long = program.measure()
     shaped, shapes, corners = shaping.measure()
+    jerky, missing = jerk.measure()
     table = Table(title="armcontour benchmarks", title_justify="left")
     for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
         table.add_column(name)
     smaller = [*start_up.measure(), *projection.measure(), *certify.measure(), *learning.measure()]
-    rows = [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs, *shaped]
+    rows = [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs, *shaped, *jerky]
     for measured in rows:
         table.add_row(
             measured.what,
@@ -69,7 +71,7 @@ def main() -> None:
     for x in shapes:
         motions.add_row(x.what, f"{x.arcs:.4f}", f"{x.shaped:.4f}", x.start, x.bar, x.oracle)
     console.print(motions)
-    for note in [*notes, *more, *guessed, *settings, *rates, *long, *corners]:
+    for note in [*notes, *more, *guessed, *settings, *rates, *long, *corners, *missing]:
         console.print(note)
 
 

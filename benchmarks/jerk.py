@@ -7,10 +7,10 @@ many waypoints.
 from __future__ import annotations
 
 import numpy as np
+from soak import jerk_oracle
 
 import armcontour as ac
 from benchmarks.measured import Measured, paired
-from soak import jerk_oracle
 
 CELLS, RUNS = 1000, 21
 FEW, MANY, WAYPOINTS, LONG_RUNS = 8_000, 32_000, 640, 3

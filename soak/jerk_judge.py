@@ -27,6 +27,8 @@ BEND = 1e-6
 RATES, SLACK, NOISE = (1000.0, 8000.0), 5e-3, 2e-3
 MOST_SAMPLES = 40_000
 MOST_ITERATIONS = 150
+# Places between which starts elsewhere change evenly.
+BENDS = 12
 ORDERS = ("velocity", "acceleration", "jerk")
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(32)
 
@@ -109,6 +111,25 @@ def interrupted(iterations: int) -> Iterator[None]:
         return limit_jerk(law, replace(task, iterations=iterations))
 
     with mock.patch.object(optimal, "limit_jerk", short):
+        yield
+
+
+@contextmanager
+def started(rng: np.random.Generator) -> Iterator[None]:
+    """Every search for the fastest motion from rest to rest starts somewhere else."""
+    start = limiting._start
+
+    def elsewhere(p, *rest):  # noqa: ANN001, ANN002, ANN202
+        d = start(p, *rest)
+        bends = np.linspace(0, len(d) - 1, BENDS)
+        d = d * np.exp(
+            rng.uniform(-3, 0) + np.interp(np.arange(len(d)), bends, rng.normal(0, 1, BENDS))
+        )
+        while limiting.least_slack(p, d) <= limiting.CLEAR:
+            d = d / 2
+        return d
+
+    with mock.patch.object(limiting, "_start", elsewhere):
         yield
 
 

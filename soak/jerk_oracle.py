@@ -19,6 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import armcontour as ac
+from soak.jerk_tools import series
 
 # Cells of the first answer, and of the second, which starts from it.
 CELLS = (250, 2000)
@@ -38,6 +39,13 @@ WARM = {"mu_init": 1e-4}
 SEEDS, FACTORS = range(5), (10.0, 50.0)
 VELOCITY = np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])  # rad/s
 ACCELERATION = np.array([4.5, 4.5, 7.5, 7.5, 9.0, 9.0])  # rad/s²
+
+# The paper's job: vertices [m], corner error [m], limits of the tool, and of jerk of both joints.
+POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
+CORNER_ERROR, SPEED, CENTRIPETAL = 5e-3, 0.15, 0.09
+PAPER_JERKS = (7.2, 36.0)  # rad/s³
+# A curvature below this counts as this [1/m].
+FLAT = 1e-9
 
 Squares = Callable[[np.ndarray], np.ndarray]
 
@@ -87,7 +95,7 @@ class Timing:
 
 
 def read_durations() -> dict[str, float]:
-    """What the splines take [s], by name."""
+    """What the splines and the paper's job take [s], by name."""
     return dict(json.loads(KEPT.read_text())["durations"])
 
 
@@ -96,7 +104,35 @@ def splines() -> Iterator[tuple[str, ac.JointPath, ac.Limits]]:
     for factor in FACTORS:
         for seed in SEEDS:
             way = np.random.default_rng(seed).uniform(-1.5, 1.5, (5, 6))
-            yield f"{seed} at {factor:g}", not_a_knot(way), limits(factor)
+            yield f"spline {seed} at {factor:g}", not_a_knot(way), limits(factor)
+
+
+def paper() -> Iterator[tuple[str, ac.Path, ac.Limits]]:
+    """The paper's job with corners of continuous curvature, at both limits of jerk."""
+    corners = ac.Path.polyline(POINTS)
+    path = ac.round_corners(corners, tolerance=CORNER_ERROR, continuity="curvature")
+    most = ac.load_arm("pmk3s").limits.replace(speed=SPEED, centripetal_acceleration=CENTRIPETAL)
+    for jerk in PAPER_JERKS:
+        yield f"paper at {jerk:g}", path, most.replace(joint_jerk=[jerk, jerk])
+
+
+def solve_paper(path: ac.Path, limits: ac.Limits, cells: tuple[int, ...]) -> Timing:
+    """The fastest timing of the paper's job.
+
+    Raises:
+        RuntimeError: IPOPT finds none.
+    """
+    arm = ac.load_arm("pmk3s")
+    joint_path = ac.trace(path, arm)
+
+    def square(s: np.ndarray) -> np.ndarray:
+        _, x1, x2 = series(arm, *(joint_path(s, order) for order in range(3)))[0]
+        length = np.sum(x1 * x1, axis=1)
+        across = x2 - (np.sum(x1 * x2, axis=1) / length)[:, None] * x1
+        bend = np.maximum(np.linalg.norm(across, axis=1), FLAT)
+        return np.minimum(SPEED**2 / length, CENTRIPETAL / bend)
+
+    return solve(joint_path, Bounds.of(limits, arm.dof, square), cells)
 
 
 def not_a_knot(way: np.ndarray) -> ac.JointPath:
@@ -273,15 +309,16 @@ class _Program:
 
 
 def main() -> int:
-    """Solve the splines, and write what they take."""
+    """Solve the splines and the paper's job, and write what they take."""
     parser = argparse.ArgumentParser(prog="python -m soak.jerk_oracle", description=__doc__)
     parser.add_argument("--out", type=Path, default=KEPT, help="file of durations")
     given = parser.parse_args()
+    jobs = [(name, lambda x=x, y=y: solve(x, Bounds.of(y, x.dof))) for name, x, y in splines()]
+    jobs += [(name, lambda x=x, y=y: solve_paper(x, y, CELLS)) for name, x, y in paper()]
     durations = {}
-    for name, path, most in splines():
-        found = solve(path, Bounds.of(most, path.dof))
-        durations[name] = round(found.duration, 6)
-        print(f"spline {name}: {found.duration:.6f} s", flush=True)
+    for name, job in jobs:
+        durations[name] = round(job().duration, 6)
+        print(f"{name}: {durations[name]} s", flush=True)
     notes = {"source": "python -m soak.jerk_oracle", "cells": CELLS, "ipopt": IPOPT}
     given.out.write_text(json.dumps({**notes, "durations": durations}, indent=1) + "\n")
     return 0

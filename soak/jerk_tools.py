@@ -228,7 +228,7 @@ class Tool:
 
 
 def judge_tool(planned: ac.Trajectory, arm: Any, limits: ac.Limits) -> tuple[list[str], float]:
-    """What is wrong with a plan of one law along a traced path, and its largest ratio to a limit."""
+    """What is wrong with a plan of one law, and its largest ratio to any limit."""
     notes, worst = judge(planned, limits)
     (law,) = planned.laws
     sampled = Sampled(law)

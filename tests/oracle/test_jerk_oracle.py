@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from soak import jerk_oracle, straight_moves
-from soak.jerk import NEAR, WITHOUT, spline_gaps
+from soak.jerk import NEAR, WITHOUT, paper_gaps, spline_gaps
 from soak.jerk_oracle import Bounds, not_a_knot, solve
 
 import armcontour as ac
@@ -53,6 +53,11 @@ def test_the_kept_oracle_is_found_again():
     name, path, limits = next(jerk_oracle.splines())
     again = solve(path, Bounds.of(limits, path.dof), (100,)).duration
     assert again == pytest.approx(jerk_oracle.read_durations()[name], rel=3e-3)
+
+
+def test_the_paper_s_job_is_as_fast_as_the_kept_oracle():
+    for name, gap in paper_gaps().items():
+        assert -NEAR < gap <= NEAR, name
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from soak import jerk_tools
 from soak.jerk import early, units
 from soak.jerk_judge import judge, run
 from soak.jerk_problems import draw
@@ -13,11 +14,18 @@ from soak.jerk_problems import draw
 import armcontour as ac
 
 SEEDS = (2, 6, 13, 15, 22, 26, 36, 48, 54, 129, 139, 327)
+TOOL_SEEDS = (1, 3, 5, 19)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_plans_keep_their_limits(seed):
     outcome = run(seed)
+    assert not outcome.failed, outcome.notes
+
+
+@pytest.mark.parametrize("seed", TOOL_SEEDS)
+def test_random_plans_keep_their_limits_of_the_tool(seed):
+    outcome = jerk_tools.run(seed)
     assert not outcome.failed, outcome.notes
 
 
