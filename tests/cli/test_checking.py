@@ -113,6 +113,19 @@ def test_a_violation_ends_with_1_and_says_where(folder: FilePath, check: Check) 
     assert use["ratio"] == pytest.approx(0.72 / 0.7, abs=3e-3)
 
 
+def test_jerk_is_judged_and_its_units_stand_beside_it(folder: FilePath, check: Check) -> None:
+    text = "joint_jerk: 7.2 rad/s^3\ntool_jerk: 1000 m/s^3\npath_jerk: 1 m/s^3\n"
+    (folder / "limits.yaml").write_text(text)
+    done = check(folder, "planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml")
+    assert done.code == 1
+    (joint,) = (line for line in done.out.splitlines() if "joint jerk" in line)
+    # Planned without limits of jerk: accelerations jump by 1.44 rad/s² within 4 ms.
+    assert "rad/s³" in joint and "violated" in joint
+    (tool,) = (line for line in done.out.splitlines() if "tool jerk" in line)
+    assert "1000 m/s³" in tool and "kept" in tool
+    assert "Not judged" in done.out and "samples have no arc length" in done.out
+
+
 def test_the_path_of_one_run(folder: FilePath, check: Check) -> None:
     given = ("planned.csv", "--arm", "pmk3s", "--limits", "limits.yaml", "--path", "job.yaml")
     sharp = check(folder, *given, "--run", "sharp", "--json")

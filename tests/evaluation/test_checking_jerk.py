@@ -189,7 +189,7 @@ def test_contours_of_a_program_are_judged_one_by_one():
     program = ac.Program(moves=(ac.Contour(path=square), ac.Contour(path=other)))
     planned = ac.plan(program, ARM, ARM.limits.replace(speed=0.1))
     limits = ac.Limits(path_jerk=50.0, tool_jerk=50.0, joint_jerk=50.0)
-    found = ac.check(planned, ARM, limits, program)
+    found = ac.check(planned, ARM, limits, program, points=3)
     assert not found.not_judged
     starts = [x.t[0] for x in planned.contour_spans]
     step = found["path_acceleration_step"]

@@ -23,8 +23,9 @@ from armcontour.motion import Execution, JointPath, Law, TaughtData, Trajectory,
 from armcontour.servo import ServoModel
 from armcontour.timing.methods import plan_rapid
 
-# Lengths of the moving averages in command intervals, of which the fastest is taken.
-WINDOWS: tuple[tuple[float, ...], ...] = ((), (0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0))
+# Lengths of the moving averages in command intervals, of which the fastest is taken. Without one the
+# tool settles later where the contour starts.
+WINDOWS = ((0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0))
 # Plans with the same windows; each one derates the limits that the last one exceeded.
 MOST_TRIALS = 12
 # Trials aim at this share of each limit, so that the contour after a rapid does not exceed it.

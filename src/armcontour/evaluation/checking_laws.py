@@ -173,18 +173,17 @@ def _known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]
         limits: The limits.
         start: Its first time [s], (1,).
     """
-    limited = [x for x in JUMPS if getattr(limits, x) is not None]
-    known = []
-    for name in limited:
-        try:
-            if name != "path_jerk":
-                law(start, 3)
-            # Of a law without a tool path s is the value of any parameter.
-            elif getattr(law, "path", None) is None:
-                continue
-            else:
-                cast("Any", law).s(start, 3)
-        except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-            continue
-        known.append(name)
-    return tuple(known)
+    limited = (x for x in JUMPS if getattr(limits, x) is not None)
+    return tuple(x for x in limited if _knows_jerk(law, start, along=x == "path_jerk"))
+
+
+def _knows_jerk(law: Law, start: FloatArray, *, along: bool) -> bool:
+    """Whether a law has a third derivative, of its joints or `along` its tool path."""
+    # Of a law without a tool path s is the value of any parameter.
+    if along and getattr(law, "path", None) is None:
+        return False
+    try:
+        _ = cast("Any", law).s(start, 3) if along else law(start, 3)
+    except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return False
+    return True

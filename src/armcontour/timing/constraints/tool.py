@@ -80,8 +80,19 @@ class ToolMetric:
         If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
         times x is at most a on all of the interval. Where the curvature k is linear, too, a / k is
         convex: x stays below its tangent, which c at the ends stands for. The tangent touches in
-        the middle, or nearer to the end of the larger curvature, so that it is positive. A factor
-        bounds how far the curvature is above its chord: twice what the samples in between show.
+        the middle, or nearer to the end of the larger curvature, so that it is positive.
+        """
+        found = self.chords_on(grid)
+        begin, end = found
+        touch = np.maximum((begin + end) / 2, TOUCH * np.maximum(begin, end))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.where(touch > 0, touch**2 / (2 * touch - found), 0.0))
+
+    def chords_on(self, grid: Grid) -> FloatArray:
+        """Curvatures at both ends of the intervals, whose chord is above the curvature, (2, n).
+
+        Where the curvature varies, a factor bounds how far it is above its chord: twice what the
+        samples in between show.
         """
         found = np.stack([self.curvature[grid.piece]] * 2)
         i = np.flatnonzero(self.uneven[grid.piece])
@@ -90,10 +101,9 @@ class ToolMetric:
             pieces = np.broadcast_to(grid.piece[i], s.shape)
             _, values, _ = _measure(self.joint_path, self.arm, pieces, s)
             begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
-            touch = np.maximum((begin + end) / 2, TOUCH * np.maximum(begin, end))
             even = begin + SHARES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
-            found[:, i] = touch**2 / (2 * touch - np.stack([begin, end])) * bent
+            found[:, i] = np.stack([begin, end]) * bent
         return found
 
 
@@ -153,14 +163,9 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
-        """The bound at both ends, less what skew adds to x between them."""
+        """The bound at both ends; between them x stays below the chord of both."""
         with np.errstate(divide="ignore"):
-            ceiling = self.limit / self.metric.curvature_on(grid)
-        if bounds is None:
-            return Ceiling(ceiling)
-        sag = np.abs(bounds.skew) * grid.width**2 / 4
-        sag = np.where(self.metric.uneven[grid.piece], sag, 0.0)
-        return Ceiling(np.maximum(ceiling - sag, 0.0), np.minimum(sag / ceiling.min(axis=0), 1.0))
+            return Ceiling(self.limit / self.metric.curvature_on(grid))
 
 
 class ToolAcceleration(Constraint):

@@ -59,6 +59,8 @@ KINK, TOO_SHORT = 1e-6, 1e-8
 CLOSE_TO_LIMIT = 1e-7
 # What a start or end speed counts against the duration, one after the other, until it is reached.
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
+# The path hardly bends over a length that turns it by less than about this [rad].
+EVEN_BEND = 5e-4
 # The rates at a rest are those at this share of its section.
 NEAR_REST = 5e-3
 
@@ -121,7 +123,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         bounds = _bounds(mesh, near, wider, bracketed)
         rows = _rows(task, mesh, near, bounds)
         narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
-        if splits < MOST_SPLITS and narrow.any():
+        if splits < MOST_SPLITS and narrow.any() and len(mesh.grid) < MOST_CELLS:
             parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
             mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
             continue
@@ -190,13 +192,21 @@ def _ends(
         np.append(law.speeds, 0.0), np.searchsorted(law.s, places, side="right")
     )[:-1]
     near = NEAR_REST * np.diff(places)
+    size = np.linalg.norm(path.first, axis=2).max(axis=0)
+    bend = np.linalg.norm(path.second, axis=2).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = np.fmin(EVEN_BEND * size / bend, np.sqrt(EVEN_BEND * size / path.third.max(axis=1)))
     squares = np.square([task.start_speed, task.end_speed])
 
     def at(side: int, s: FloatArray) -> list[End]:
         i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
+        edge = places[side : len(places) - 1 + side]
+        j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
+        straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
+        rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
         return [
-            End(bool(rest), float(squares[side]), float(x), float(y), float(v))
-            for rest, x, y, v in zip(at_rest[:, side], acceleration[i], jerk[i], speed, strict=True)
+            End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
+            for rest, x, y, v, e in rows
         ]
 
     return list(zip(at(0, places[:-1] + near), at(1, places[1:] - near), strict=True))

@@ -20,7 +20,9 @@ RAMPS = 8.0
 # Farther away they may grow by this share of their distance.
 GROWTH = 0.3
 # The first cell is at most and at least this share of a section.
-LONGEST_FIRST, SHORTEST_FIRST = 5e-4, 1e-9
+LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
+# No other cell is shorter than this share of a section: its slope would be a rounding error.
+SHORTEST = 1e-9
 # The mass of cells next to a rest is computed at so many places.
 PLACES = 200
 # Breaks of the joint path nearer to another one than this share of a cell end parts, not cells.
@@ -39,6 +41,7 @@ class End:
         acceleration: Largest path acceleration near it [m/s²].
         jerk: Largest path jerk near it [m/s³].
         speed: Largest path speed of the section [m/s].
+        even: Length over which the joint path hardly bends near it [m].
     """
 
     rest: bool
@@ -46,18 +49,24 @@ class End:
     acceleration: float
     jerk: float
     speed: float
+    even: float
 
     def first_cell(self, length: float) -> float:
         """Length of the cell of uniform jerk next to a rest [m], in a section of a given length.
 
         Next to another end it is the length over which ds² may change much.
         """
-        shortest, longest = SHORTEST_FIRST * length, LONGEST_FIRST * length
+        shortest, longest = SHORTEST_FIRST * length, min(LONGEST_FIRST * length, self.even)
+        longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             if not self.rest:
                 way = self.square / self.acceleration
             else:
-                time = min(self.acceleration / self.jerk, np.sqrt(self.speed / self.jerk))
+                time = min(
+                    self.acceleration / self.jerk,
+                    np.sqrt(self.speed / self.jerk),
+                    np.cbrt(length / 2 / self.jerk),
+                )
                 way = FIRST_CELL * self.jerk * time**3 / 6 if np.isfinite(self.jerk) else 0.0
         return float(np.clip(np.nan_to_num(way, nan=longest), shortest, longest))
 
@@ -202,9 +211,18 @@ def _nodes(
     wanted = needed[of] + np.diff(needed)[of] * number / count[of]
     nodes = np.append(np.interp(wanted, mass, at), stop)
     nodes[0] = start
-    nodes = _snap(nodes, knots)
+    nodes = _snap(_apart(nodes, SHORTEST * length), knots)
     before, after = [begin] * ends[0].rest, [end] * ends[1].rest
     return np.concatenate([before, nodes, after])
+
+
+def _apart(nodes: FloatArray, least: float) -> FloatArray:
+    """Leave out inner nodes until all are at least so far apart [m]."""
+    steps = np.floor((nodes - nodes[0]) / least)
+    kept = np.append(True, np.diff(steps) > 1)
+    kept[-1] = True
+    kept[1:-1] &= nodes[-1] - nodes[1:-1] > least
+    return np.asarray(nodes[kept])
 
 
 def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:

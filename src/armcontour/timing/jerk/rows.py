@@ -17,6 +17,7 @@ from armcontour.timing.constraints import (
     JointAcceleration,
     JointDerivatives,
     JointVelocity,
+    ToolAcceleration,
 )
 from armcontour.timing.constraints import Rows as GeneralRows
 from armcontour.timing.jerk._interior_point import Section
@@ -92,6 +93,10 @@ class Rows:
         self.ceilings: list[FloatArray] = []
         self.general: list[GeneralRows] = []
         self.discs: list[Disc] = []
+        # Vectors of the tool's acceleration and their radii.
+        self.round: list[tuple[FloatArray, FloatArray]] = []
+        # Curvatures and radii of vectors, for cells of uniform jerk.
+        self.at_ramps: list[tuple[FloatArray, FloatArray]] = []
         for x in active:
             self._add(x, about)
         self.section = self._whole()
@@ -105,6 +110,9 @@ class Rows:
         if isinstance(x, JointAcceleration):
             low, high = x.on(grid)
             self.bounded = np.minimum(self.bounded, [-low, high])
+            return
+        if isinstance(x, ToolAcceleration):
+            self._add_tool_acceleration(x)
             return
         ceiling, disc = x.ceiling(grid, path, bounds), x.disc(grid, path, bounds)
         rows = x.rows_about(grid, path, about) if bounds is None else x.rows(grid, path, bounds)
@@ -125,10 +133,37 @@ class Rows:
                 share = np.where(np.isfinite(room), rows.margin / room, 0.0)
             self.lost = np.maximum(self.lost, np.where(room > 0, share, 1.0).max(axis=1))
 
+    def _add_tool_acceleration(self, x: ToolAcceleration) -> None:
+        """Add the vectors of the tool's acceleration, along the motion and at right angles to it.
+
+        The curvature is below a chord, so that its product with ds² is below a cubic. With dds, its
+        control points are vectors in a disc.
+        """
+        grid, on = self.mesh.grid, self.basis
+        begin, end = x.metric.chords_on(grid)[..., None, None]
+        square = on.points
+        above = [begin * square[:, :1], (end * square[:, :1] + 2 * begin * square[:, 1:2]) / 3]
+        above += [(2 * end * square[:, 1:2] + begin * square[:, 2:]) / 3, end * square[:, 2:]]
+        across = np.concatenate(above, axis=1)
+        first, last = (on.at_end(e)[1][:, None] for e in range(2))
+        share = np.arange(4)[:, None] / 3
+        speed = x.metric.speed[grid.piece]
+        vectors = np.zeros((len(grid), 4, 3, 3))
+        vectors[:, :, 0] = first + (last - first) * share
+        vectors[:, :, 1] = across / speed[:, None, None]
+        # What the tool's own speed adds along the path.
+        play = x.metric.stretch[grid.piece] / speed
+        most = np.zeros(len(grid)) if self.bounds is None else self.bounds.x
+        radius = x.limit / speed
+        self.round.append((vectors, np.maximum(radius - play * most, 0.0)))
+        self.lost = np.maximum(self.lost, np.minimum(play * most / radius, 1.0))
+        largest = np.maximum(begin, end)[:, 0, 0] / speed
+        self.at_ramps.append((largest, self.round[-1][1]))
+
     @property
     def exact(self) -> bool:
         """Whether all limits are polynomials, which need no margins."""
-        return not (self.ceilings or self.discs or self.general or self.tool)
+        return not (self.ceilings or self.discs or self.general or self.round or self.tool)
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
@@ -242,6 +277,9 @@ class Rows:
         """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
         n = len(self.mesh.grid)
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
+        for both, most in self.round:
+            vectors.append(both)
+            radius += [most] * both.shape[1]
         for disc in self.discs:
             both = np.zeros((n, 2, 3, 3))
             for e in range(2):
@@ -330,6 +368,7 @@ class Rows:
                 found.append(self.tool.largest_at_ramps(self.jerk.tool, h))
             for x in self.discs:
                 found.append(x.r / np.hypot(x.c.max(axis=0), rate))
+            found += [radius / np.hypot(most, rate) for most, radius in self.at_ramps]
             if self.bounds is not None:
                 found += [self.bounds.x, self.bounds.u / rate]
         return np.asarray(np.nanmin(found, axis=0))
