@@ -144,7 +144,7 @@ def _limits(rng: np.random.Generator, arm: Any, path: ac.JointPath) -> ac.Limits
         still = np.abs(tool.torque(still=True)).max(axis=(0, 1))
         # The arm can hold itself, against its friction too.
         least = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
-        wanted["joint_torque"] = least + rng.uniform(0.1, 1.0, dof) * torque
+        wanted["joint_torque"] = 0.1 + least + rng.uniform(0.1, 1.0, dof) * torque
     return ac.Limits(**wanted)
 
 
