@@ -75,6 +75,7 @@ if TYPE_CHECKING:
         Weave,
         prepare,
         round_corners,
+        smooth_curvature,
     )
     from armcontour.report import write_report
     from armcontour.servo import ServoModel
@@ -142,6 +143,7 @@ _HOME = {
         "Weave",
         "prepare",
         "round_corners",
+        "smooth_curvature",
     ),
     "report": ("write_report",),
     "servo": ("ServoModel",),
@@ -226,6 +228,7 @@ __all__ = [
     "round_corners",
     "run",
     "shape",
+    "smooth_curvature",
     "sweep",
     "trace",
     "transfer",

@@ -73,7 +73,7 @@ class Connections:
         found = np.zeros(np.shape(x) + c.shape[-1:])
         for k in range(DEGREE, order - 1, -1):
             found = found * x[..., None] + math.perm(k, order) * c[..., k, :]
-        return found
+        return np.asarray(found)
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
         """Arc lengths from the starts of connections `i` to x [m], (n,)."""
@@ -82,13 +82,14 @@ class Connections:
     @property
     def nearest(self) -> FloatArray:
         """Where the connections are nearest to their vertices, x from 0 to 1, (n,)."""
-        x = np.full(len(self), 0.5)
+        places = self._many[1:-1]
+        x = MANY[1 + length(self.begin + self.at(EVERY, places)).argmin(axis=0)]
         for _ in range(STEPS):
             off = self.begin + self.at(EVERY, x)
             first, second = self.at(EVERY, x, 1), self.at(EVERY, x, 2)
             slope = np.maximum(dot(first, first) + dot(off, second), 0.1 * dot(first, first))
-            x = np.clip(x - dot(off, first) / slope, 0.1, 0.9)
-        return x
+            x = np.clip(x - dot(off, first) / slope, MANY[1], MANY[-2])
+        return np.asarray(x)
 
     @property
     def largest_bend(self) -> FloatArray:

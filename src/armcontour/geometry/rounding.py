@@ -22,11 +22,11 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import InvalidInput
-from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
 from armcontour.geometry.corner_curves import ARC, PARABOLA, SMOOTH, CornerCurve
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
+from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import (
     find_kinks,
     follow_rounded,
@@ -40,9 +40,7 @@ from armcontour.geometry.shaped import ShapedPath
 
 # What does not jump along a rounded path: its tangent, or its curvature, too.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
-# A remainder of a line between two arcs that is shorter than this is a rounding error and is left
-# out [m].
-SLIVER = 1e-12
+CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
 # A blend of continuous curvature is at least this long on either side: shorter ones have too few
 # digits, and no motion passes them faster than a full stop [m].
 SHORTEST_SMOOTH = 1e-6
@@ -167,8 +165,8 @@ def round_corners(
 
     With continuity "curvature" the curvature does not jump either, so that a motion with a limit of
     jerk need not stop: a corner between two lines becomes a smooth bend, with the same corner error
-    on more of both lines, whose radius in the middle is `corners.radius`. Beside an arc it becomes a
-    connection; where the turn is too sharp for one, two tangent arcs, at whose ends it jumps.
+    on more of both lines, whose radius in the middle is `corners.radius`. Beside an arc it becomes
+    a connection; where the turn is too sharp for one, two tangent arcs, at whose ends it jumps.
 
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
     the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
@@ -189,7 +187,7 @@ def round_corners(
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
             continuity is neither of them, or the orientation needs an angular tolerance.
     """
-    _checks.choice("continuity", continuity, get_args(Continuity))
+    _checks.choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
@@ -509,7 +507,9 @@ def _tangent_lengths(
     blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle, smooth=even)
     order = np.argsort(which)
     tangents = np.empty(len(which))
-    tangents[order] = _fit(np.concatenate([wanted, blends])[order], which[order], path.lengths)
+    tangents[order] = fit_lengths(
+        np.concatenate([wanted, blends])[order], which[order], path.lengths
+    )
     # A very short segment between two corners can leave an arc below that resolution, too.
     tangent = tangents[: len(corner)]
     tangent[tangent <= shortest / 4] = 0.0
@@ -670,25 +670,6 @@ def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
     return np.inf
 
 
-def _fit(wanted: FloatArray, corner: IntArray, lengths: FloatArray) -> FloatArray:
-    """Tangent lengths reduced to fit their lines [m], (n,).
-
-    A corner may take half of a line, or all that the corner at the line's other end does not want.
-    This rule depends on direct neighbours only, is independent of the direction of travel, and
-    always has a solution.
-
-    Args:
-        wanted: Wanted tangent lengths [m], (n,).
-        corner: Segments after which the corners are, increasing, (n,).
-        lengths: Lengths of all segments [m].
-    """
-    at = np.zeros(len(lengths) + 1)
-    at[corner + 1] = wanted
-    room_before = np.maximum(lengths / 2, lengths - at[:-1])  # for the corner at a segment's end
-    room_after = np.maximum(lengths / 2, lengths - at[1:])  # for the corner at its start
-    return np.asarray(np.minimum(wanted, np.minimum(room_before[corner], room_after[corner + 1])))
-
-
 def _replace_corners(
     path: Path, wishes: _Wishes, found: _Found
 ) -> tuple[Segments, IntArray, FloatArray]:
@@ -706,35 +687,14 @@ def _replace_corners(
     corner, n = wishes.corner, len(path)
     cut = np.zeros(n + 1)
     cut[corner + 1] = found.tangent
-    kept = _cut(path.segments, cut)
     plain = (found.radius > 0) & ~found.bent
     blended = corner[(found.tangent > 0) & found.bent]
     before = corner[plain]
     curves, row = wishes.curve.draw(
         path.segments[before], path.segments[before + 1], found.radius[plain], wishes.half[plain]
     )
-    # Each segment, and what replaces the corner after it.
-    tables = [kept, curves]
-    if len(blended):
-        tables += [found.blends.rows]
-    table = Segments.join(tables)
-    source = np.concatenate([np.arange(n), before[row], blended[found.blends.of]])
-    # A remainder of an arc is left out only if the tangent jumps by no more than a rounding error.
-    used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
-    used[n:] = True
-    order = np.argsort(source, kind="stable")
-    order = order[used[order]]
-    source, lengths = source[order], table.lengths[order]
-    ends = np.append(0.0, np.cumsum(lengths))[np.searchsorted(source, corner, side="right")]
-    return table[order], source, ends
-
-
-def _cut(rows: Segments, cut: FloatArray) -> Segments:
-    """Segments shortened by the tangent lengths of their ends' corners [m], (n + 1,)."""
-    starts = rows.starts + cut[:-1, None] * rows.tangents
-    shorter = rows.replace(starts=starts, lengths=rows.lengths - cut[:-1] - cut[1:])
-    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
-    if not later.any():
-        return shorter
-    i, begin = np.flatnonzero(later), cut[:-1][later]
-    return shorter.put(later, rows.cut(i, begin, rows.lengths[later] - cut[1:][later]))
+    drawn = Segments.join([curves, found.blends.rows] if len(blended) else [curves])
+    after = np.concatenate([before[row], blended[found.blends.of]])
+    table, source, _ = replace_vertices(path.segments, cut, drawn, after)
+    ends = np.append(0.0, np.cumsum(table.lengths))[np.searchsorted(source, corner, side="right")]
+    return table, source, ends

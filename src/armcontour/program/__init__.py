@@ -12,7 +12,7 @@ from armcontour.program.process import (
     Tabs,
     Weave,
 )
-from armcontour.program.rounding import put_on_path, round_corners
+from armcontour.program.rounding import put_on_path, round_corners, smooth_curvature
 
 __all__ = [
     "Analog",
@@ -34,4 +34,5 @@ __all__ = [
     "prepare",
     "put_on_path",
     "round_corners",
+    "smooth_curvature",
 ]

@@ -1,14 +1,19 @@
-"""Corner rounding of a path or of all contours of a program."""
+"""Corner rounding, and smoothing of the curvature, of a path or of all contours of a program."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from typing import overload
 
+import numpy as np
 import numpy.typing as npt
 
+from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
+from armcontour.geometry.curvature import smooth_curvature as smooth_path
 from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
 
@@ -85,6 +90,42 @@ def round_corners(
     return rounded if program is path else rounded.path
 
 
+@overload
+def smooth_curvature(path: Path, *, tolerance: float) -> Path: ...
+@overload
+def smooth_curvature(path: Program, *, tolerance: float) -> Program: ...
+def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Program:
+    """Put transitions where the curvature of a path, or of a program's contours, jumps.
+
+    Where lines and arcs meet without a corner the curvature jumps, so that a motion with a limit of
+    jerk stops there. A transition takes as much of both as the tolerance and their lengths allow,
+    and leaves the path by at most the tolerance, which is proven. Corners stay: `round_corners`
+    with continuity "curvature" rounds them, before or after. Where less than a micrometre is left
+    for a transition, or the tool orientation makes the tool stop anyway, the jump stays.
+
+    Speeds, tolerances and tags stay on their sides of each vertex; events and the tool orientation
+    keep their places.
+
+    Args:
+        path: The path, or the program.
+        tolerance: Largest distance of either path from the other [m]; tolerances of the path's own
+            segments cap it.
+
+    Raises:
+        InvalidInput: The tolerance is not above zero; or a path was shaped, or its tool orientation
+            was rounded.
+    """
+    program = Program.of(path, "smooth_curvature needs a Path or a Program")
+    moves = []
+    for x in program.moves:
+        if isinstance(x, Contour):
+            found, places = smooth_path(x.path, tolerance)
+            x = _put(x, found, partial(_interpolate, places))
+        moves.append(x)
+    smooth = dataclasses.replace(program, moves=tuple(moves))
+    return smooth if program is path else smooth.path
+
+
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
     """The contour on the path that replaces its own, with events and work at their places there.
 
@@ -92,12 +133,22 @@ def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
         contour: The contour on its objective path.
         path: The path that replaces the objective path.
     """
-    arc_lengths = path.place([x.s for x in contour.events])
+    return _put(contour, path, path.place)
+
+
+def _interpolate(places: FloatArray, s: npt.ArrayLike) -> FloatArray:
+    """Arc lengths that belong to others, by pairs that belong together, (n, 2) [m]."""
+    return np.asarray(np.interp(np.asarray(s, dtype=np.float64), places[:, 0], places[:, 1]))
+
+
+def _put(contour: Contour, path: Path, place: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
+    """The contour on a path, on which `place` gives the arc lengths of events and work."""
+    arc_lengths = place([x.s for x in contour.events])
     events = tuple(
         dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, arc_lengths, strict=True)
     )
     work = None
     if contour.work is not None:
-        start, end = path.place(contour.work)
+        start, end = place(contour.work)
         work = (float(start), float(end))
     return dataclasses.replace(contour, path=path, events=events, work=work)

@@ -16,11 +16,12 @@ from armcontour import _checks
 from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
+from armcontour.geometry.rounding import Continuity
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.colors import color_set
 from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
 from armcontour.io.units import parse
-from armcontour.program import Program
+from armcontour.program import Program, smooth_curvature
 
 # Module, function and options of the reader for each extension.
 READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
@@ -53,6 +54,7 @@ def read_path(
     texts: str = "leave_out",
     offsets: str = "file",
     tools: Mapping[int, float] | None = None,
+    continuity: Continuity = "tangent",
     progress: Progress | None = None,
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
@@ -85,6 +87,10 @@ def read_path(
             "file" reads only offsets that the file gives.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
             {1: 0.003}; a negative one puts the tool on the other side.
+        continuity: "curvature" puts transitions where the curvature jumps without a corner, for
+            motions with a limit of jerk (`smooth_curvature`): curves then become arcs within half
+            of the chord tolerance, and transitions leave lines and arcs by the other half at most.
+            "tangent" keeps lines and arcs.
         progress: Called from time to time with the name of the file and the fraction of it that is
             read, where the reader can tell.
 
@@ -105,6 +111,7 @@ def read_path(
         layers=_layer_set(layers),
         layer_tolerances=_layer_tolerances(layers),
         colors=_color_set(colors, suffix),
+        continuity=continuity,
     )
     factor = _checks.positive("scale", scale)
     # The scale is that of the file's lengths, and tools are as they are.
@@ -116,10 +123,14 @@ def read_path(
     if module == "gcode":
         # Files with subprograms are looked for beside it.
         read = partial(read, folder=location.parent)
-    program: Program = read(bytes_of(location), source=location.name, reading=reading, **options)
+    fitting = replace(reading, chord_tolerance=reading.fit_tolerance)
+    program: Program = read(bytes_of(location), source=location.name, reading=fitting, **options)
     program = _select(program, layers, names)
     if flat:
         program = program.without_z()
+    if continuity == "curvature":
+        left = reading.chord_tolerance - reading.fit_tolerance
+        program = smooth_curvature(program, tolerance=left)
     if frame is None and factor == 1.0:
         return program
     program = program.placed(Frame() if frame is None else frame, scale=factor)

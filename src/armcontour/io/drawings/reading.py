@@ -13,6 +13,7 @@ from armcontour._files import SMALL, read_bytes
 from armcontour._progress import Progress, Step, under
 from armcontour._text import make_printable, show
 from armcontour.errors import InvalidInput
+from armcontour.geometry.rounding import CONTINUITIES, Continuity
 
 # Largest file that is read [bytes]: the data structures made from it take many times its size.
 LARGEST = SMALL
@@ -26,6 +27,8 @@ MOST_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 OFFSETS = ("file", "zero")
+# Share of the chord tolerance that arcs take where transitions between them take the rest.
+FIT_SHARE = 0.5
 # How messages advise the user to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 
@@ -51,10 +54,11 @@ class Reading:
         layers: Unknown entities on other layers are ignored; None means all layers.
         layer_tolerances: Largest corner errors on layers that have one [m], by their names.
         colors: Only entities of these colours are read, as `color_of` names them; None means all.
+        continuity: What must not jump along what is read: the "tangent", or the "curvature", too.
 
     Raises:
         InvalidInput: A length is not above zero, a tool has no whole number or no length, or
-            `unknown` is another word.
+            `unknown` or `continuity` is another word.
     """
 
     unit: float | None = None
@@ -69,6 +73,7 @@ class Reading:
     layers: frozenset[str] | None = None
     layer_tolerances: Mapping[str, float] = field(default_factory=dict)
     colors: frozenset[str] | None = None
+    continuity: Continuity = "tangent"
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -80,7 +85,14 @@ class Reading:
         _checks.choice("unknown", self.unknown, UNKNOWN)
         _checks.choice("texts", self.texts, TEXTS)
         _checks.choice("offsets", self.offsets, OFFSETS)
+        _checks.choice("continuity", self.continuity, CONTINUITIES)
         object.__setattr__(self, "tools", _checked_tools(self.tools))
+
+    @property
+    def fit_tolerance(self) -> float:
+        """Largest distance between a curve and its arcs [m]; transitions may add the rest."""
+        share = 1.0 if self.continuity == "tangent" else FIT_SHARE
+        return share * self.chord_tolerance
 
 
 def _checked_tools(tools: Mapping[int, float]) -> dict[int, float]:

@@ -1,0 +1,229 @@
+"""Smooth curvature: transitions where lines and arcs meet, within the tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.geometry import Demand, Segments
+from armcontour.geometry.transitions import UNEVEN
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def line(start, end, **more):
+    return ac.Line(start=start, end=end, **more)
+
+
+def arc(start, center, angle):
+    return ac.Arc(start=start, center=center, angle=angle)
+
+
+def slot(radius=0.015, straight=0.05):
+    """Two lines and two half circles; the second line has demands of its own."""
+    own = Demand(speed=0.02, tag="slow")
+    width = 2 * radius
+    return ac.Path.from_segments(
+        [
+            line((0, 0), (straight, 0)),
+            arc((straight, 0), (straight, radius), np.pi),
+            line((straight, width), (0, width), demand=own),
+            arc((0, width), (0, radius), np.pi),
+        ]
+    )
+
+
+def chain(turns, radii, dimension, seed):
+    """Tangent arcs, and lines for infinite radii, in planes that change at every vertex."""
+    rng, rows = np.random.default_rng(seed), []
+    point, tangent = np.zeros(dimension), np.eye(dimension)[0]
+    for turn, radius in zip(turns, radii, strict=True):
+        across = rng.normal(size=dimension)
+        across -= (across @ tangent) * tangent
+        across /= np.linalg.norm(across)
+        bend = 0.0 if np.isinf(radius) else 1 / radius
+        length = turn * (0.02 if np.isinf(radius) else radius)
+        row = Segments(
+            starts=point[None],
+            tangents=tangent[None],
+            normals=across[None] * (bend > 0),
+            curvatures=np.array([bend]),
+            lengths=np.array([length]),
+        )
+        rows.append(row)
+        point, tangent = row.ends[0], row.end_tangents[0] / np.linalg.norm(row.end_tangents[0])
+    return ac.Path(segments=Segments.join(rows))
+
+
+def jumps(path, order=2):
+    """Jumps of a derivative at all vertices, over its largest size."""
+    n = np.arange(len(path))
+    ends = path.on_segment(n, path.lengths, order)
+    starts = path.on_segment(n, np.zeros(len(path)), order)
+    size = max(np.abs(ends).max(), np.abs(starts).max(), 1e-9)
+    return np.linalg.norm(ends[:-1] - starts[1:], axis=1) / size
+
+
+def deviation(path, smooth, n=4001):
+    """Largest distances of dense points of either path from the other."""
+    return max(
+        path.project(smooth(np.linspace(0, smooth.length, n))).distance.max(),
+        smooth.project(path(np.linspace(0, path.length, n))).distance.max(),
+    )
+
+
+@pytest.mark.parametrize("tolerance", [1e-7, 1e-5, 1e-4])
+def test_a_slot_has_no_jumps_and_uses_its_tolerance(tolerance):
+    path = slot()
+    smooth = ac.smooth_curvature(path, tolerance=tolerance)
+    assert jumps(smooth).max() < 1e-11
+    assert jumps(smooth, 1).max() < 1e-12
+    assert 0.9 * tolerance < deviation(path, smooth) + 1e-9 < tolerance + 2.1e-9
+    speed = np.linalg.norm(smooth(np.linspace(0, smooth.length, 4001), 1), axis=1)
+    assert np.abs(speed - 1).max() < UNEVEN
+    np.testing.assert_allclose(smooth.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-15)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    turns=st.lists(st.floats(0.01, 2.5), min_size=2, max_size=6),
+    radii=st.lists(st.sampled_from([1e-3, 0.01, 0.05, 1.0, np.inf]), min_size=6, max_size=6),
+    tolerance=st.floats(1e-7, 1e-3),
+    dimension=st.sampled_from([2, 3]),
+    seed=st.integers(0, 99),
+)
+def test_random_chains_keep_their_tolerance(turns, radii, tolerance, dimension, seed):
+    path = chain(turns, radii[: len(turns)], dimension, seed)
+    smooth = ac.smooth_curvature(path, tolerance=tolerance)
+    assert deviation(path, smooth) <= tolerance + 1.1e-9
+    assert jumps(smooth, 1).max() < 1e-11
+    assert jumps(smooth).max() < 1e-9
+    assert len(smooth.stops) == 0
+
+
+def test_a_chain_of_short_biarcs_is_smooth_all_along():
+    angle = np.linspace(0, 2 * np.pi, 30)
+    points = np.stack([0.1 * np.cos(angle) * (1 + 0.3 * np.sin(3 * angle)), np.sin(angle)], axis=1)
+    path = ac.Path.spline(points, tolerance=1e-5)
+    # A tenth of what the arcs are off is enough for transitions from middle to middle.
+    smooth = ac.smooth_curvature(path, tolerance=2e-6)
+    assert jumps(path).max() > 1e-3
+    assert jumps(smooth).max() < 1e-10
+    assert deviation(path, smooth, 20_001) < 2e-6
+    # The points of the spline are waypoints still.
+    near = np.linalg.norm(smooth.vertices[smooth.waypoints] - points, axis=1)
+    assert near.max() < 3e-6
+
+
+def test_a_full_circle_that_is_closed_stays_as_it_is():
+    path = ac.Path.from_segments([arc((0.1, 0), (0, 0), 2 * np.pi)])
+    assert ac.smooth_curvature(path, tolerance=1e-5) is path
+
+
+def test_arcs_that_bend_to_both_sides():
+    radius = 0.01
+    path = ac.Path.from_segments(
+        [
+            arc((0, 0), (0, radius), np.pi / 2),
+            arc((radius, radius), (2 * radius, radius), -np.pi / 2),
+        ]
+    )
+    smooth = ac.smooth_curvature(path, tolerance=1e-5)
+    assert jumps(smooth).max() < 1e-11
+    assert 0.9e-5 < deviation(path, smooth) < 1e-5 + 1e-9
+
+
+def test_where_there_is_no_room_the_jump_stays():
+    tiny = 5e-7
+    path = ac.Path.from_segments([line((0, 0), (tiny, 0)), arc((tiny, 0), (tiny, 0.01), 1.0)])
+    assert jumps(ac.smooth_curvature(path, tolerance=1e-5)).max() > 0.5
+
+
+def test_corners_keep_half_of_their_segments_and_can_be_rounded():
+    path = ac.Path.from_segments(
+        [
+            line((0, 0), (0.05, 0)),
+            arc((0.05, 0), (0.05, 0.01), np.pi / 2),
+            line((0.06, 0.01), (0.03, 0.05)),
+        ]
+    )
+    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    both = ac.round_corners(smooth, tolerance=1e-4, continuity="curvature")
+    assert len(both.stops) == 0
+    assert jumps(both).max() < 1e-9
+    assert not both.corners.shrunk.any()
+    # The other way round, too.
+    other = ac.smooth_curvature(
+        ac.round_corners(path, tolerance=1e-4, continuity="curvature"), tolerance=1e-4
+    )
+    assert jumps(other).max() < 1e-9
+    s = np.linspace(other.corners.start[0], other.corners.end[0], 4001)
+    near = np.linalg.norm(other(s) - path.starts[2], axis=1).min()
+    assert near == pytest.approx(other.corners.error[0], rel=1e-6)
+
+
+def test_speeds_and_tags_stay_on_their_sides():
+    path = slot()
+    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    slow = np.flatnonzero(smooth.speeds == 0.02)
+    assert {smooth.tags[i] for i in slow} == {"slow"}
+    ends = smooth.vertices[[slow[0], slow[-1] + 1]]
+    # The vertices have moved by less than the tolerance.
+    assert np.linalg.norm(ends - path.vertices[[2, 3]], axis=1).max() < 1e-4
+
+
+def test_a_tolerance_of_a_segment_caps_it():
+    path = slot()
+    fine = path.segments.replace(tolerances=np.array([np.nan, np.nan, 1e-6, np.nan]))
+    path = ac.Path(segments=fine)
+    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    s = np.linspace(0, smooth.length, 20_001)
+    off = path.project(smooth(s))
+    near = np.abs(off.s - path.breaks[1]) < 0.01
+    assert 0.9e-4 < off.distance[near].max() < 1e-4 + 1e-9
+    assert off.distance[off.s > path.breaks[1] + 0.03].max() < 1e-6 + 1e-9
+
+
+def test_events_and_work_keep_their_points():
+    path = slot()
+    events = tuple(ac.Event(name=f"e{i}", s=s) for i, s in enumerate((0.01, 0.05, 0.08, 0.15)))
+    contour = ac.Contour(path=path, events=events, work=(0.02, 0.14))
+    smooth = ac.smooth_curvature(ac.Program(moves=(contour,)), tolerance=1e-5).contours[0]
+    for before, after in zip(events, smooth.events, strict=True):
+        assert np.linalg.norm(path(before.s) - smooth.path(after.s)) < 1.1e-5
+    for before, after in zip(contour.work, smooth.work, strict=True):
+        assert np.linalg.norm(path(before) - smooth.path(after)) < 1.1e-5
+
+
+@pytest.mark.parametrize("kind", ["fixed", "turning", "following"])
+def test_the_tool_orientation_is_kept_and_does_not_jump(kind):
+    space = ac.geometry.placing.lift_path(slot())
+    given = {
+        "fixed": lambda: space.oriented(DOWN),
+        "following": lambda: space.following_tangent((0, 0, 1)),
+        "turning": lambda: space.oriented(
+            Rotation.from_rotvec(space.breaks[:, None] * [0.1, 0.2, 3.0]).as_matrix() @ DOWN
+        ),
+    }
+    path = given[kind]()
+    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    o, at = smooth.orientation, smooth.orientation.breaks[1:-1]
+    size = np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
+    for before, after, most in zip(o.rates(at, side="left"), o.rates(at), size, strict=True):
+        assert np.abs(before - after).max(initial=0.0) <= 1e-10 * most
+    assert len(smooth.stops) == 0
+    s = np.linspace(0, 1, 999)
+    off = smooth.orientation(s * smooth.length) - path.orientation(s * path.length)
+    assert np.abs(off).max() < {"fixed": 1e-14, "turning": 1e-3, "following": 0.1}[kind]
+
+
+def test_what_cannot_be_smoothed_is_refused(refuses):
+    path = slot()
+    refuses(lambda: ac.smooth_curvature(path, tolerance=0), ac.InvalidInput, "above zero")
+    refuses(
+        lambda: ac.smooth_curvature("slot", tolerance=1e-5), ac.InvalidInput, "Path or a Program"
+    )
