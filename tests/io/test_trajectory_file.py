@@ -190,6 +190,7 @@ def test_limits_with_units(tmp_path: FilePath, arm: ac.Arm) -> None:
         ("- 1", "must hold a mapping of limits"),
         ("{", "not valid YAML"),
         ("speeed: 1", "unknown key speeed"),
+        ("joint_limits: {elbow_joint: {max_velocity: 3}}", "of MoveIt.* --joint-limits"),
         ("speed: '0.1'", "speed: '0.1' has no unit"),
         ("speed: -1", "speed: must be above zero"),
         ("deviation: 1 s", "deviation: must be a quantity in m"),

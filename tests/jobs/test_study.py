@@ -274,9 +274,18 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     (this,) = in_space.runs
     again = dataclasses.replace(this, name="again", compensation="pole_placement")
     slow = dataclasses.replace(this, name="slow", limits=this.limits.replace(speed=0.1))
-    found = ac.run(dataclasses.replace(in_space, runs=(this, again, slow))).runs
+    spared = dataclasses.replace(this, name="spared", reserve=0.1)
+    late = dataclasses.replace(this, name="late", duration=5.0)
+    gridded = dataclasses.replace(
+        this, name="gridded", timing_options={"grid": np.arange(0.0, 0.1, 0.01)}
+    )
+    runs = (this, again, slow, spared, late, gridded)
+    found = ac.run(dataclasses.replace(in_space, runs=runs)).runs
     assert same_plan(found["one"], found["again"])
-    assert not same_plan(found["one"], found["slow"])
+    assert found["again"].trajectory is found["one"].trajectory
+    for name in ("slow", "spared", "late", "gridded"):
+        assert not same_plan(found["one"], found[name])
+        assert found[name].trajectory is not found["one"].trajectory
 
 
 def test_an_experiment_that_cannot_be_says_so_with_its_run(job, refuses):

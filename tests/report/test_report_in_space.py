@@ -15,7 +15,7 @@ from armcontour.arms import SerialArm
 from armcontour.io import parse_job
 from armcontour.jobs import Study, run
 from armcontour.report import render_report, sections
-from armcontour.report.sections.corners import corners
+from armcontour.report.sections.corners import corners, replaced_paths
 from armcontour.report.sections.space import FRAMES, MAGNIFICATIONS
 
 UR = {
@@ -243,8 +243,9 @@ def test_rounded_paths_that_differ_are_all_drawn() -> None:
     assert "the first 4 of 6" in title and "(r, error: rounded path of plain)" in title
 
 
-def test_accelerations_have_a_limit_per_direction() -> None:
-    limits = {**UR["limits"], "joint_acceleration": 10, "joint_deceleration": 4}  # type: ignore[dict-item]
+def test_accelerations_have_a_limit_per_direction_and_jerk_has_one() -> None:
+    jerk = {"joint_jerk": 200}
+    limits = {**UR["limits"], "joint_acceleration": 10, "joint_deceleration": 4, **jerk}  # type: ignore[dict-item]
     job = {k: v for k, v in UR.items() if k != "experiment"}
     study = run(parse_job(yaml.safe_dump(job | {"runs": {"one": {}}, "limits": limits})))
     section = sections.joints(study)
@@ -256,3 +257,8 @@ def test_accelerations_have_a_limit_per_direction() -> None:
         limit = 4 if down / 4 > up / 10 else 10
         if share > 1e-3:
             assert row[4].endswith(f"of {limit} ({share:.0%})")
+    assert section.tables[0].header[5] == "jerk [rad/s³]"
+    executed = study.runs["one"].evaluation.jerk
+    for j, row in enumerate(section.tables[0].rows):
+        assert row[5].endswith(f"of 200 ({executed[j] / 200:.0%})")
+    assert replaced_paths(study) == "the rounded path (rounded with continuous curvature)"

@@ -156,7 +156,7 @@ def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bo
     if known > shown:
         title += f": the first {shown} of {known}"
     if len(names) > 1 and not shaped:
-        title += f" (r, error: {names[0]})"
+        title += f"<br>(r, error: {names[0]})"
     return title
 
 

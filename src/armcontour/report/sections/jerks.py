@@ -40,8 +40,8 @@ def jerks(study: Study) -> Section | None:
         title="Joint jerk",
         text=(
             "Planned jerk of the joints that have a limit of it, and executed jerk, as its mean "
-            "over one command interval. Black lines are the limits; no axis shows more than twice "
-            "a limit."
+            "over one command interval. Black lines are the limits: plans keep them, while a servo "
+            "answers set-points as it can. No axis shows more than twice a limit."
         ),
         figures=tuple(_figure(*x) for x in limited),
     )

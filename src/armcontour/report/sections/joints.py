@@ -216,6 +216,9 @@ def _table(name: str, result: RunResult) -> Table:
         (np.abs(done.dq).max(axis=0), limits.joint_velocity),
         _worst_accelerations(done.ddq, limits),
     ]
+    if limits.joint_jerk is not None:
+        header.append("jerk [rad/s³]")
+        amounts.append((result.evaluation.jerk, limits.joint_jerk))
     if plan is not None:
         header.append("planned torque [N m]")
         amounts.append((plan.peak, limits.joint_torque))
@@ -245,7 +248,7 @@ def _angle(value: float) -> str:
 def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
     """A value, and its share of the limit if there is one."""
     amount = f"{round(float(values[j]), ROUNDED):.4g}"
-    if limit is None:
+    if limit is None or np.isinf(limit[j]):
         return amount
     return f"{amount} of {limit[j]:.4g} ({values[j] / limit[j]:.0%})"
 
