@@ -65,7 +65,8 @@ class Timing:
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan the motion along a contour by the method; the laws before it do not matter."""
         if self.method in (Method.OPTIMAL, Method.SHAPED):
-            options = {x: y for x, y in self.options.items() if x not in SHAPE_OPTIONS}
+            own = SHAPE_OPTIONS if self.method == Method.SHAPED else ()
+            options = {x: y for x, y in self.options.items() if x not in own}
             found = plan_optimal(joint_path, self.arm, self.limits, memory=self.memory, **options)
             return replace(found, method=Method(self.method))
         if self.method == Method.MAC:

@@ -109,7 +109,8 @@ def plan_optimal(
         limits: The limits. All are kept except those of range; the speed of each path segment is
             kept too.
         intervals: Approximate number of grid intervals; 4000 by default.
-        grid: Grid points [m], in place of `intervals`; the breaks of the joint path are added.
+        grid: Grid points [m], in place of `intervals`; the breaks of the joint path are added. With
+            limits of jerk it is the grid of the plan without them only.
         start_speed: Path speed ds at the start [m/s].
         end_speed: Path speed ds at the end [m/s].
         constraints: Further constraints.

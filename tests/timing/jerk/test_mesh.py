@@ -1,0 +1,78 @@
+"""Cells of plans with limits of jerk."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
+from armcontour.timing.jerk.rows import control_points
+
+LIMITS = ac.Limits(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
+# Breaks of the path lie close together around 1.2.
+BREAKS = [0.0, 0.5, 1.2, 1.2 + 1e-7, 2.0]
+POINTS = np.array([(0.0, 0.0), (0.4, 0.1), (0.5, 0.8), (0.5, 0.8 + 1e-7), (0.1, 1.4)])
+LAW = ac.plan(ac.JointPath.spline(POINTS, BREAKS), limits=LIMITS).laws[0]
+
+
+def end(rest, square=0.0, jerk=40.0):
+    return End(rest, square, acceleration=4.0, jerk=jerk, speed=1.0, even=np.inf)
+
+
+def mesh(ends, cells=200, places=(0.0, 2.0)):
+    return place_mesh(LAW, LAW.s, cells, np.array(places), ends)
+
+
+@pytest.mark.parametrize("cells", [60, 1000])
+def test_parts_end_at_all_breaks_and_cells_are_not_tiny(cells):
+    found = mesh([(end(True), end(True))], cells)
+    assert np.isin(BREAKS, found.grid.s).all() and np.isin(found.nodes, found.grid.s).all()
+    assert (np.diff(found.nodes) > 1e-6).all() and (np.diff(found.cell) >= 0).all()
+    # Every part lies in its cell, and in one piece of the joint path.
+    middle = (found.grid.s[:-1] + found.grid.s[1:]) / 2
+    assert (found.nodes[found.cell] < middle).all() and (middle < found.nodes[found.cell + 1]).all()
+    np.testing.assert_array_equal(found.grid.piece, LAW.joint_path.locate(middle))
+    assert cells * 0.9 < len(found.nodes) < cells + 400
+    np.testing.assert_array_equal(np.flatnonzero(found.ramps), [0, len(found.nodes) - 2])
+
+
+def test_the_first_cell_is_a_share_of_the_build_up_of_acceleration():
+    # In a / j = 0.1 s the way is j t³ / 6.
+    assert end(True).first_cell(100.0) == pytest.approx(0.3 * 40 * 0.1**3 / 6)
+    # The speed is reached before the acceleration where a / j is longer than the root of v / j.
+    fast = End(True, 0.0, acceleration=4e3, jerk=40.0, speed=1.0, even=np.inf)
+    assert fast.first_cell(100.0) == pytest.approx(0.3 * 40 * (1 / 40) ** 1.5 / 6)
+    assert end(True, jerk=np.inf).first_cell(100.0) == pytest.approx(1e-9 * 100)
+    bent = End(True, 0.0, acceleration=4.0, jerk=40.0, speed=1.0, even=1e-5)
+    assert bent.first_cell(100.0) == 1e-5
+
+
+def test_the_slope_of_the_square_is_continuous():
+    found = mesh([(end(True), end(True)), (end(True), end(False, 0.3))], places=(0.0, 0.5, 2.0))
+    begin, last = control_points(found)
+    d = np.random.default_rng(1).uniform(0.5, 1.0, len(found.width) + 2)
+    for first, end_, (start, stop) in zip(
+        found.sections[:-1], found.sections[1:], found.at_rest, strict=True
+    ):
+        cells = np.arange(first + start, end_ - stop)
+        around = np.stack([d[cells - 1], d[cells], d[cells + 1]])
+        if start:
+            around[0, 0] = 0.0
+        low, high = (np.sum(x[cells].T * around, axis=0) for x in (begin, last))
+        h = found.width[cells]
+        np.testing.assert_allclose(high[:-1], low[1:])
+        slope = 2 * (d[cells] - low) / h, 2 * (high - d[cells]) / h
+        np.testing.assert_allclose(slope[1][:-1], slope[0][1:], rtol=1e-6)
+        if start:
+            # Uniform jerk: ds² ~ s^(4/3).
+            assert slope[0][0] == pytest.approx(4 / 3 * low[0] / found.width[first])
+
+
+def test_cells_are_split_but_those_at_rests():
+    found = mesh([(end(True), end(True))], 60)
+    parts = np.ones(len(found.grid))
+    parts[:3] = 4.0
+    again = found.split(parts)
+    assert isinstance(again, Mesh) and len(again.nodes) == len(found.nodes) + 6
+    assert again.nodes[1] == found.nodes[1] and again.sections[-1] == len(again.nodes) - 1
