@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.frames import from_rpy
+from armcontour.geometry.placing import lift_path, place_path
 from armcontour.io.cell import read_cell
 from armcontour.io.job_overrides import JobOverrides
 from armcontour.jobs import Rounding, Run, teach, warnings_of
@@ -26,13 +28,13 @@ ENDS = [0.06, 0.06 + 0.01 * np.pi]
 CORNER = [(0.30, 0.20), (0.34, 0.20), (0.34, 0.23)]
 
 
-def job(path: Any, *runs: dict[str, Any]) -> ac.Job:
-    arm = ac.load_arm("pmk3s")
+def job(path: Any, *runs: dict[str, Any], arm: Any = None) -> ac.Job:
+    arm = arm or ac.load_arm("pmk3s")
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     asked: dict[str, Any] = {
         "timing": "optimal",
         "compensation": "none",
-        "limits": arm.limits.replace(speed=0.1, joint_jerk=7.2).for_joints(2),
+        "limits": arm.limits.replace(speed=0.1, joint_jerk=7.2).for_joints(arm.dof),
         "rounding": Rounding(tolerance=1e-3),
         "period": 4e-3,
         "timing_options": {"intervals": 200},
@@ -105,6 +107,24 @@ def test_without_limits_of_jerk_the_tool_goes_on(bent: ac.Path) -> None:
     endless = plain.replace(joint_jerk=float("inf")).for_joints(2)
     for plan in teach(job(bent, {"limits": plain}, {"limits": endless})).values():
         assert plan.full_stops == {} and not any("full stop" in x for x in plan.warnings)
+
+
+@pytest.mark.parametrize(("orientation", "stops"), [("fixed", 0), ("follows", 0), ("turns", 2)])
+def test_transitions_in_space(bent: ac.Path, orientation: str, stops: int) -> None:
+    way = place_path(lift_path(bent), ac.Frame(position=(0.1, -0.2, 0.2)))
+    down = from_rpy([[np.pi, 0, 0]] * 3 + [[np.pi, 0, 0.05]])
+    turned = {
+        "fixed": lambda: way.oriented(down[0]),
+        "follows": lambda: way.following_tangent((0.0, 0.0, 1.0)),
+        "turns": lambda: way.oriented(down),
+    }[orientation]()
+    arm = ac.load_arm("ur5e")
+    limits = arm.limits.replace(speed=0.1, joint_jerk=100.0).for_joints(6)
+    rounding = Rounding(tolerance=1e-3, angular_tolerance=0.05)
+    here = job(turned, {"limits": limits, "rounding": rounding}, arm=arm)
+    (plan,) = teach(here).values()
+    assert len(plan.jerk_stops) == stops
+    assert sum("does not turn" in x for x in plan.warnings) == (stops > 0)
 
 
 def test_contours_are_named_and_counted_together(bent: ac.Path) -> None:

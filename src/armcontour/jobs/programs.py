@@ -90,19 +90,32 @@ def round_program(
     if acceleration is None:
         acceleration = this.limits.centripetal_acceleration
     rounded = round_corners(
-        program,
+        _join_smoothly(program, this, rounded=False),
         tolerance=rounding.tolerance,
         speed=rounding.speed,
         acceleration=acceleration,
         angular_tolerance=rounding.angular_tolerance,
         continuity=this.continuity or TANGENT,
     )
+    return _join_smoothly(rounded, this, rounded=True)
+
+
+def _join_smoothly(program: Program, this: Run, *, rounded: bool) -> Program:
+    """The program with transitions where lines and arcs meet, if it is their turn.
+
+    An orientation that follows the tangent is rounded with the corners, so that transitions come
+    before that; otherwise they come afterwards. One that turns by itself gets none.
+
+    Args:
+        program: The program.
+        this: The run, which may want none.
+        rounded: Whether the corners are rounded already.
+    """
+    own = [x.path.orientation for x in program.contours]
+    follow = all(x is not None and x.follows for x in own)
+    due = all(x is None or x.fixed for x in own) if rounded else follow
     allowed = this.transition_tolerance
-    # A tool orientation that turns was rounded with the corners, and fits no other segments.
-    turns = any(
-        y is not None and not y.fixed for y in (x.path.orientation for x in rounded.contours)
-    )
-    return rounded if allowed == 0 or turns else smooth_curvature(rounded, tolerance=allowed)
+    return smooth_curvature(program, tolerance=allowed) if due and allowed > 0 else program
 
 
 def automatic_leads(job: Job, this: Run) -> list[Leads]:
