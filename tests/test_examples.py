@@ -71,13 +71,13 @@ arcs, no limit of jerk: 5.326 s, contour error 0.0430 mm RMS
 continuous curvature, no limit of jerk: 5.065 s, contour error 0.0056 mm RMS
   jerk 10.53 rad/s³ between breaks, 249.60 from samples every 4 ms
   set-points ask for 23.10 rad/s², the arm has 0.72
-jerk 50 times the acceleration: 5.089 s, contour error 0.0022 mm RMS
+jerk 50 times the acceleration: 5.086 s, contour error 0.0020 mm RMS
   jerk 36.00 rad/s³ between breaks, 36.00 from samples every 4 ms
-  set-points ask for 2.61 rad/s², the arm has 0.72
-jerk 10 times the acceleration: 5.181 s, contour error 0.0004 mm RMS
+  set-points ask for 2.53 rad/s², the arm has 0.72
+jerk 10 times the acceleration: 5.178 s, contour error 0.0004 mm RMS
   jerk 7.20 rad/s³ between breaks, 7.20 from samples every 4 ms
-  set-points ask for 1.03 rad/s², the arm has 0.72
-the same on arcs, which have to stop: 6.869 s, contour error 0.0005 mm RMS
+  set-points ask for 0.96 rad/s², the arm has 0.72
+the same on arcs, which have to stop: 6.868 s, contour error 0.0005 mm RMS
   jerk 7.20 rad/s³ between breaks, 7.20 from samples every 4 ms
   set-points ask for 0.96 rad/s², the arm has 0.72
 """,
