@@ -1,6 +1,7 @@
 """Plans with limits of jerk and of the tool, judged by power series of the forward kinematics.
 
-Joint paths are splines whose parameter is the arc length of the tool. Positions and orientations
+Paths are polylines with corners of continuous curvature, or splines through joint positions whose
+parameter is the arc length of the tool. Positions and orientations
 of the tool are power series in s up to the third power, of which the law makes those in time; no
 Jacobian is used. Only torques are the arm's own.
 """
@@ -27,6 +28,9 @@ DENSE, KNOTS = 8001, 200
 TOOL = ("speed", "tool_acceleration", "centripetal_acceleration", "tool_jerk", "path_jerk")
 ANGULAR = ("angular_speed", "angular_acceleration")
 CHANCE = 0.35
+LEAST = 1e-6  # a tool that does less has no limit of it
+# How many of the paths are polylines, and how a tool is held that looks down.
+CORNERS, DOWN = 0.4, np.diag([1.0, -1.0, -1.0])
 # The slowest place of the tool along a drawn curve, as a share of the fastest.
 EVEN = 0.25
 # Exponents of the time in the units of limits.
@@ -35,13 +39,14 @@ ORDERS = {"speed": 1, "acceleration": 2, "jerk": 3}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """What the planner is asked: a joint path with a tool path, of an arm."""
+    """What the planner is asked: a path, or a joint path with a tool path, of an arm."""
 
     seed: int
+    kind: str
     arm: Any
-    path: ac.JointPath
+    path: ac.Path | ac.JointPath
     limits: ac.Limits
-    intervals: int
+    intervals: int | None
 
 
 @cache
@@ -52,14 +57,32 @@ def _arm(name: str) -> Any:
 def draw(seed: int) -> Problem:
     """The problem of a seed."""
     rng = np.random.default_rng((18, seed))
-    arm = _arm(str(rng.choice(ARMS)))
-    path, speeds = _path(rng, arm)
-    limits = _limits(rng, arm, path)
-    tool = ac.Path.from_segments(_lines(path, speeds * (limits.speed or 0.3)))
-    breaks = np.concatenate([path.breaks[:1], path.breaks[1:-1], [tool.length]])
-    path = ac.JointPath(breaks=breaks, coefficients=path.coefficients, tool_path=tool)
-    intervals = int(rng.choice([200, 500, 1000]))
-    return Problem(seed=seed, arm=arm, path=path, limits=limits, intervals=intervals)
+    kind = "corners" if rng.random() < CORNERS else "spline"
+    arm = _arm(str(rng.choice(ARMS[:2] if kind == "corners" else ARMS)))
+    path: ac.Path | ac.JointPath
+    if kind == "corners":
+        path = _corners(rng, arm)
+        limits = _limits(rng, arm, ac.trace(path, arm))
+    else:
+        path, speeds = _path(rng, arm)
+        limits = _limits(rng, arm, path)
+        tool = ac.Path.from_segments(_lines(path, speeds * (limits.speed or 0.3)))
+        breaks = np.append(path.breaks[:-1], tool.length)
+        path = ac.JointPath(breaks=breaks, coefficients=path.coefficients, tool_path=tool)
+    intervals = None if rng.random() < 0.3 else int(rng.choice([200, 500, 1000]))
+    return Problem(seed=seed, kind=kind, arm=arm, path=path, limits=limits, intervals=intervals)
+
+
+def _corners(rng: np.random.Generator, arm: Any) -> ac.Path:
+    """A polyline whose corners are rounded with continuous curvature."""
+    count = int(rng.integers(3, 7))
+    if arm.dimension == 2:
+        points = rng.uniform((0.25, 0.1), (0.42, 0.32), (count, 2))
+    else:
+        points = rng.uniform((0.35, -0.15, 0.1), (0.6, 0.15, 0.3), (count, 3))
+    path = ac.Path.polyline(points)
+    path = path if arm.dimension == 2 else path.oriented(DOWN)
+    return ac.round_corners(path, tolerance=10 ** rng.uniform(-4, -2), continuity="curvature")
 
 
 def _path(rng: np.random.Generator, arm: Any) -> tuple[ac.JointPath, np.ndarray]:
@@ -109,18 +132,19 @@ def _limits(rng: np.random.Generator, arm: Any, path: ac.JointPath) -> ac.Limits
         "joint_acceleration": acceleration,
         "joint_jerk": factor * acceleration,
     }
-    plain = ac.plan(path, limits=ac.Limits(**wanted), intervals=200)
+    plain = ac.plan(path, arm, ac.Limits(**wanted), intervals=200)
     tool = Tool(arm, Sampled(plain.laws[0], 3))
     names = TOOL + (ANGULAR if arm.dimension == 3 else ())
     for name in names:
-        if rng.random() < CHANCE:
-            wanted[name] = float(np.abs(tool.used(name)).max() * rng.uniform(0.2, 1.1))
+        most = float(tool.used(name).max())
+        if rng.random() < CHANCE and most > LEAST:
+            wanted[name] = most * float(rng.uniform(0.2, 1.1))
     if arm.has_bodies and rng.random() < CHANCE:
         torque = np.abs(tool.torque()).max(axis=(0, 1))
         still = np.abs(tool.torque(still=True)).max(axis=(0, 1))
         # The arm can hold itself, against its friction too.
         least = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
-        wanted["joint_torque"] = least + rng.uniform(0.1, 1.0, dof) * torque
+        wanted["joint_torque"] = 0.1 + least + rng.uniform(0.1, 1.0, dof) * torque
     return ac.Limits(**wanted)
 
 
@@ -254,11 +278,12 @@ def judge_tool(planned: ac.Trajectory, arm: Any, limits: ac.Limits) -> tuple[lis
 def run(seed: int) -> Outcome:
     """Draw, plan and judge the problem of a seed; warnings count as crashes."""
     begun = time.perf_counter()
-    worst = 0.0
+    kind, worst = "", 0.0
     with warnings.catch_warnings(), counted() as iterations:
         warnings.simplefilter("error")
         try:
             problem = draw(seed)
+            kind = problem.kind
             iterations.clear()
             planned = ac.plan(
                 problem.path, problem.arm, problem.limits, intervals=problem.intervals
@@ -273,7 +298,7 @@ def run(seed: int) -> Outcome:
     seconds = time.perf_counter() - begun
     return Outcome(
         seed=seed,
-        kind="tool",
+        kind=kind,
         result=result,
         notes=notes,
         worst=worst,

@@ -47,14 +47,14 @@ fixed: From 0.311525 m of 0.502655 m along the path it is out of reach of the ar
 (0.376328, 0.0, 0.318817) m, 0.344959 m along it, the tool stays 0.0341 m away; move the path or \
 the arm, or leave turning about the tool axis free.
 free:  all 503 mm in 10.22 s
-contour error 0.0271 mm at most, torch axis off by 0.0098° at most
+contour error 0.0028 mm at most, torch axis off by 0.0017° at most
 """,
     "05_certified": """\
-certified in 4.710 s, 19 ms more than the optimum
-contour error 0.0007 mm at most; holds for: independent joint servos of order second with kp \
+certified in 4.695 s, 5 ms more than the optimum
+contour error 0.0001 mm at most; holds for: independent joint servos of order second with kp \
 25 1/s and kv 150 1/s; set-points every 4 ms, interpolated linearly; dead time 40 ms; \
 accelerations that saturate at the joints' limits
-set-points lead by 40 ms
+set-points lead by 44 ms
 """,
     "09_fastest_path": """\
 1 mm: 5.02 s, arcs take 5.34 s; 4.0% less than stops
@@ -98,11 +98,11 @@ next: 0.0000 mm expected; finished: False
 """,
     "06_drawing": """\
 gasket.dxf: 8 contours, 895 mm
-40.9 s, contour error 0.0008 mm at most, on handle 3A
+40.9 s, contour error 0.0001 mm at most, on handle 3A
   laser on at 0.296 s, 0.020 s ahead
   laser off at 1.857 s, 0.000 s ahead
 From 500 mm on, after a stop:
-9.9 s, contour error 0.0007 mm at most, on handle 3A
+9.9 s, contour error 0.0001 mm at most, on handle 3A
 """,
 }
 # A length, a time, or a number with decimals on the edge between two printed ones may come out as
