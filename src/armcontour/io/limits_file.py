@@ -49,8 +49,8 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
         raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")
     if "joint_limits" in data:
         raise InvalidInput(
-            f"{place.name} is a file of joint limits of MoveIt, which belongs to the arm: give it with "
-            "--joint-limits."
+            f"{place.name} is a file of joint limits of MoveIt, which belongs to the arm: give it "
+            "with --joint-limits."
         )
     given = read_keys(Given(LimitsFile), data, place.name)
     deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]

@@ -138,6 +138,18 @@ def test_torque_that_margins_bracket_leaves_room():
     assert np.max(np.abs(used) / limits.joint_torque) <= 1 + 1e-9
 
 
+def test_the_tool_stops_at_jumps_of_curvature_not_at_rounding_errors():
+    # The last joint hardly moves: its second derivative jumps by large shares of very little.
+    arm = ac.load_arm("ur5e")
+    points = [(0.36, -0.02, 0.39), (0.45, 0.03, 0.235), (0.27, -0.11, 0.29)]
+    limits = arm.limits.replace(speed=0.1, tool_jerk=1.0, joint_torque=None)
+    for continuity, stops in (("curvature", 0), ("tangent", 2)):
+        path = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
+        traced = ac.trace(path.pointing((0.0, 0.0, -1.0)), arm, limits=limits)
+        (law,) = ac.plan(traced, arm, limits, intervals=100).laws
+        assert (law.rates.ds[1:] == 0).sum() == stops
+
+
 def test_jerk_of_the_tool():
     arm = ac.load_arm("pmk3s")
     path = ac.Path.from_segments([ac.Arc(start=(0.35, 0.1), center=(0.3, 0.2), angle=2.2)])

@@ -51,8 +51,8 @@ LEAST_RATE = 0.02
 TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
-# A jump of d2q_ds2 counts if it is this share of its size, and if at the plan's speed the joint's
-# jerk needs longer than this share of the duration for it.
+# A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
+# if at the plan's speed the jerk needs longer than this share of the duration for it.
 KINK, TOO_SHORT = 1e-6, 1e-8
 # A start or end speed that is the limit is lower than the limit by half of this share: no row of an
 # interior point is met exactly.
@@ -152,7 +152,7 @@ def _rows(task: Task, mesh: Mesh, near: PathLaw, bounds: Bounds | None = None) -
 def _sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
     """Ends of the sections of a path [m], and whether the motion rests there."""
     path, inner = law.joint_path, law.s[1:-1]
-    stops = np.union1d(path.stops, _bends(law, task.jerk))
+    stops = np.union1d(path.stops, _bends(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
     if len(inner):
         stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
@@ -162,18 +162,21 @@ def _sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
     return ends, at_rest
 
 
-def _bends(law: PathLaw, jerk: JerkLimits) -> FloatArray:
-    """Breaks of the joint path at which d2q_ds2 of a joint with a limit of jerk jumps [m]."""
-    path, inner = law.joint_path, np.arange(1, len(law.joint_path.breaks) - 1)
+def _bends(law: PathLaw, task: Task) -> FloatArray:
+    """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
+    path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
     at = path.breaks[inner]
     before, after = (path.on_interval(inner - side, at, 2) for side in (1, 0))
-    jump = np.abs(after - before)
-    size = KINK * (np.abs(before) + np.abs(after))
-    # The tool's jerk jumps with any joint's.
-    limit = np.zeros_like(jerk.joint) if np.isfinite(jerk.tool) else jerk.joint
+    jump, size, limit = np.abs(after - before), np.abs(before) + np.abs(after), jerk.joint
+    if np.isfinite(jerk.tool):
+        q = path.on_interval(inner, at, 0)
+        found = [task.arm.tool_velocity(q, x) for x in (after - before, before, after)]
+        turn, one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in found)
+        jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
+        limit = np.append(limit, jerk.tool)
     square = _square_at(law, np.clip(at, law.s[0], law.s[-1]))[:, None]
     soon = TOO_SHORT * law.breaks[-1] * limit
-    return np.asarray(at[((jump > size) & (jump * square > soon)).any(axis=1)])
+    return np.asarray(at[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
 
 
 def _ends(
