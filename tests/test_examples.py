@@ -47,14 +47,14 @@ fixed: From 0.311525 m of 0.502655 m along the path it is out of reach of the ar
 (0.376328, 0.0, 0.318817) m, 0.344959 m along it, the tool stays 0.0341 m away; move the path or \
 the arm, or leave turning about the tool axis free.
 free:  all 503 mm in 10.22 s
-contour error 0.0271 mm at most, torch axis off by 0.0098° at most
+contour error 0.0028 mm at most, torch axis off by 0.0017° at most
 """,
     "05_certified": """\
-certified in 4.710 s, 19 ms more than the optimum
-contour error 0.0007 mm at most; holds for: independent joint servos of order second with kp \
+certified in 4.695 s, 5 ms more than the optimum
+contour error 0.0001 mm at most; holds for: independent joint servos of order second with kp \
 25 1/s and kv 150 1/s; set-points every 4 ms, interpolated linearly; dead time 40 ms; \
 accelerations that saturate at the joints' limits
-set-points lead by 40 ms
+set-points lead by 44 ms
 """,
     "09_fastest_path": """\
 1 mm: 5.02 s, arcs take 5.34 s; 4.0% less than stops
@@ -71,13 +71,13 @@ arcs, no limit of jerk: 5.326 s, contour error 0.0430 mm RMS
 continuous curvature, no limit of jerk: 5.065 s, contour error 0.0056 mm RMS
   jerk 10.53 rad/s³ between breaks, 249.60 from samples every 4 ms
   set-points ask for 23.10 rad/s², the arm has 0.72
-jerk 50 times the acceleration: 5.089 s, contour error 0.0022 mm RMS
+jerk 50 times the acceleration: 5.086 s, contour error 0.0020 mm RMS
   jerk 36.00 rad/s³ between breaks, 36.00 from samples every 4 ms
-  set-points ask for 2.61 rad/s², the arm has 0.72
-jerk 10 times the acceleration: 5.181 s, contour error 0.0004 mm RMS
+  set-points ask for 2.53 rad/s², the arm has 0.72
+jerk 10 times the acceleration: 5.178 s, contour error 0.0004 mm RMS
   jerk 7.20 rad/s³ between breaks, 7.20 from samples every 4 ms
-  set-points ask for 1.03 rad/s², the arm has 0.72
-the same on arcs, which have to stop: 6.869 s, contour error 0.0005 mm RMS
+  set-points ask for 0.96 rad/s², the arm has 0.72
+the same on arcs, which have to stop: 6.868 s, contour error 0.0005 mm RMS
   jerk 7.20 rad/s³ between breaks, 7.20 from samples every 4 ms
   set-points ask for 0.96 rad/s², the arm has 0.72
 """,
@@ -98,11 +98,11 @@ next: 0.0000 mm expected; finished: False
 """,
     "06_drawing": """\
 gasket.dxf: 8 contours, 895 mm
-40.9 s, contour error 0.0008 mm at most, on handle 3A
+40.9 s, contour error 0.0001 mm at most, on handle 3A
   laser on at 0.296 s, 0.020 s ahead
   laser off at 1.857 s, 0.000 s ahead
 From 500 mm on, after a stop:
-9.9 s, contour error 0.0007 mm at most, on handle 3A
+9.9 s, contour error 0.0001 mm at most, on handle 3A
 """,
 }
 # A length, a time, or a number with decimals on the edge between two printed ones may come out as

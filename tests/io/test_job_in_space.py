@@ -493,6 +493,10 @@ def test_corners_have_a_continuous_curvature_where_jerk_is_limited() -> None:
             "run one: corners.continuity is for the shape arc",
         ),
         (
+            {"corners": {**CURVED, "continuity": "tangent", "transition_tolerance": "1 um"}},
+            "corners.transition_tolerance is for corners with continuity: curvature",
+        ),
+        (
             {"corners": CURVED, "runs": {"one": {"timing": {"method": "mac"}}}},
             "corners.continuity is curvature, but the method mac has rules for lines and arcs only",
         ),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import armcontour as ac
 
 DOWN = np.diag([1.0, -1.0, -1.0])
+PAPER_JOB = [(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)]
 POINTS = [(0.40, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.25)]
 
 
@@ -34,8 +37,8 @@ def paths():
     }
 
 
-def test_on_the_planar_arm(paper_job_path=((0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35))):
-    path = ac.Path.polyline(paper_job_path)
+def test_on_the_planar_arm():
+    path = ac.Path.polyline(PAPER_JOB)
     arm = ac.load_arm("pmk3s")
     smooth = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
     assert max(jumps(ac.trace(smooth, arm))) < 1e-12
@@ -43,8 +46,31 @@ def test_on_the_planar_arm(paper_job_path=((0.35, 0.1), (0.41, 0.15), (0.28, 0.3
     assert jumps(ac.trace(arcs, arm))[2] > 0.1
 
 
-@pytest.mark.parametrize("kind", list(paths()))
-@pytest.mark.parametrize("arm", ["ur5e", "panda"])
+def with_knots(path, apart):
+    """The same path, cut so that its knots are at most so far apart."""
+    count = np.maximum(np.ceil(path.lengths / apart), 1).astype(int)
+    row = np.repeat(np.arange(len(path)), count)
+    number = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    step = (path.lengths / count)[row]
+    return ac.Path(segments=path.segments.cut(row, number * step, (number + 1) * step))
+
+
+def test_under_a_limit_of_jerk_knots_do_not_matter_and_only_arcs_stop():
+    path, arm = ac.Path.polyline(PAPER_JOB), ac.load_arm("pmk3s")
+    limits = dataclasses.replace(arm.limits, joint_jerk=[36.0, 36.0], speed=0.1)
+    smooth = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
+    found = [ac.plan(with_knots(smooth, x), arm, limits) for x in (1e-3, 0.5e-3)]
+    assert found[1].duration == pytest.approx(found[0].duration, rel=1e-3)
+    arcs = ac.plan(ac.round_corners(path, tolerance=5e-3), arm, limits)
+    assert found[0].duration < 0.8 * arcs.duration
+    rests = [np.count_nonzero(x.laws[0].speeds[1:-1] == 0) for x in (*found, arcs)]
+    assert rests == [0, 0, 4]
+
+
+@pytest.mark.parametrize(
+    ("arm", "kind"),
+    [*(("ur5e", kind) for kind in paths()), ("panda", "axis"), ("panda", "following")],
+)
 def test_on_arms_in_space(arm, kind):
     path = ac.round_corners(
         paths()[kind], tolerance=5e-3, continuity="curvature", angular_tolerance=0.1

@@ -23,13 +23,16 @@ from armcontour.motion import Execution, JointPath, Law, TaughtData, Trajectory,
 from armcontour.servo import ServoModel
 from armcontour.timing.methods import plan_rapid
 
-# Lengths of the moving averages in command intervals, of which the fastest is taken. Without one the
-# tool settles later where the contour starts.
+# Lengths of the moving averages in command intervals, of which the fastest is taken. Without one
+# the tool settles later where the contour starts.
 WINDOWS = ((0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0))
 # Plans with the same windows; each one derates the limits that the last one exceeded.
 MOST_TRIALS = 12
-# Trials aim at this share of each limit, so that the contour after a rapid does not exceed it.
-GOAL = 1 - 1e-5
+# Trials aim at this share of each limit: set-points next to the end of a rapid have a part of the
+# contour after it.
+GOAL = 1 - 1e-3
+# They are derated by a little more, so that they arrive.
+CLOSE = 1e-5
 POINTS = 5
 
 
@@ -48,7 +51,9 @@ class Derated:
     trajectory: Trajectory
 
 
-def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robot) -> Derated:
+def plan_fastest_rapid(
+    joint_path: JointPath, before: Sequence[Law], robot: Robot, margin: float = 1.0
+) -> Derated:
     """Plan the fastest rapid that keeps all joint limits on every robot of the box.
 
     A joint that saturates in a rapid would be late at the start of the contour. So no rapid
@@ -58,6 +63,7 @@ def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robo
         joint_path: The joint path of the rapid.
         before: The laws before it.
         robot: The robot.
+        margin: Share of its limits that the rapid may use.
 
     Raises:
         NotRealizable: No rapid was found that keeps its limits.
@@ -68,7 +74,7 @@ def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robo
     found = [
         x
         for multiples in (((),) if robot.limits.jerk_limits else WINDOWS)
-        if (x := _derate(joint_path, approach, robot, multiples)) is not None
+        if (x := _derate(joint_path, approach, robot, multiples, GOAL * margin)) is not None
     ]
     if not found:
         raise NotRealizable(
@@ -81,7 +87,11 @@ def plan_fastest_rapid(joint_path: JointPath, before: Sequence[Law], robot: Robo
 
 
 def _derate(
-    joint_path: JointPath, approach: Approach, robot: Robot, multiples: tuple[float, ...]
+    joint_path: JointPath,
+    approach: Approach,
+    robot: Robot,
+    multiples: tuple[float, ...],
+    goal: float,
 ) -> Derated | None:
     """Derate a rapid until it keeps its limits; None if MOST_TRIALS plans do not.
 
@@ -90,6 +100,7 @@ def _derate(
         approach: The motion before it.
         robot: The robot.
         multiples: Windows of the moving averages in command intervals.
+        goal: Share of its limits that it may use.
     """
     windows = tuple(x * robot.run.period for x in multiples)
     factors: dict[str, float] = {}
@@ -97,11 +108,11 @@ def _derate(
         left = {name: getattr(robot.limits, name) * share for name, share in factors.items()}
         plan = plan_rapid(joint_path, robot.arm, robot.limits.replace(**left))
         plan = smooth(plan, *windows) if windows else plan
-        over = {name: x for name, x in _uses(plan, approach, robot).items() if x > 1}
+        over = {name: x for name, x in _uses(plan, approach, robot).items() if x > goal}
         if not over:
             return Derated(windows=windows, factors=factors, trajectory=plan)
         for name, ratio in over.items():
-            factors[name] = factors.get(name, 1.0) * GOAL / ratio
+            factors[name] = factors.get(name, 1.0) * goal / ratio * (1 - CLOSE)
     return None
 
 

@@ -49,9 +49,9 @@ from armcontour.timing.programs import time_program
 # The error that is left of a rapid at the start of the next contour may take this share of the
 # budget.
 ENTRY = 0.25
-# The whole program is judged at more times than the trials. If a contour is outside its goal there,
-# that contour and those after it are searched again, with goals closer by CLOSER, MOST_ROUNDS times
-# at most.
+# The whole program is judged at more times than the trials, and set-points next to the end of a
+# move have a part of the next one. Moves that are outside their goal there are searched again with
+# goals closer by CLOSER, and all moves after the first of them, MOST_ROUNDS times at most.
 MOST_ROUNDS = 4
 CLOSER = 0.99
 
@@ -151,7 +151,7 @@ class Assembly:
     # Plans in the order in which they are needed, and the number of them that this round has used.
     _done: list[Planned] = field(default_factory=list)
     _used: int = 0
-    # Share of their goals at which the trials of a contour aim, by the number of the contour.
+    # Share of their goals at which the trials of a move aim, by its place among the plans above.
     _margins: dict[int, float] = field(default_factory=dict)
 
     def whole(self) -> Whole:
@@ -161,25 +161,26 @@ class Assembly:
             NotRealizable: No such plan was found; the message names the contour.
             ArmContourError: Tracing or planning fails.
         """
-        outside: Outside | None = None
         for _ in range(MOST_ROUNDS):
             found = self._assemble()
-            outside = _find_first_outside(found, self.goal, self.budget)
-            if outside is None:
+            outside = _find_outside(found, self.goal, self.budget)
+            if not outside:
                 return found
-            number = outside.number
-            self._margins[number] = self._margins.get(number, 1.0) * CLOSER
-            # Moves before that contour do not depend on it.
-            where = [k for k, x in enumerate(self._done) if isinstance(x, PlannedContour)]
-            del self._done[where[number] :]
-        assert outside is not None
+            where = [k for k, x in enumerate(self._done) if not isinstance(x, float)]
+            for k in {where[x.move] for x in outside}:
+                self._margins[k] = self._margins.get(k, 1.0) * CLOSER
+            first = outside[0]
+            number = sum(isinstance(x, PlannedContour) for x in self._done[: where[first.move] + 1])
+            # Moves before the first one do not depend on it.
+            del self._done[where[first.move] :]
+        number = max(number - 1, 0)
         raise NotRealizable(
-            f"{contour_called(self.program.contours[outside.number], outside.number)}: in the "
-            f"whole program {outside.said}, though its plan was searched for {MOST_ROUNDS} times "
-            "with closer goals: allow more, or give the program a dwell before that contour.",
-            limit=outside.limit,
-            needed=outside.needed,
-            allowed=outside.allowed,
+            f"{contour_called(self.program.contours[number], number)}: in the whole program "
+            f"{first.said}, though plans were searched for {MOST_ROUNDS} times with closer goals: "
+            "allow more, or give the program a dwell before and after that contour.",
+            limit=first.limit,
+            needed=first.needed,
+            allowed=first.allowed,
         )
 
     def _assemble(self) -> Whole:
@@ -237,7 +238,8 @@ class Assembly:
 
     def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan the fastest rapid that keeps all joint limits when executed."""
-        found = self._recall(lambda: plan_fastest_rapid(joint_path, before, self.robot))
+        margin = self._margins.get(len(self._done), 1.0)
+        found = self._recall(lambda: plan_fastest_rapid(joint_path, before, self.robot, margin))
         assert isinstance(found, Derated)
         return found.trajectory
 
@@ -280,7 +282,7 @@ class Assembly:
             self.goal,
             under(self.progress, *names),
             intervals=intervals_of(program),
-            margin=self._margins.get(number, 1.0),
+            margin=self._margins.get(len(self._done), 1.0),
         )
         kept = search.fastest()
         self.trials += search.trials
@@ -298,55 +300,53 @@ class Assembly:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Outside:
-    """A contour that does not keep its goal in the whole program.
+    """A move that does not keep its goal in the whole program.
 
     Args:
-        number: Number of the contour, from 0.
+        move: Number of the move among contours and rapids, from 0.
         said: The excess in words.
         limit: Name of the limit that is exceeded.
         needed: Value that would have to be allowed.
         allowed: Largest allowed value.
     """
 
-    number: int
+    move: int
     said: str
     limit: str
     needed: float
     allowed: float
 
 
-def _find_first_outside(whole: Whole, goal: Goal, budget: float) -> Outside | None:
-    """Find the first contour that does not keep its goal in the whole program; None if all do."""
-    for k, judged in enumerate(whole.judged):
+def _find_outside(whole: Whole, goal: Goal, budget: float) -> list[Outside]:
+    """Find the moves that do not keep their goal in the whole program, in order."""
+    moves = [x for x in whole.trajectory.spans if x.kind != "dwell"] or list(whole.spans)
+    contours = [k for k, x in enumerate(moves) if x.kind == "contour"]
+    found: list[Outside] = []
+    for k, judged in zip(contours, whole.judged, strict=True):
         for words, value, allowed in (
             ("largest contour error", judged.largest, budget),
             ("RMS contour error", judged.error.rms, goal.rms or np.inf),
         ):
             if value > allowed:
                 said = f"its {words} is {value * 1e3:.5g} mm, and {allowed * 1e3:.5g} mm is allowed"
-                return Outside(
-                    number=k, said=said, limit="contour error", needed=value, allowed=allowed
-                )
+                found.append(Outside(k, said, "contour error", value, allowed))
         ratio = float(judged.speed.max())
         if ratio > 1 + SPEED_SLACK:
             said = f"its tool takes {ratio:.6g} times the velocity assigned where it is"
-            return Outside(
-                number=k, said=said, limit="speed", needed=ratio, allowed=1 + SPEED_SLACK
-            )
+            found.append(Outside(k, said, "speed", ratio, 1 + SPEED_SLACK))
     over = [(x.t, x.name, x.ratio) for x in whole.check.uses if x.ratio > 1 + KEPT]
-    over += _demands(whole)
-    if not over:
-        return None
-    t, name, ratio = min(over)
-    number = max(0, sum(1 for x in whole.spans if x.t[0] <= t) - 1)
-    said = f"a motion up to its end takes {ratio:.9g} times its {name.replace('_', ' ')}"
-    return Outside(number=number, said=said, limit=name, needed=ratio, allowed=1.0)
+    for t, name, ratio in over + _demands(whole, moves):
+        k = max(0, sum(1 for x in moves if x.t[0] <= t) - 1)
+        where = "it" if moves[k].kind == "contour" else "the rapid after it"
+        said = f"{where} takes {ratio:.9g} times its {name.replace('_', ' ')}"
+        found.append(Outside(k, said, name, ratio, 1.0))
+    return sorted(found, key=lambda x: x.move)
 
 
-def _demands(whole: Whole) -> list[tuple[float, str, float]]:
-    """Time, name and use of the acceleration limit at its largest excess; empty if allowed."""
+def _demands(whole: Whole, moves: Sequence[Span]) -> list[tuple[float, str, float]]:
+    """Time, name and use of the acceleration limit where moves exceed it; empty if allowed."""
     robot, executed = whole.robot, whole.execution
     if robot.saturated or robot.bodies or robot.servo.order == "first":
         return []
@@ -356,7 +356,14 @@ def _demands(whole: Whole) -> list[tuple[float, str, float]]:
     if ratio <= 1 + SAME:
         return []
     share = np.maximum(executed.demand / high, executed.demand / low).max(axis=1)
-    return [(float(executed.t[np.argmax(share)]), "joint_acceleration", ratio)]
+    # Between results the largest one may be larger than at them.
+    found = [(float(executed.t[np.argmax(share)]), "joint_acceleration", ratio)]
+    for x in moves:
+        first, last = np.searchsorted(executed.t, x.t)
+        worst = float(share[first:last].max(initial=0.0))
+        if worst > 1 + SAME:
+            found.append((x.t[0], "joint_acceleration", worst))
+    return found
 
 
 def _settling_time(before: Sequence[Law], robot: Robot, near: float) -> float:

@@ -242,7 +242,7 @@ class _Point:
             if shape == FREE:
                 count = COARSE if rounding.iterations is None else rounding.iterations
                 rounding = replace(
-                    rounding, shape=FREE, tolerance=own, iterations=count, continuity=None
+                    rounding.without_continuity, shape=FREE, tolerance=own, iterations=count
                 )
             else:
                 rounding = replace(rounding.with_arcs, tolerance=own)

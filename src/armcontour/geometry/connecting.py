@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._quintics import re_expand
 from armcontour.geometry.biarcs import dot, length, unit
 from armcontour.geometry.segments import EVERY, Segments, largest_bend
 from armcontour.geometry.transitions import (
@@ -243,12 +244,12 @@ def bound_deviation(
     """
     row, number = spread_out(np.full(len(drawn), parts))
     h = drawn.lengths[row] / parts
-    fine = drawn.cut(row, number * h, (number + 1) * h)
     step = ((ends[1] - ends[0]) / parts)[row]
     low = ends[0][row] + number * step
     which, ratio = i[row], step / h
     off = [
-        length(fine.at(EVERY, share * h) - old.at(which, low + share * step)) for share in (0, 1)
+        length(drawn.at(row, (number + share) * h) - old.at(which, low + share * step))
+        for share in (0, 1)
     ]
     # The second derivative of the old path, over the length of the transition, and how much it
     # changes to either side of the middle.
@@ -259,7 +260,7 @@ def bound_deviation(
         rows = which[bent]
         change[bent] = largest_change(old.quintics[rows], old.lengths[rows])
     more = ratio**2 * change * step / 2
-    relative = fine.quintics.copy()
+    relative = re_expand(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
     relative[:, 2] -= bend * (h**2 / 2)[:, None]
     bound = np.maximum(*off) + h**2 / 8 * (largest_bend(relative, h) + more)
     return np.asarray(bound.reshape(len(drawn), parts).max(axis=1))

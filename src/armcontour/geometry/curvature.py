@@ -39,8 +39,9 @@ SHORTEST = 1e-6
 # Those that leave the tolerance are made shorter, so often at most; by at least the first share,
 # and less than what the deviation asks for by the second.
 TRIES, SHORTER, SAFE = 20, 0.95, 0.99
-# Parts of each quintic in which deviations are bounded, and connections that are drawn at a time.
-PARTS, AT_A_TIME = 16, 4000
+# Parts of each quintic in which deviations are bounded: first few, and many where that does not
+# show that the tolerance is kept. And connections that are drawn at a time.
+FEW, MANY, AT_A_TIME = 2, 16, 4000
 
 
 def smooth_curvature(path: Path, tolerance: float) -> tuple[Path, FloatArray]:
@@ -140,7 +141,7 @@ def _draw(
     for _ in range(TRIES):
         if not len(left):
             break
-        rows, of, before, off = _connect(path, vertex[left], w[left])
+        rows, of, before, off = _connect(path, vertex[left], w[left], allowed[left])
         good = off <= allowed[left]
         keep = good[of]
         drawn, done = [*drawn, rows[keep]], [*done, vertex[left[of[keep]]]]
@@ -154,9 +155,15 @@ def _draw(
 
 
 def _connect(
-    path: Path, vertex: IntArray, w: FloatArray
+    path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
     """Transitions of given lengths on either side of vertices, and their deviations.
+
+    Args:
+        path: The path.
+        vertex: Segments after which they are, (n,).
+        w: The lengths [m], (n,).
+        allowed: Tolerances, up to which deviations are bounded roughly [m], (n,).
 
     Returns:
         The transitions; the vertex of each, from 0; the mask of those before it; and bounds of the
@@ -175,8 +182,11 @@ def _connect(
     shares = number / count[half], (number + 1) / count[half]
     base = np.where(before, path.lengths[old] - w[of], 0.0)
     ends = base + shares[0] * w[of], base + shares[1] * w[of]
+    bounds = bound_deviation(drawn, rows, old, ends, FEW)
+    far = np.flatnonzero(bounds > allowed[of])
+    bounds[far] = bound_deviation(drawn[far], rows, old[far], (ends[0][far], ends[1][far]), MANY)
     off = np.zeros(len(vertex))
-    np.maximum.at(off, of, bound_deviation(drawn, rows, old, ends, PARTS))
+    np.maximum.at(off, of, bounds)
     return drawn, of, before, np.where(sound, off, np.inf)
 
 

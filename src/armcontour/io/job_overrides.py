@@ -8,10 +8,10 @@ from typing import Any, cast
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
-from armcontour.geometry.rounding import Continuity
+from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel, SkipModel
 from armcontour.jobs import Rounding
-from armcontour.jobs.job import ARC, CONTINUITIES, OF_FREE, SHAPES
+from armcontour.jobs.job import ARC, OF_FREE, SHAPES
 from armcontour.motion import Method
 from armcontour.program import Process
 
@@ -132,7 +132,7 @@ def _shaped(
     for name, run in runs.items():
         own = corners if run.corners is None else run.corners
         if run.timing.method == Method.OPTIMAL and isinstance(own, Rounding):
-            base = own.with_arcs if x.corner_shape == ARC else replace(own, continuity=None)
+            base = own.with_arcs if x.corner_shape == ARC else own.without_continuity
             found[name] = replace(run, corners=replace(base, **wanted))
     if not found:
         raise InvalidInput(

@@ -78,9 +78,19 @@ def warn_of(stops: Sequence[JerkStop], this: Run) -> list[str]:
     called = (
         f"1 full stop at {place}" if count == 1 else f"{count} full stops, the first at {place}"
     )
-    if this.continuity == TANGENT:
-        mend = "corners: {continuity: curvature} rounds corners without such jumps"
-    else:
-        mend = "a path with continuous curvature has no such places"
     why = "where the curvature of the path jumps and limits of jerk allow no speed"
-    return [f"{called}, {why}: {mend}."]
+    return [f"{called}, {why}: {_mend(this)}."]
+
+
+def _mend(this: Run) -> str:
+    """What spares the tool such stops."""
+    if this.continuity is None:
+        return (
+            "corners, such as corners: {tolerance: 0.1 mm}, join lines and arcs without such jumps"
+        )
+    if this.continuity == TANGENT:
+        return "corners: {continuity: curvature} has no such jumps"
+    return (
+        f"a larger corners.transition_tolerance than {this.transition_tolerance * 1e6:.3g} um, "
+        "longer lines and arcs, or a tool orientation that does not turn leaves fewer"
+    )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
@@ -19,7 +20,7 @@ from armcontour._quantities import (
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
-from armcontour.geometry.rounding import Continuity
+from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
@@ -36,7 +37,7 @@ LONGEST_TITLE = 200
 # Shapes of corners: arcs, or whatever is the fastest within the tolerance.
 ARC, FREE = "arc", "free"
 SHAPES = (ARC, FREE)
-CONTINUITIES = TANGENT, CURVATURE = get_args(Continuity)
+TANGENT, CURVATURE = CONTINUITIES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +60,9 @@ class Rounding:
         continuity: For the shape arc, what is continuous along the rounded path: its "tangent", as
             with arcs alone, or its "curvature" too, so that the tool goes on where jerk is limited.
             By default the curvature for runs with limits of jerk, and the tangent for others.
+        transition_tolerance: With a continuous curvature, the largest distance of the path from the
+            objective where lines and arcs meet without a corner [m]; by default 10 µm, but not more
+            than `tolerance`.
     """
 
     shape: Annotated[str, Choice(SHAPES)] = ARC
@@ -70,6 +74,7 @@ class Rounding:
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
     continuity: Annotated[Continuity, Choice(CONTINUITIES)] | None = None
+    transition_tolerance: Distance | None = None
 
     @property
     def free(self) -> bool:
@@ -80,6 +85,11 @@ class Rounding:
     def with_arcs(self) -> Rounding:
         """The same tolerance with arcs at the corners."""
         return replace(self, shape=ARC, **dict.fromkeys(OF_FREE))
+
+    @property
+    def without_continuity(self) -> Rounding:
+        """The same without what only arcs have."""
+        return replace(self, continuity=None, transition_tolerance=None)
 
     @property
     def wishes(self) -> dict[str, Any]:
@@ -140,8 +150,13 @@ class Rounding:
         """Refuse a continuity of the corners that shape or timing do not have.
 
         Raises:
-            InvalidInput: Such a continuity.
+            InvalidInput: Such a continuity, or a tolerance of transitions without one.
         """
+        if self.transition_tolerance is not None and (self.free or self.continuity == TANGENT):
+            raise InvalidInput(
+                f"{key}.transition_tolerance is for corners with continuity: curvature: leave it "
+                "out, or write shape: arc and continuity: curvature."
+            )
         if self.continuity is None:
             return
         _checks.choice(f"{key}.continuity", self.continuity, CONTINUITIES)
@@ -157,6 +172,8 @@ class Rounding:
             )
 
 
+# Largest distance of transitions from the objective, by default [m].
+TRANSITION_TOLERANCE = 1e-5
 # Keys of `Rounding` that only the shape free has.
 OF_FREE = ("line_tolerance", "zone", "iterations")
 
@@ -217,6 +234,16 @@ class Run:
         if self.rounding is None or self.rounding.free:
             return None
         return self.rounding.continuity or (CURVATURE if self.limits.jerk_limits else TANGENT)
+
+    @property
+    def transition_tolerance(self) -> float:
+        """Largest distance of transitions from the objective [m]; 0 makes none."""
+        if self.continuity != CURVATURE or self.rounding is None:
+            return 0.0
+        given, most = self.rounding.transition_tolerance, self.rounding.tolerance
+        if given is not None:
+            return given
+        return min(TRANSITION_TOLERANCE, math.inf if most is None else most)
 
     @property
     def plan_options(self) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from armcontour.program import (
     arrange,
     prepare,
     round_corners,
+    smooth_curvature,
 )
 from armcontour.timing import (
     Tracing,
@@ -34,6 +35,9 @@ from armcontour.timing import (
 # Automatic leads: the first length that is tried [m], and how often the length is doubled.
 FIRST_LEAD = 2e-3
 MOST_DOUBLINGS = 12
+# Under limits of jerk the speed goes on growing a little, the flatter the lead's arc gets: twice a
+# lead that gives less than this share more is not worth its length.
+LEAST_GAIN = 0.05
 # Resolution of the search for the shortest lead: a share of its length, and a length [m].
 LEAD_RESOLUTION = 0.05
 FINEST_LEAD = 1e-4
@@ -85,7 +89,7 @@ def round_program(
     acceleration = rounding.acceleration
     if acceleration is None:
         acceleration = this.limits.centripetal_acceleration
-    return round_corners(
+    rounded = round_corners(
         program,
         tolerance=rounding.tolerance,
         speed=rounding.speed,
@@ -93,6 +97,12 @@ def round_program(
         angular_tolerance=rounding.angular_tolerance,
         continuity=this.continuity or TANGENT,
     )
+    allowed = this.transition_tolerance
+    # A tool orientation that turns was rounded with the corners, and fits no other segments.
+    turns = any(
+        y is not None and not y.fixed for y in (x.path.orientation for x in rounded.contours)
+    )
+    return rounded if allowed == 0 or turns else smooth_curvature(rounded, tolerance=allowed)
 
 
 def automatic_leads(job: Job, this: Run) -> list[Leads]:
@@ -122,6 +132,7 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         kerf=None,
         by_layer=layers,
     )
+    gain = LEAST_GAIN if this.limits.jerk_limits else SAME_SPEED
     found = []
     for x in prepare(arrange(job.program, process), plain).contours:
         contour = dataclasses.replace(x, events=(), work=None)
@@ -138,7 +149,7 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
             ):
                 automatic = lead is not None and lead.length is None
                 assigned = assigned_speed(x, s, side, this)
-                lengths.append(_shortest_lead(speed, assigned) if automatic else 0.0)
+                lengths.append(_shortest_lead(speed, assigned, gain) if automatic else 0.0)
         found.append(Leads(before=lengths[0], after=lengths[1]))
     return found
 
@@ -159,7 +170,7 @@ def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[fl
     return float(on), float(off)
 
 
-def _shortest_lead(speed: Callable[[float], float], assigned: float) -> float:
+def _shortest_lead(speed: Callable[[float], float], assigned: float, gain: float) -> float:
     """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead.
 
     The length is doubled until the speed suffices, does not grow or the arm does not reach; then
@@ -168,6 +179,7 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float) -> float:
     Args:
         speed: Gives the speed at the contour's end [m/s] with a lead of a length [m].
         assigned: The assigned velocity [m/s].
+        gain: Twice the length must give more speed by this share at least, or it is not taken.
 
     Raises:
         NotRealizable: The speed still grows at the longest lead.
@@ -186,7 +198,7 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float) -> float:
             # The arm does not reach the end of this lead, but may reach that of a shorter one.
             short, length = length, 2 * length
             break
-        if longer <= now * (1 + SAME_SPEED):
+        if longer <= now * (1 + gain):
             enough, found = now * (1 - SAME_SPEED / 2), length
             break
         short, length, now = length, 2 * length, longer
