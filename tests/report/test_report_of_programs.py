@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from armcontour.geometry import Demand, Line, Path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
-from armcontour.jobs import Study, run
+from armcontour.jobs import Job, Study, run
 from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
@@ -54,6 +54,10 @@ def study_of(folder: FilePath, text: str, cell: str = "pmk3s", **changes: Any) -
     return run(dataclasses.replace(read_cell(cell, file), **changes))
 
 
+def replace_runs(job: Job, **changes: Any) -> Job:
+    return dataclasses.replace(job, runs=[dataclasses.replace(x, **changes) for x in job.runs])
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return study_of(tmp_path_factory.mktemp("plane"), GCODE)
@@ -61,7 +65,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 @pytest.fixture(scope="module")
 def in_space(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    return study_of(tmp_path_factory.mktemp("space"), GCODE, "ur5e")
+    # Without compensation, so that errors are larger than what pictures round to.
+    file = tmp_path_factory.mktemp("space") / "program.ngc"
+    file.write_text(GCODE, encoding="utf-8")
+    job = read_cell("ur5e", file)
+    return run(replace_runs(job, compensation="none"))
 
 
 @pytest.fixture(scope="module")
