@@ -61,6 +61,9 @@ CLOSE_TO_LIMIT = 1e-7
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 # The path hardly bends over a length that turns it by less than about this [rad].
 EVEN_BEND = 5e-4
+# dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
+# this share of the section.
+STANDING, SHARE_AT_STANDING = 0.1, 5e-4
 # The rates at a rest are those at this share of its section.
 NEAR_REST = 5e-3
 
@@ -206,6 +209,9 @@ def _ends(
         edge = places[side : len(places) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
+        # Where the joints start with dq_ds = 0, the direction of motion is that farther inside.
+        standing = size[j] < STANDING * size[i]
+        straight = np.where(standing, SHARE_AT_STANDING * np.diff(places), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
         return [
             End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
