@@ -299,3 +299,15 @@ def test_only_optimal_plans_can_be_explained(mac, arm, limits, refuses):
         "methods optimal and shaped",
         "not of mac",
     )
+
+
+def test_stops_that_limits_of_jerk_force_are_named():
+    arm = ac.load_arm("pmk3s")
+    objective = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
+    limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
+    arcs = ac.round_corners(objective, tolerance=5e-3)
+    found = ac.explain(ac.plan(arcs, arm, limits), arm, limits)
+    np.testing.assert_allclose(found.jerk_stops, arcs.breaks[1:-1])
+    assert "2 stops by jerk" in repr(found)
+    free = limits.replace(joint_jerk=None)
+    assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()

@@ -90,12 +90,15 @@ class Explanation:
         assigned_time: Share of the time at the assigned velocity, counted over the same part; None
             if no part has one.
         shortfalls: Speed extremes below the assigned velocity, with their causes.
+        jerk_stops: Arc lengths at which limits of jerk make the motion rest, because accelerations
+            would jump there at any speed [m].
     """
 
     bindings: tuple[Binding, ...]
     assigned_length: float | None
     assigned_time: float | None
     shortfalls: tuple[Shortfall, ...]
+    jerk_stops: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""
@@ -105,7 +108,8 @@ class Explanation:
         total = sum(times.values()) or 1.0
         longest = sorted(times, key=lambda name: -times[name])
         shares = ", ".join(f"{name} {times[name] / total:.0%}" for name in longest)
-        return f"Explanation({shares}; {len(self.shortfalls)} shortfalls)"
+        stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
+        return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
 
 
 def explain(
@@ -149,12 +153,14 @@ class _LawExplanation:
         shortfalls: Speed extremes below the assigned velocity.
         with_assigned: Length [m] and time [s] of the intervals that have an assigned velocity.
         reached: Length [m] and time [s] of the intervals at the assigned velocity.
+        jerk_stops: Where limits of jerk make the motion rest [m].
     """
 
     bindings: tuple[Binding, ...]
     shortfalls: tuple[Shortfall, ...]
     with_assigned: tuple[float, float] = (0.0, 0.0)
     reached: tuple[float, float] = (0.0, 0.0)
+    jerk_stops: tuple[float, ...] = ()
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
@@ -166,6 +172,7 @@ def _join(parts: Sequence[_LawExplanation]) -> Explanation:
         assigned_length=shares[0],
         assigned_time=shares[1],
         shortfalls=tuple(x for part in parts for x in part.shortfalls),
+        jerk_stops=tuple(x for part in parts for x in part.jerk_stops),
     )
 
 
@@ -193,6 +200,7 @@ def _explain_law(
     least = BINDS_WITH_JERK if jerks else BINDS
     which = np.where(share >= least, shares.argmax(axis=1), -1)
     bindings = _bindings(law, share, which, names, offsets)
+    stops = tuple((offsets[1] + jerk_stops_of(law)).tolist()) if jerks else ()
     for constraint, shares in zip(active, used, strict=True):
         if isinstance(constraint, ToolSpeed):
             assigned = constraint.allowed(grid)[:, 0]
@@ -203,8 +211,15 @@ def _explain_law(
                 tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
                 _extent(law, np.isfinite(assigned)),
                 _extent(law, reached),
+                stops,
             )
-    return _LawExplanation(bindings, ())
+    return _LawExplanation(bindings, (), jerk_stops=stops)
+
+
+def jerk_stops_of(law: PathLaw) -> FloatArray:
+    """Arc lengths of breaks at which a plan rests, though its joint path could pass them [m]."""
+    resting = law.s[1:-1][law.rates.ds[1:] == 0]
+    return np.setdiff1d(resting, law.joint_path.stops)
 
 
 def _bindings(

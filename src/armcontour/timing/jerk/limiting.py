@@ -355,6 +355,11 @@ def _start(
             d[1:-1] = targets.max() * np.where(at_rest[0], way, 1 - way) ** (4 / 3)
         else:
             d[1:-1] = targets[0] + (targets[1] - targets[0]) * way
+    else:
+        # Where ds² more than doubles from cell to cell, the tangent may be negative at any scale.
+        height, cell = np.log2(d[1:-1]), np.arange(len(middle))
+        height = np.minimum.accumulate(height - cell) + cell
+        d[1:-1] = 2 ** (np.minimum.accumulate((height + cell)[::-1])[::-1] - cell)
     d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[[1, -2]], targets))
     for _ in range(MOST_LESS):
         if least_slack(p, share * d) > CLEAR:
