@@ -13,7 +13,7 @@ import armcontour as ac
 Random = np.random.Generator
 # Exponents of the distances between waypoints by which their parameters grow.
 WAYS = {"uniform": 0.0, "centripetal": 0.5, "chordal": 1.0}
-INTERVALS = (60, 200, 1000)
+INTERVALS = (60, 200, 1000, 4000)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ def draw(seed: int) -> Problem:
     s = np.concatenate([[0.0], np.cumsum((width / width.max()) ** way)])
     path = ac.JointPath.spline(points, s, ends="clamped" if rng.random() < 0.1 else "natural")
     limits = _limits(rng, path)
-    options: dict[str, Any] = {"intervals": int(rng.choice(INTERVALS, p=[0.4, 0.4, 0.2]))}
+    options: dict[str, Any] = {"intervals": int(rng.choice(INTERVALS, p=[0.4, 0.35, 0.15, 0.1]))}
     problem = Problem(seed=seed, kind=kind, path=path, limits=limits, options=options)
     for name in ("start_speed", "end_speed"):
         if rng.random() < 0.06:
