@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.motion import JointPath, PathLaw
 from armcontour.timing.grid import Grid
 
@@ -120,9 +121,9 @@ class Mesh:
         most = np.ones(len(self.nodes) - 1)
         np.maximum.at(most, self.cell, parts)
         count = np.where(self.ramps != 0, 1, np.ceil(most)).astype(np.intp)
-        of = np.repeat(np.arange(len(count)), count)
+        of, number = number_parts(count)
         before = np.concatenate([[0], np.cumsum(count)])
-        share = (np.arange(len(of)) - before[of]) / count[of]
+        share = number / count[of]
         nodes = np.append(self.nodes[of] + self.width[of] * share, self.nodes[-1])
         return Mesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
 
@@ -206,8 +207,7 @@ def _nodes(
         last = of_knots[k]
     needed = np.array([*kept, high])
     count = np.maximum(1, np.ceil(np.diff(needed))).astype(np.intp)
-    of = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    of, number = number_parts(count)
     wanted = needed[of] + np.diff(needed)[of] * number / count[of]
     nodes = np.append(np.interp(wanted, mass, at), stop)
     nodes[0] = start
