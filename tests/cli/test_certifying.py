@@ -68,7 +68,10 @@ def test_a_drawing_of_many_contours_is_certified_in_one_command(command, tmp_pat
     for x, row in zip(found["contours"], moves, strict=True):
         assert x["name"] in shown
         assert x["contour_error"]["max"] == row["contour_error"]["max"] <= 1e-4
-        assert x["budget"]["left"] == pytest.approx(1e-4 - x["contour_error"]["max"], rel=1e-9)
+        # The larger one of the contour error and of what the tool leaves out of the path.
+        executed = sum(x["budget"][part] for part in ("servo", "sampling", "box"))
+        assert x["contour_error"]["max"] <= executed * (1 + 1e-9) < 1e-6
+        assert x["budget"]["left"] == pytest.approx(1e-4 - executed, rel=1e-9)
     assert max(run["demand_ratio"]) <= 1 + 1e-6 and not any(run["saturated"])
     # 1 % at most, of which rapids take most.
     assert 0 < found["cost"] < 0.01 * found["duration"]

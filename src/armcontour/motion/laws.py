@@ -241,8 +241,7 @@ class PathLaw(LawAlongPath):
         if order == 2:
             return np.asarray(ds * slope * h + dds * c + jerk * u)
         speed = ds * c + dds * h + jerk * u**2 / 2
-        # Next to a rest, rounding errors must not reverse the motion.
-        return np.asarray(np.maximum(speed, 0.0) if order == 1 else slope * speed + jerk)
+        return np.asarray(speed if order == 1 else slope * speed + jerk)
 
     def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """s, ds and dds at times `t` by the formula of interval `i`."""
