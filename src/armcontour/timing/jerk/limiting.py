@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
-from armcontour.timing.constraints import Bounds, Constraint, JointDerivatives
+from armcontour.timing.constraints import Bounds
 from armcontour.timing.end_speeds import END as END_SPEED
 from armcontour.timing.end_speeds import START as START_SPEED
 from armcontour.timing.end_speeds import refuse_speed
-from armcontour.timing.grid import Grid
 from armcontour.timing.jerk._interior_point import (
     DURATION,
     END,
@@ -25,7 +22,14 @@ from armcontour.timing.jerk._interior_point import (
     least_slack,
 )
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
-from armcontour.timing.jerk.rows import JerkLimits, Rows, control_points
+from armcontour.timing.jerk.rows import Rows, control_points
+from armcontour.timing.jerk.sections import (
+    MOST_ITERATIONS,
+    Task,
+    find_ends,
+    find_sections,
+    square_at,
+)
 
 # Cells of a plan by default: so many while an acceleration builds up, but within these numbers.
 PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000
@@ -33,9 +37,8 @@ PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000
 EVEN = 0.01
 # The first pass has this share of the cells, and at least so many.
 COARSER, FEWEST = 5, 60
-# Shares of the optimum within which the passes end, and their largest numbers of iterations.
+# Shares of the optimum within which the passes end.
 ROUGH, EXACT = 1e-2, 1e-4
-MOST_ITERATIONS = 150
 # A pass starts from this share of the plan before, or from smaller ones.
 INSIDE = 0.9
 LESS, MOST_LESS = 0.5, 400
@@ -51,44 +54,11 @@ LEAST_RATE = 0.02
 TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
-# A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
-# if at the plan's speed the jerk needs longer than this share of the duration for it.
-KINK, TOO_SHORT = 1e-6, 1e-8
 # A start or end speed that is the limit is lower than the limit by half of this share: no row of an
 # interior point is met exactly.
 CLOSE_TO_LIMIT = 1e-7
 # What a start or end speed counts against the duration, one after the other, until it is reached.
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
-# The path hardly bends over a length that turns it by less than about this [rad].
-EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
-# this share of the section.
-STANDING, SHARE_AT_STANDING = 0.1, 5e-4
-# The rates at a rest are those at this share of its section.
-NEAR_REST = 5e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """A planning problem with limits of jerk.
-
-    Args:
-        arm: The arm.
-        active: The constraints of the planner without jerk.
-        jerk: The limits of jerk.
-        start_speed, end_speed: Path speeds at the start and the end [m/s].
-        cells: About so many cells; None for the default.
-        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
-            all limits.
-    """
-
-    arm: Arm
-    active: tuple[Constraint, ...]
-    jerk: JerkLimits
-    start_speed: float = 0.0
-    end_speed: float = 0.0
-    cells: int | None = None
-    iterations: int = MOST_ITERATIONS
 
 
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
@@ -101,13 +71,13 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    places, at_rest = _sections(law, task)
-    ends = _ends(law, task, places, at_rest)
+    places, at_rest = find_sections(law, task)
+    ends = find_ends(law, task, places, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
     mesh = place_mesh(law, law.s, max(cells // COARSER, FEWEST), places, ends)
     rough = _rows(task, mesh, law)
     found = _law(mesh, _solve(rough, (law, 0.0), task, ROUGH))
-    mesh = place_mesh(found, law.s, cells, places, _ends(found, task, places, at_rest))
+    mesh = place_mesh(found, law.s, cells, places, find_ends(found, task, places, at_rest))
     if rough.exact:
         rows = _rows(task, mesh, found)
         return _law(mesh, _solve(rows, (found, INSIDE), task, EXACT))
@@ -152,75 +122,6 @@ def _rows(task: Task, mesh: Mesh, near: PathLaw, bounds: Bounds | None = None) -
     return Rows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
 
 
-def _sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
-    """Ends of the sections of a path [m], and whether the motion rests there."""
-    path, inner = law.joint_path, law.s[1:-1]
-    stops = np.union1d(path.stops, _bends(law, task))
-    stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
-    if len(inner):
-        stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
-    ends = np.concatenate([law.s[:1], stops, law.s[-1:]])
-    at_rest = np.ones((len(ends) - 1, 2), dtype=bool)
-    at_rest[0, 0], at_rest[-1, 1] = task.start_speed == 0, task.end_speed == 0
-    return ends, at_rest
-
-
-def _bends(law: PathLaw, task: Task) -> FloatArray:
-    """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
-    path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
-    at = path.breaks[inner]
-    before, after = (path.on_interval(inner - side, at, 2) for side in (1, 0))
-    jump, size, limit = np.abs(after - before), np.abs(before) + np.abs(after), jerk.joint
-    if np.isfinite(jerk.tool):
-        q = path.on_interval(inner, at, 0)
-        found = [task.arm.tool_velocity(q, x) for x in (after - before, before, after)]
-        turn, one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in found)
-        jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
-        limit = np.append(limit, jerk.tool)
-    square = _square_at(law, np.clip(at, law.s[0], law.s[-1]))[:, None]
-    soon = TOO_SHORT * law.breaks[-1] * limit
-    return np.asarray(at[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
-
-
-def _ends(
-    law: PathLaw, task: Task, places: FloatArray, at_rest: BoolArray
-) -> list[tuple[End, End]]:
-    """How the motion may start and stop in each section, near a plan."""
-    grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
-    path = JointDerivatives.on(grid)
-    none = np.zeros(len(grid))
-    found = [x.largest_u(grid, path, none) for x in task.active]
-    acceleration = np.min([x for x in found if x is not None], axis=0)
-    with np.errstate(divide="ignore"):
-        jerk = (task.jerk.joint / np.abs(path.first).max(axis=0)).min(axis=1)
-    jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
-    speed = np.maximum.reduceat(
-        np.append(law.speeds, 0.0), np.searchsorted(law.s, places, side="right")
-    )[:-1]
-    near = NEAR_REST * np.diff(places)
-    size = np.linalg.norm(path.first, axis=2).max(axis=0)
-    bend = np.linalg.norm(path.second, axis=2).max(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        even = np.fmin(EVEN_BEND * size / bend, np.sqrt(EVEN_BEND * size / path.third.max(axis=1)))
-    squares = np.square([task.start_speed, task.end_speed])
-
-    def at(side: int, s: FloatArray) -> list[End]:
-        i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
-        edge = places[side : len(places) - 1 + side]
-        j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
-        straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # Where the joints start with dq_ds = 0, the direction of motion is that farther inside.
-        standing = size[j] < STANDING * size[i]
-        straight = np.where(standing, SHARE_AT_STANDING * np.diff(places), straight)
-        rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
-        return [
-            End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
-            for rest, x, y, v, e in rows
-        ]
-
-    return list(zip(at(0, places[:-1] + near), at(1, places[1:] - near), strict=True))
-
-
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     """Number of cells by default: by the time without even motion, over that of a build-up."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
@@ -232,14 +133,9 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     return int(np.clip(np.nan_to_num(wanted), FEWEST_CELLS, MOST_CELLS))
 
 
-def _square_at(law: PathLaw, s: FloatArray) -> FloatArray:
-    """ds² of a plan at arc lengths [m²/s²], (n,)."""
-    return np.asarray(law.path_position(*law.reach(s), 1) ** 2)
-
-
 def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
     """ds² of a plan in the middles of cells [m²/s²], (n,)."""
-    return _square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
+    return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
 def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
@@ -345,7 +241,7 @@ def _start(
     middle = (inner[:-1] + inner[1:]) / 2
     law, share = near
     d = np.empty(len(middle) + 2)
-    d[1:-1] = _square_at(law, middle)
+    d[1:-1] = square_at(law, middle)
     if share == 0:
         # Even motion from one given speed to the other, or slowly to a rest.
         way, share = (middle - s[0]) / (s[-1] - s[0]), 1.0

@@ -1,0 +1,125 @@
+"""Sections of a path between places where the motion rests, and how it may start and stop there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray
+from armcontour.arms import Arm
+from armcontour.motion import PathLaw
+from armcontour.timing.constraints import Constraint, JointDerivatives
+from armcontour.timing.grid import Grid
+from armcontour.timing.jerk.mesh import End
+from armcontour.timing.jerk.rows import JerkLimits
+
+# Largest number of iterations of each pass.
+MOST_ITERATIONS = 150
+# A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
+# if at the plan's speed the jerk needs longer than this share of the duration for it.
+KINK, TOO_SHORT = 1e-6, 1e-8
+# The path hardly bends over a length that turns it by less than about this [rad].
+EVEN_BEND = 5e-4
+# dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
+# this share of the section.
+STANDING, SHARE_AT_STANDING = 0.1, 5e-4
+# The rates at a rest are those at this share of its section.
+NEAR_REST = 5e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planning problem with limits of jerk.
+
+    Args:
+        arm: The arm.
+        active: The constraints of the planner without jerk.
+        jerk: The limits of jerk.
+        start_speed, end_speed: Path speeds at the start and the end [m/s].
+        cells: About so many cells; None for the default.
+        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
+            all limits.
+    """
+
+    arm: Arm
+    active: tuple[Constraint, ...]
+    jerk: JerkLimits
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+    cells: int | None = None
+    iterations: int = MOST_ITERATIONS
+
+
+def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
+    """Ends of the sections of a path [m], and whether the motion rests there."""
+    path, inner = law.joint_path, law.s[1:-1]
+    stops = np.union1d(path.stops, _bends(law, task))
+    stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
+    if len(inner):
+        stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
+    ends = np.concatenate([law.s[:1], stops, law.s[-1:]])
+    at_rest = np.ones((len(ends) - 1, 2), dtype=bool)
+    at_rest[0, 0], at_rest[-1, 1] = task.start_speed == 0, task.end_speed == 0
+    return ends, at_rest
+
+
+def _bends(law: PathLaw, task: Task) -> FloatArray:
+    """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
+    path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
+    at = path.breaks[inner]
+    before, after = (path.on_interval(inner - side, at, 2) for side in (1, 0))
+    jump, size, limit = np.abs(after - before), np.abs(before) + np.abs(after), jerk.joint
+    if np.isfinite(jerk.tool):
+        q = path.on_interval(inner, at, 0)
+        found = [task.arm.tool_velocity(q, x) for x in (after - before, before, after)]
+        turn, one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in found)
+        jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
+        limit = np.append(limit, jerk.tool)
+    square = square_at(law, np.clip(at, law.s[0], law.s[-1]))[:, None]
+    soon = TOO_SHORT * law.breaks[-1] * limit
+    return np.asarray(at[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
+
+
+def find_ends(
+    law: PathLaw, task: Task, places: FloatArray, at_rest: BoolArray
+) -> list[tuple[End, End]]:
+    """How the motion may start and stop in each section, near a plan."""
+    grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
+    path = JointDerivatives.on(grid)
+    none = np.zeros(len(grid))
+    found = [x.largest_u(grid, path, none) for x in task.active]
+    acceleration = np.min([x for x in found if x is not None], axis=0)
+    with np.errstate(divide="ignore"):
+        jerk = (task.jerk.joint / np.abs(path.first).max(axis=0)).min(axis=1)
+    jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
+    speed = np.maximum.reduceat(
+        np.append(law.speeds, 0.0), np.searchsorted(law.s, places, side="right")
+    )[:-1]
+    near = NEAR_REST * np.diff(places)
+    size = np.linalg.norm(path.first, axis=2).max(axis=0)
+    bend = np.linalg.norm(path.second, axis=2).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = np.fmin(EVEN_BEND * size / bend, np.sqrt(EVEN_BEND * size / path.third.max(axis=1)))
+    squares = np.square([task.start_speed, task.end_speed])
+
+    def at(side: int, s: FloatArray) -> list[End]:
+        i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
+        edge = places[side : len(places) - 1 + side]
+        j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
+        straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
+        # Where the joints start with dq_ds = 0, the direction of motion is that farther inside.
+        standing = size[j] < STANDING * size[i]
+        straight = np.where(standing, SHARE_AT_STANDING * np.diff(places), straight)
+        rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
+        return [
+            End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
+            for rest, x, y, v, e in rows
+        ]
+
+    return list(zip(at(0, places[:-1] + near), at(1, places[1:] - near), strict=True))
+
+
+def square_at(law: PathLaw, s: FloatArray) -> FloatArray:
+    """ds² of a plan at arc lengths [m²/s²], (n,)."""
+    return np.asarray(law.path_position(*law.reach(s), 1) ** 2)
