@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -104,6 +105,15 @@ def write_jacobian(
         out[3, k], out[4, k], out[5, k] = a[0], a[1], a[2]
 
 
+@compiled(inline="always")
+def _link(origins: FloatArray, pose: FloatArray, k: int) -> Any:
+    """The vector from the origin of joint k to that of the next one, or to the tool point [m]."""
+    x, y, z = origins[k, 0], origins[k, 1], origins[k, 2]
+    if k + 1 < len(origins):
+        return origins[k + 1, 0] - x, origins[k + 1, 1] - y, origins[k + 1, 2] - z
+    return pose[0, 3] - x, pose[1, 3] - y, pose[2, 3] - z
+
+
 @compiled()
 def write_bias_acceleration(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
@@ -117,8 +127,7 @@ def write_bias_acceleration(
     w0 = w1 = w2 = 0.0
     e0 = e1 = e2 = 0.0
     a0 = a1 = a2 = 0.0
-    n = len(dq)
-    for k in range(n):
+    for k in range(len(dq)):
         # The link before the joint turns the joint axis, which adds omega x axis dq.
         d = directions[k]
         r0, r1, r2 = d[0] * dq[k], d[1] * dq[k], d[2] * dq[k]
@@ -128,14 +137,7 @@ def write_bias_acceleration(
         w0 += r0
         w1 += r1
         w2 += r2
-        if k + 1 < n:
-            l0 = origins[k + 1, 0] - origins[k, 0]
-            l1 = origins[k + 1, 1] - origins[k, 1]
-            l2 = origins[k + 1, 2] - origins[k, 2]
-        else:
-            l0 = pose[0, 3] - origins[k, 0]
-            l1 = pose[1, 3] - origins[k, 1]
-            l2 = pose[2, 3] - origins[k, 2]
+        l0, l1, l2 = _link(origins, pose, k)
         c0, c1, c2 = w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0
         a0 += e1 * l2 - e2 * l1 + w1 * c2 - w2 * c1
         a1 += e2 * l0 - e0 * l2 + w2 * c0 - w0 * c2
@@ -164,8 +166,7 @@ def write_jerk(
     e0 = e1 = e2 = 0.0
     f0 = f1 = f2 = 0.0
     j0 = j1 = j2 = 0.0
-    n = len(dq)
-    for k in range(n):
+    for k in range(len(dq)):
         d0, d1, d2 = directions[k, 0], directions[k, 1], directions[k, 2]
         a0, a1, a2 = w1 * d2 - w2 * d1, w2 * d0 - w0 * d2, w0 * d1 - w1 * d0
         b0 = e1 * d2 - e2 * d1 + w1 * a2 - w2 * a1
@@ -181,14 +182,7 @@ def write_jerk(
         w0 += d0 * r1
         w1 += d1 * r1
         w2 += d2 * r1
-        if k + 1 < n:
-            l0 = origins[k + 1, 0] - origins[k, 0]
-            l1 = origins[k + 1, 1] - origins[k, 1]
-            l2 = origins[k + 1, 2] - origins[k, 2]
-        else:
-            l0 = pose[0, 3] - origins[k, 0]
-            l1 = pose[1, 3] - origins[k, 1]
-            l2 = pose[2, 3] - origins[k, 2]
+        l0, l1, l2 = _link(origins, pose, k)
         a0, a1, a2 = w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0
         b0 = e1 * l2 - e2 * l1 + w1 * a2 - w2 * a1
         b1 = e2 * l0 - e0 * l2 + w2 * a0 - w0 * a2
