@@ -154,8 +154,8 @@ def _square(p: Section, c: int, r: int, d: FloatArray) -> float:
 
 
 @compiled()
-def _slacks(p: Section, d: FloatArray, found: _Duals) -> None:
-    """Write how far d is from every bound."""
+def _slacks(p: Section, d: FloatArray, free: int, found: _Duals) -> None:
+    """Write how far d is from every bound; an end that is not free has none."""
     n = len(p.width)
     tangents = np.empty((p.raised.shape[1], 4))
     for c in range(len(p.cell)):
@@ -174,13 +174,17 @@ def _slacks(p: Section, d: FloatArray, found: _Duals) -> None:
             found.round[c, r] = bound - _square(p, c, r, d) / bound if bound > 0.0 else -1.0
     for i in range(n + 2):
         found.positive[i] = d[i]
+    if free != START:
+        found.positive[0] = 0.0
+    if free != END:
+        found.positive[n + 1] = 0.0
 
 
 @compiled()
 def least_slack(p: Section, d: FloatArray) -> float:
     """The least share of any bound that d leaves; positive where d keeps every row."""
     slack = _duals(p)
-    _slacks(p, d, slack)
+    _slacks(p, d, DURATION, slack)
     least = 1.0
     tangents = np.empty((p.raised.shape[1], 4))
     for c in range(len(p.cell)):
@@ -555,11 +559,7 @@ def improve(
     slack, dual, change = _duals(p), _duals(p), _duals(p)
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
     end = 0 if goal == START else n + 1
-    # A fixed end has no barrier.
-    _slacks(p, d, slack)
-    for k in (0, n + 1):
-        if goal == DURATION or k != end:
-            slack.positive[k] = 0.0
+    _slacks(p, d, goal, slack)
     size = _add_durations(p, d, bands, right)
     pull = weight * size / target if goal != DURATION else 0.0
     bounds = _count(p, dual)
@@ -594,10 +594,7 @@ def improve(
         d[:] = trial
         if landed:
             d[end] = target
-        _slacks(p, d, slack)
-        for k in (0, n + 1):
-            if goal == DURATION or k != end:
-                slack.positive[k] = 0.0
+        _slacks(p, d, goal, slack)
         if landed:
             return iteration + 1
         _climb(dual.low, change.low, reach[1])

@@ -22,7 +22,7 @@ from armcontour.timing.jerk._interior_point import (
     least_slack,
 )
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
-from armcontour.timing.jerk.rows import Rows, control_points
+from armcontour.timing.jerk.rows import Rows
 from armcontour.timing.jerk.sections import (
     MOST_ITERATIONS,
     Task,
@@ -76,11 +76,10 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     cells = _default_cells(law, ends) if task.cells is None else task.cells
     mesh = place_mesh(law, law.s, max(cells // COARSER, FEWEST), places, ends)
     rough = _rows(task, mesh, law)
-    found = _law(mesh, _solve(rough, (law, 0.0), task, ROUGH))
+    found = _solve(rough, (law, 0.0), task, ROUGH)
     mesh = place_mesh(found, law.s, cells, places, find_ends(found, task, places, at_rest))
     if rough.exact:
-        rows = _rows(task, mesh, found)
-        return _law(mesh, _solve(rows, (found, INSIDE), task, EXACT))
+        return _solve(_rows(task, mesh, found), (found, INSIDE), task, EXACT)
     return _solve_with_margins(mesh, found, task)
 
 
@@ -101,7 +100,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
             mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
             continue
         try:
-            found = _law(mesh, _solve(rows, (near, INSIDE), task, EXACT))
+            found = _solve(rows, (near, INSIDE), task, EXACT)
         except NotRealizable as error:
             if error.limit in (START_SPEED, END_SPEED) or not bracketed:
                 if best is None:
@@ -182,10 +181,8 @@ def _touches(mesh: Mesh, bounds: Bounds, law: PathLaw) -> bool:
     return bool(((x | low | u | (np.abs(slope) > near * bounds.skew)) & inner).any())
 
 
-def _solve(
-    rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
-) -> list[FloatArray]:
-    """Control points of ds² of every section, with both ends.
+def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
+    """The fastest motion within the rows.
 
     Args:
         rows: The rows of all sections.
@@ -215,7 +212,7 @@ def _solve(
                 refuse_speed(name, target, float(d[end]), float(s[end]))
         improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
         found.append(d)
-    return found
+    return _law(rows, found)
 
 
 def _start(
@@ -267,10 +264,10 @@ def _start(
     )
 
 
-def _law(mesh: Mesh, found: Sequence[FloatArray]) -> PathLaw:
-    """The time law of control points of ds² of all sections."""
+def _law(rows: Rows, found: Sequence[FloatArray]) -> PathLaw:
+    """The time law of control points of ds² of all sections, with both ends of each."""
+    mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
-    begin, end = control_points(mesh)
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
     for d, first, last, (start, stop) in zip(
         found, mesh.sections[:-1], mesh.sections[1:], mesh.at_rest, strict=True
@@ -282,8 +279,10 @@ def _law(mesh: Mesh, found: Sequence[FloatArray]) -> PathLaw:
         )
         square[1, cells] = d[1:-1]
         # At the moving end of a cell of uniform jerk.
-        square[2, first] = square[0, first + 1] if start else square[2, first]
-        square[0, last - 1] = square[2, last - 2] if stop else square[0, last - 1]
+        if start:
+            square[2, first] = square[0, first + 1]
+        if stop:
+            square[0, last - 1] = square[2, last - 2]
     i, n = mesh.cell, len(grid)
     x, y = (np.clip((s - mesh.nodes[i]) / width[i], 0, 1) for s in (grid.s[:-1], grid.s[1:]))
     first, last = ((square[1] - square[0]) / width)[i], ((square[2] - square[1]) / width)[i]

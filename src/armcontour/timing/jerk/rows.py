@@ -13,7 +13,6 @@ from armcontour.arms.limits import or_unlimited
 from armcontour.timing.constraints import (
     Bounds,
     Constraint,
-    Disc,
     JointAcceleration,
     JointDerivatives,
     JointVelocity,
@@ -92,13 +91,17 @@ class Rows:
         self.speeds = np.full(grid.joint_path.dof, np.inf)
         self.ceilings: list[FloatArray] = []
         self.general: list[GeneralRows] = []
-        self.discs: list[Disc] = []
-        # Vectors of the tool's acceleration and their radii.
+        # Vectors and their radii.
         self.round: list[tuple[FloatArray, FloatArray]] = []
         # Curvatures and radii of vectors, for cells of uniform jerk.
         self.at_ramps: list[tuple[FloatArray, FloatArray]] = []
         for x in active:
             self._add(x, about)
+        # Joints whose accelerations, and whose jerks are limited.
+        self.joints = (
+            np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
+            np.flatnonzero(np.isfinite(jerk.joint)),
+        )
         self.section = self._whole()
 
     def _add(self, x: Constraint, about: FloatArray) -> None:
@@ -122,7 +125,11 @@ class Rows:
             if ceiling.lost is not None:
                 self.lost = np.maximum(self.lost, ceiling.lost)
         if disc is not None:
-            self.discs.append(disc)
+            vectors = np.zeros((len(grid), 2, 3, 3))
+            for e in range(2):
+                square, vectors[:, e, 0] = self.basis.at_end(e)
+                vectors[:, e, 1] = disc.c[e][:, None] * square
+            self._add_round(vectors, disc.r, disc.c.max(axis=0))
             plain = x.disc(grid, path, None)
             if plain is not None:
                 self.lost = np.maximum(self.lost, 1 - disc.r / plain.r)
@@ -155,15 +162,19 @@ class Rows:
         play = x.metric.stretch[grid.piece] / speed
         most = np.zeros(len(grid)) if self.bounds is None else self.bounds.x
         radius = x.limit / speed
-        self.round.append((vectors, np.maximum(radius - play * most, 0.0)))
+        left = np.maximum(radius - play * most, 0.0)
+        self._add_round(vectors, left, np.maximum(begin, end)[:, 0, 0] / speed)
         self.lost = np.maximum(self.lost, np.minimum(play * most / radius, 1.0))
-        largest = np.maximum(begin, end)[:, 0, 0] / speed
-        self.at_ramps.append((largest, self.round[-1][1]))
+
+    def _add_round(self, vectors: FloatArray, radius: FloatArray, curvature: FloatArray) -> None:
+        """Add vectors, (n, k, 3, 3), that are in a disc, of ds² times a curvature, and of dds."""
+        self.round.append((vectors, radius))
+        self.at_ramps.append((curvature, radius))
 
     @property
     def exact(self) -> bool:
         """Whether all limits are polynomials, which need no margins."""
-        return not (self.ceilings or self.discs or self.general or self.round or self.tool)
+        return not (self.ceilings or self.general or self.round or self.tool)
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
@@ -190,7 +201,7 @@ class Rows:
         begin, end = control_points(self.mesh)
         acceleration, jerk = self._motion()
         plain, low, high = self._plain(acceleration)
-        curved, limits = [jerk], [np.repeat(self.jerk.joint[self._jerky()], self.degree)]
+        curved, limits = [jerk], [np.repeat(self.jerk.joint[self.joints[1]], self.degree)]
         if np.isfinite(self.jerk.path):
             curved.append(np.repeat(on.slope[:, None], self.degree, axis=1))
             limits.append(np.full(self.degree, self.jerk.path))
@@ -223,15 +234,10 @@ class Rows:
             round_of=points,
         )
 
-    def _jerky(self) -> IntArray:
-        """Joints that have a limit of jerk."""
-        return np.flatnonzero(np.isfinite(self.jerk.joint))
-
     def _motion(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, joint after joint."""
         grid, degree = self.mesh.grid, self.degree
-        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))), self._jerky()
-        n = len(grid)
+        n, joints = len(grid), self.joints
         found = (
             np.empty((n, len(joints[0]) * (degree + 1), 3)),
             np.empty((n, len(joints[1]) * degree, 3)),
@@ -258,10 +264,9 @@ class Rows:
             rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
             low.append(-most)
             high.append(most)
-        joints = np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1)))
         rows.append(acceleration)
         for sign, out in ((-1, low), (1, high)):
-            bound = self.bounded[(sign + 1) // 2][:, joints]
+            bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
             out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
         for y in self.general:
             for e in range(2):
@@ -280,13 +285,6 @@ class Rows:
         for both, most in self.round:
             vectors.append(both)
             radius += [most] * both.shape[1]
-        for disc in self.discs:
-            both = np.zeros((n, 2, 3, 3))
-            for e in range(2):
-                square, rate = self.basis.at_end(e)
-                both[:, e, 0], both[:, e, 1] = rate, disc.c[e][:, None] * square
-                radius.append(disc.r)
-            vectors.append(both)
         of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
         if self.tool is not None:
             vectors.append(self.tool.rows(self.basis))
@@ -366,8 +364,6 @@ class Rows:
                     found.append(np.where(up > 0, left / up, np.inf).min(axis=1))
             if self.tool is not None:
                 found.append(self.tool.largest_at_ramps(self.jerk.tool, h))
-            for x in self.discs:
-                found.append(x.r / np.hypot(x.c.max(axis=0), rate))
             found += [radius / np.hypot(most, rate) for most, radius in self.at_ramps]
             if self.bounds is not None:
                 found += [self.bounds.x, self.bounds.u / rate]
