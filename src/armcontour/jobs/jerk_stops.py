@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from armcontour.jobs.job import TANGENT, Run
 from armcontour.motion import Trajectory
 from armcontour.program import Program, contour_called
-from armcontour.timing import Tracing
+from armcontour.timing import Tracing, find_jerk_stops
 
 # The reason of these stops.
 CURVATURE_JUMPS = "curvature jumps"
@@ -55,8 +53,7 @@ def _find(program: Program, traced: Tracing, trajectory: Trajectory) -> Iterator
         joint_path = paths.get(span.move)
         if joint_path is None or span.trajectory is None:
             continue
-        places = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
-        for s in places[span.trajectory.speed_at(places) == 0].tolist():
+        for s in find_jerk_stops(joint_path, span.trajectory).tolist():
             called = "" if program.single_path is not None else contour_called(contour, i)
             yield JerkStop(contour=called, s=s, point=tuple(contour.path(s).tolist()))
 

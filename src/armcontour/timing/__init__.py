@@ -1,6 +1,12 @@
 """Timing of joint paths: the entry point `plan`, with one file per method."""
 
-from armcontour.timing.explanation import Binding, Explanation, Shortfall, explain
+from armcontour.timing.explanation import (
+    Binding,
+    Explanation,
+    Shortfall,
+    explain,
+    find_jerk_stops,
+)
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.methods import METHODS, PLANNING_METHODS, refuse_unkept_jerk
 from armcontour.timing.planner import (
@@ -25,6 +31,7 @@ __all__ = [
     "assigned_time",
     "choose_start",
     "explain",
+    "find_jerk_stops",
     "intervals_of",
     "plan",
     "refuse_endless",

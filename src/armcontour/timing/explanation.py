@@ -10,7 +10,7 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
-from armcontour.motion import Method, PathLaw, Trajectory
+from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed, jerks_of
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
@@ -132,16 +132,21 @@ def explain(
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     laws: list[tuple[float, float, PathLaw]] = []
+    stops: list[float] = []
     for x in trajectory.contour_spans:
         # Only the law of the method optimal has the grid intervals on which limits bind.
         law = None if x.trajectory is None else x.trajectory.laws[0]
-        if trajectory.method not in (Method.OPTIMAL, Method.SHAPED) or not isinstance(law, PathLaw):
+        planned = trajectory.method in (Method.OPTIMAL, Method.SHAPED)
+        if not planned or x.trajectory is None or not isinstance(law, PathLaw):
             raise InvalidInput(
                 f"Only plans of the methods optimal and shaped can be explained, not of "
                 f"{trajectory.method}."
             )
         laws.append((x.t[0], x.s[0], law))
-    return _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
+        if bounds.jerk_limits:
+            stops += (x.s[0] + find_jerk_stops(law.joint_path, x.trajectory)).tolist()
+    found = _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
+    return replace(found, jerk_stops=tuple(stops))
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,14 +158,12 @@ class _LawExplanation:
         shortfalls: Speed extremes below the assigned velocity.
         with_assigned: Length [m] and time [s] of the intervals that have an assigned velocity.
         reached: Length [m] and time [s] of the intervals at the assigned velocity.
-        jerk_stops: Where limits of jerk make the motion rest [m].
     """
 
     bindings: tuple[Binding, ...]
     shortfalls: tuple[Shortfall, ...]
     with_assigned: tuple[float, float] = (0.0, 0.0)
     reached: tuple[float, float] = (0.0, 0.0)
-    jerk_stops: tuple[float, ...] = ()
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
@@ -172,7 +175,6 @@ def _join(parts: Sequence[_LawExplanation]) -> Explanation:
         assigned_length=shares[0],
         assigned_time=shares[1],
         shortfalls=tuple(x for part in parts for x in part.shortfalls),
-        jerk_stops=tuple(x for part in parts for x in part.jerk_stops),
     )
 
 
@@ -200,7 +202,6 @@ def _explain_law(
     least = BINDS_WITH_JERK if jerks else BINDS
     which = np.where(share >= least, shares.argmax(axis=1), -1)
     bindings = _bindings(law, share, which, names, offsets)
-    stops = tuple((offsets[1] + jerk_stops_of(law)).tolist()) if jerks else ()
     for constraint, shares in zip(active, used, strict=True):
         if isinstance(constraint, ToolSpeed):
             assigned = constraint.allowed(grid)[:, 0]
@@ -211,15 +212,22 @@ def _explain_law(
                 tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
                 _extent(law, np.isfinite(assigned)),
                 _extent(law, reached),
-                stops,
             )
-    return _LawExplanation(bindings, (), jerk_stops=stops)
+    return _LawExplanation(bindings, ())
 
 
-def jerk_stops_of(law: PathLaw) -> FloatArray:
-    """Arc lengths of breaks at which a plan rests, though its joint path could pass them [m]."""
-    resting = law.s[1:-1][law.rates.ds[1:] == 0]
-    return np.setdiff1d(resting, law.joint_path.stops)
+def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:
+    """Where limits of jerk make a motion along one path rest, though its joint path has no stop.
+
+    Args:
+        joint_path: The joint path.
+        trajectory: The motion along it.
+
+    Returns:
+        Arc lengths of breaks of the joint path [m].
+    """
+    places = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
+    return np.asarray(places[trajectory.speed_at(places) == 0])
 
 
 def _bindings(
