@@ -141,7 +141,11 @@ class ToolSpeed(Constraint):
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The bound of each piece, which holds on the whole interval."""
-        return Ceiling(np.broadcast_to(self._ceiling[grid.piece], (2, len(grid))))
+        return Ceiling(self.fixed_ceiling(grid))
+
+    def fixed_ceiling(self, grid: Grid) -> FloatArray:
+        """The ceiling, (2, n), which depends on the place only."""
+        return np.broadcast_to(self._ceiling[grid.piece], (2, len(grid)))
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Assigned velocity of every interval [m/s], (n, 1)."""
@@ -164,8 +168,12 @@ class CentripetalAcceleration(Constraint):
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The bound at both ends; between them x stays below the chord of both."""
+        return Ceiling(self.fixed_ceiling(grid))
+
+    def fixed_ceiling(self, grid: Grid) -> FloatArray:
+        """The ceiling, (2, n), which depends on the place only."""
         with np.errstate(divide="ignore"):
-            return Ceiling(self.limit / self.metric.curvature_on(grid))
+            return np.asarray(self.limit / self.metric.curvature_on(grid))
 
 
 class ToolAcceleration(Constraint):
