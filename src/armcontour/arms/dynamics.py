@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
-from armcontour.arms.chain import Chain
+from armcontour.arms.chain import Chain, joint_frames
 from armcontour.errors import InvalidInput
 
 
@@ -192,8 +192,7 @@ def _numbers(chain: Chain) -> FloatArray:
     """
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     found, before = np.zeros((len(chain), 24)), np.eye(3)
-    for k, own in enumerate(found):
-        frame = _frame_about(chain.axes[k])
+    for k, (own, frame) in enumerate(zip(found, joint_frames(chain), strict=True)):
         bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
         if chain.payload is not None and k == len(chain) - 1:
             load, tip = chain.payload, chain.tip
@@ -211,15 +210,6 @@ def _numbers(chain: Chain) -> FloatArray:
     found[:, 22] = np.cumsum(found[::-1, 12])[::-1]
     found[:, 23] = chain.armature
     return found
-
-
-def _frame_about(axis: FloatArray) -> FloatArray:
-    """A rotation whose third column is the unit vector `axis`."""
-    if axis[2] == 1.0:
-        return np.eye(3)
-    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    across /= np.linalg.norm(across)
-    return np.column_stack([across, np.cross(axis, across), axis])
 
 
 def _model(pin: Any, chain: Chain) -> Any:

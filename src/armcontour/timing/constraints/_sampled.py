@@ -10,6 +10,46 @@ from armcontour.timing.constraints._rows import ROUNDING
 
 
 @compiled()
+def places(piece: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+    """The ends of all intervals, each once: an end is the start of the next in the same piece.
+
+    Args:
+        piece: Piece of the joint path that holds each interval, (n,).
+        s: Interval ends [m], (n + 1,).
+
+    Returns:
+        Piece and arc length [m] of each place, and the place of the start of each interval; the
+        following place is its end.
+    """
+    n = len(piece)
+    count = n + 1
+    for i in range(1, n):
+        if piece[i] != piece[i - 1]:
+            count += 1
+    of, at, starts = np.empty(count, np.intp), np.empty(count), np.empty(n, np.intp)
+    k = 0
+    for i in range(n):
+        starts[i], of[k], at[k] = k, piece[i], s[i]
+        k += 1
+        if i == n - 1 or piece[i + 1] != piece[i]:
+            of[k], at[k] = piece[i], s[i + 1]
+            k += 1
+    return of, at, starts
+
+
+@compiled()
+def ends_of(values: FloatArray, starts: IntArray) -> FloatArray:
+    """Values at the starts and ends of all intervals, (2, n, rows), of those at all `places`."""
+    n, rows = len(starts), values.shape[1]
+    found = np.empty((2, n, rows))
+    for end in range(2):
+        for i in range(n):
+            for k in range(rows):
+                found[end, i, k] = values[starts[i] + end, k]
+    return found
+
+
+@compiled()
 def rises(
     width: FloatArray, piece: IntArray, ends: FloatArray, middle: FloatArray, safety: float
 ) -> FloatArray:

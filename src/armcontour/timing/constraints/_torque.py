@@ -22,6 +22,23 @@ SHARE_AT_REST = 0.5
 
 
 @compiled()
+def at_rest(c: FloatArray, limit: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
+    """What gravity leaves of the lower and upper limits, (2, n, dof), and whether it keeps them.
+
+    Args:
+        c: Torques of gravity at the starts and ends of all intervals, (2, n, dof).
+        limit: Largest torques, (dof,).
+    """
+    low, high, kept = np.empty_like(c), np.empty_like(c), True
+    for end in range(2):
+        for i in range(c.shape[1]):
+            for j in range(c.shape[2]):
+                low[end, i, j], high[end, i, j] = -limit[j] - c[end, i, j], limit[j] - c[end, i, j]
+                kept &= abs(c[end, i, j]) <= limit[j]
+    return low, high, kept
+
+
+@compiled()
 def largest_u(
     a: FloatArray,
     b: FloatArray,
@@ -52,7 +69,9 @@ def largest_u(
                 room = limit[j] + abs(c[end, i, j]) + abs(b[end, i, j]) * x[i] + dry[j]
                 if viscous:
                     room += abs(drag[end, i, j]) * root
-                least = min(least, room / abs(a[end, i, j]))
+                size = abs(a[end, i, j])
+                if size * least > room:
+                    least = room / size
         found[i] = least
     return found
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
-from armcontour.timing.constraints._torque import dragged_rows, largest_u
+from armcontour.timing.constraints._torque import at_rest, dragged_rows, largest_u
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.sampled import Sampled, bulge
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
@@ -123,13 +123,14 @@ class JointTorque(Constraint):
         if self._last is not None and self._last.grid is grid:
             return self._last
         a, b, c = self._terms.at_ends(grid)
+        low, high, kept = at_rest(c, self.limit)
+        if not kept:
+            refuse_excess_at_rest(grid, self, c, (-self.limit, self.limit))
         friction = None
         if self.curved or self.coulomb.any():
             friction = self._friction(grid, path)
-        self._refuse_at_rest(grid, c, friction)
-        low, high = -self.limit - c, self.limit - c
-        if friction is not None:
             low, high = low - friction.below, high - friction.above
+            self._refuse_creeping(grid, c, friction)
         self._last = _OnGrid(grid, a, b, low, high, friction)
         return self._last
 
@@ -196,15 +197,13 @@ class JointTorque(Constraint):
             below=np.where(one_way, sign, -1.0) * coulomb,
         )
 
-    def _refuse_at_rest(self, grid: Grid, c: FloatArray, friction: _Friction | None) -> None:
-        """Refuse torques `c` at rest that exceed a limit, with and without Coulomb friction.
+    def _refuse_creeping(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
+        """Refuse torques of gravity `c` that exceed a limit together with Coulomb friction.
 
         Raises:
             NotRealizable: A joint exceeds its limit.
         """
+        creeping = c + np.where(c > 0, friction.above, friction.below)
+        when = "in the slowest motion, with friction"
         bounds = -self.limit, self.limit
-        refuse_excess_at_rest(grid, self, c, bounds)
-        if friction is not None and self.coulomb.any():
-            creeping = c + np.where(c > 0, friction.above, friction.below)
-            when = "in the slowest motion, with friction"
-            refuse_excess_at_rest(grid, self, creeping, bounds, when=when, cannot="move")
+        refuse_excess_at_rest(grid, self, creeping, bounds, when=when, cannot="move")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
 from armcontour.timing.constraints import _sampled
 from armcontour.timing.constraints.base import Bounds
 from armcontour.timing.grid import Grid
@@ -58,27 +58,18 @@ class Sampled:
         return self._found[name]
 
     def _at_ends(self, grid: Grid) -> Values:
-        # The end of an interval is the start of the next one, unless a piece of the path ends.
-        last = np.append(grid.piece[1:] != grid.piece[:-1], True)
-        places = 1 + last
-        starts = np.cumsum(places) - places
-        of = np.repeat(np.arange(len(grid)), places)
-        s = grid.s[of]
-        s[starts[last] + 1] = grid.s[1:][last]
-        at = np.stack([starts, starts + 1])
-        return tuple(x[at] for x in self._values(grid, of, s))
+        piece, s, starts = _sampled.places(grid.piece, np.require(grid.s, requirements="W"))
+        values = self._function(*grid.joint_path.motion(piece, s))
+        return tuple(_sampled.ends_of(x, starts) for x in values)
 
     def _in_middles(self, grid: Grid) -> Values:
-        return self._values(grid, np.arange(len(grid)), (grid.s[:-1] + grid.s[1:]) / 2)
+        middle = (grid.s[:-1] + grid.s[1:]) / 2
+        return self._function(*grid.joint_path.motion(grid.piece, middle))
 
     def _rises(self, grid: Grid) -> Values:
         return tuple(
             rise(grid, x, y) for x, y in zip(self.at_ends(grid), self.in_middles(grid), strict=True)
         )
-
-    def _values(self, grid: Grid, of: IntArray, s: FloatArray) -> Values:
-        """Values at arc lengths [m] in given intervals."""
-        return self._function(*grid.joint_path.motion(grid.piece[of], s))
 
 
 def rise(grid: Grid, ends: FloatArray, middle: FloatArray) -> FloatArray:
