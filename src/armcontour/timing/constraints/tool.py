@@ -16,6 +16,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
 from armcontour.timing.constraints._rows import ROUNDING
+from armcontour.timing.constraints._tool import measure
 from armcontour.timing.constraints.base import (
     Bounds,
     Ceiling,
@@ -111,12 +112,11 @@ def _measure(
     joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Speed, curvature and stretch at arc lengths on pieces of a joint path, each as `s`."""
-    velocity, acceleration = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
-    speed = np.linalg.norm(velocity, axis=1)
-    direction = velocity / speed[:, None]
-    along = np.sum(acceleration * direction, axis=1)
-    across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
-    return speed.reshape(s.shape), across.reshape(s.shape), np.abs(along).reshape(s.shape)
+    motion = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
+    # Arms of users may give arrays of any kind.
+    velocity, acceleration = (np.require(x, np.float64, ["C", "W"]) for x in motion)
+    speed, across, along = measure(velocity, acceleration).reshape(3, *s.shape)
+    return speed, across, along
 
 
 def _bound(values: FloatArray) -> FloatArray:
