@@ -174,7 +174,7 @@ def path_acceleration_bound(
     return bound
 
 
-@compiled()
+@compiled(inner=True)
 def _over_square(room: float, slope: float) -> Any:
     """`room / slope²`, zero without room, infinite without slope."""
     if room <= 0.0:
