@@ -43,7 +43,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.interrupts
 	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
 
-bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
+bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json
 	$(BIN)/python -m benchmarks
 
 figures: $(VENV)/dev  ## Redraw the figures in docs/
@@ -65,6 +65,10 @@ $(VENV)/base: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/test: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+$(VENV)/bench: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[bench]'
 	@touch $@
 
 $(VENV)/dev: pyproject.toml | $(VENV)/bin/python
