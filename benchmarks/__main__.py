@@ -41,8 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # It is read when numpy is imported, by the modules.
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    lines = [x for name in MODULES for x in import_module(f"benchmarks.{name}").lines()]
-    lines = chosen(lines, given.only, given.full)
+    lines = chosen(all_lines(), given.only, given.full)
     if given.list:
         print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
         return 0
@@ -55,6 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(
         f"\n{len(best)} lines in {(time.perf_counter() - begin) / 60:.1f} min.", *trouble, sep="\n"
     )
+    failed = any(x.startswith("Failed") for x in trouble)
     if given.update:
         new = Session(
             date.today().isoformat(),
@@ -64,10 +64,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         baseline.write(given.baseline, baseline.updated(sessions, new))
         print(f"Written: {given.baseline}")
-        return 0
+        return int(failed)
     print(*baseline.sentences(best, known), sep="\n")
-    failed = any(x.startswith("Failed") for x in trouble)
     return int(failed or any(baseline.is_slower(x, known) for x in best))
+
+
+def all_lines() -> list[Line]:
+    """The lines of all modules."""
+    return [x for name in MODULES for x in import_module(f"benchmarks.{name}").lines()]
 
 
 def chosen(lines: Iterable[Line], only: Sequence[str] | None, full: bool) -> list[Line]:

@@ -8,9 +8,9 @@ import sys
 
 import pytest
 from benchmarks import baseline
-from benchmarks.__main__ import chosen
+from benchmarks.__main__ import chosen, main
 from benchmarks.baseline import Known, Session
-from benchmarks.measured import Bar, Line, Measured, Pair, Taken, measure, spawned
+from benchmarks.measured import Bar, Line, Measured, Missing, Pair, Taken, measure, spawned
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no rusage of processes.")
 
@@ -178,3 +178,59 @@ def test_lines_are_chosen_by_the_beginning_of_their_names(only, full, names):
 def test_a_name_that_no_line_has_is_refused():
     with pytest.raises(SystemExit, match="No line begins with plam: see --list."):
         chosen(LINES, ["plam"], False)
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Runs the program on lines whose ratios, one a measurement, are given by name."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        monkeypatch.setenv(name, "1")
+
+    def run(ratios: dict[str, list[float]], *arguments: str) -> tuple[int, str]:
+        def line_of(name: str, left: list[float]) -> Line:
+            def prepare() -> Pair:
+                if not left:
+                    raise Missing("no peer is installed")
+                # Long work, of which one measurement is one round.
+                return Pair(lambda _: Taken(left.pop(0), 1.0), steady(1.0), warm=True)
+
+            return Line(name, "a plan", "toppra", prepare)
+
+        lines = [line_of(name, [9 * x for x in left]) for name, left in ratios.items()]
+        monkeypatch.setattr("benchmarks.__main__.all_lines", lambda: lines)
+        code = main([*arguments, "--baseline", str(tmp_path / "baseline.json")])
+        return code, capsys.readouterr().out
+
+    return run
+
+
+def test_the_baseline_has_medians_of_three(run, tmp_path):
+    code, _ = run({"plan": [0.5, 0.7, 0.4], "loop": []}, "--update")
+    (session,) = baseline.read(tmp_path / "baseline.json")
+    assert code == 0 and session.lines == {"plan": Known(4.5, 3, 0.75, "toppra")}
+    assert "Python" in session.machine
+
+
+def test_what_is_slower_once_is_measured_again(run):
+    run({"plan": [0.5] * 3}, "--update")
+    code, said = run({"plan": [0.6, 0.7, 0.52]})
+    assert code == 0 and "No line is slower" in said and said.count("once more") == 2
+
+
+def test_what_is_always_slower_is_said_and_fails(run):
+    run({"plan": [0.5] * 3}, "--update")
+    code, said = run({"plan": [0.8, 0.6, 0.7]})
+    assert code == 1
+    assert "Slower than the baseline by 20%: plan takes 5.4 of toppra, 4.5 before." in said
+
+
+def test_a_peer_that_is_not_installed_is_no_failure(run):
+    code, said = run({"plan": [0.5], "loop": []})
+    assert code == 0 and "Left out: loop, as no peer is installed." in said
+
+
+def test_a_line_that_fails_is_said_when_all_are_measured(run):
+    # It has no ratio for the third of its measurements.
+    code, said = run({"plan": [0.5, 0.5], "loop": [0.5] * 3}, "--update")
+    assert code == 1 and "Failed: plan: IndexError: pop from empty list" in said
+    assert "2/2 loop: 4.5 s, 4.5 of toppra" in said
