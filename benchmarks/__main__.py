@@ -135,7 +135,7 @@ def _judged(found: Sequence[Measured]) -> Measured:
 def _print_row(x: Measured, known: Mapping[str, Known]) -> None:
     change = baseline.change(x, known)
     more = "" if change is None else f", {change:+.0%}"
-    took = in_words(x.ours.processor)
+    took = in_words(x.least[0])
     print(f"{took}, {x.ratio:.3g} of {x.line.peer}{more}", flush=True)
 
 
@@ -147,17 +147,13 @@ def _print_table(found: Iterable[Measured], known: Mapping[str, Known]) -> None:
         table.add_column(name, justify="right" if right else "left")
     for x in found:
         change = baseline.change(x, known)
-        ours = in_words(x.ours.processor)
-        if x.line.bar.clock:
-            ours += f" ({in_words(x.ours.wall)} by the clock)"
-        if x.line.bar.memory is not None and x.ours.memory is not None:
-            ours += f", {x.ours.memory / 1e9:.2f} GB"
+        ours, peer = (in_words(x) for x in x.least)
         table.add_row(
-            *(x.line.name, x.line.what, ours, x.line.peer, in_words(x.peer.processor)),
+            *(x.line.name, x.line.what, ours, x.line.peer, peer),
             f"{x.ratio:.3g}",
             "-" if change is None else f"{known[x.line.name].ratio:.3g}",
             "-" if change is None else f"{change:+.0%}",
-            f"{x.line.bar}{' missed' if x.missed else ''}",
+            "-" if x.of_bar == "-" else f"{x.of_bar} of {x.line.bar}",
         )
     Console(width=200).print(table)
 

@@ -121,7 +121,9 @@ def sentences(found: Sequence[Measured], lines: Mapping[str, Known]) -> list[str
         )
     if not slow:
         said.append(f"No line is slower than the baseline by more than {SLOWER:.0%}.")
-    said += [f"Misses its bar of {x.line.bar}: {x.line.name}." for x in found if x.missed]
+    said += [
+        f"Misses its bar of {x.line.bar}: {x.line.name} has {x.of_bar}." for x in found if x.missed
+    ]
     new = [x.line.name for x in found if change(x, lines) is None]
     if new:
         said.append(f"Not in the baseline yet: {', '.join(new)}.")

@@ -143,7 +143,7 @@ def _run(folder: tempfile.TemporaryDirectory[str], file: Path, *options: str) ->
 def _against_reference(command: Callable[[], list[str]]) -> Pair:
     work = timed(reference.work)
 
-    def peer(times: int) -> Taken:
+    def peer(times: int) -> list[Taken]:
         return work(max(times, REFERENCES))
 
     return Pair(spawned(command), peer, warm=True)

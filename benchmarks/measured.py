@@ -1,7 +1,8 @@
 """Lines of the table: what is timed against what, how times are taken, and what was found.
 
-Times are those of the processor, medians of rounds in which both sides take turns, so that a
-machine with other work gives much the same ratio.
+Times are those of the processor, in rounds in which both sides take turns. The ratio is that of the
+least times: what other work on the machine takes from the caches makes times longer, never shorter,
+and medians of short calls twice as long. Bars are of medians, as a quiet machine has them.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import median
 
 # A side of a round takes about this long [s], if it is one of many short calls.
 SLICE, MOST_CALLS = 0.03, 60
 # A line takes about this long [s], in so many rounds; long work is measured once.
-BUDGET, MOST_ROUNDS = 1.5, 15
+BUDGET, MOST_ROUNDS = 2.0, 20
 
 # Runs a process and prints what it took. A small process does so, as one begins with the peak
 # memory of that which started it.
@@ -51,8 +53,8 @@ class Taken:
         return Taken(self.processor / parts, self.wall / parts, self.memory)
 
 
-# Runs something so many times and says what the median of them took.
-Timer = Callable[[int], Taken]
+# Runs something so many times and says what each of them took.
+Timer = Callable[[int], list[Taken]]
 
 
 @dataclass(frozen=True)
@@ -132,18 +134,64 @@ class Line:
 
 @dataclass(frozen=True)
 class Measured:
-    """What was found for a line: the median ratio, what both sides took, notes."""
+    """What was found for a line.
+
+    Args:
+        line: The line.
+        ours: What each of our runs took, or each of its equal parts.
+        peer: The same of the peer.
+        notes: Sentences on what was computed.
+    """
 
     line: Line
-    ratio: float
-    ours: Taken
-    peer: Taken
+    ours: list[Taken]
+    peer: list[Taken]
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def least(self) -> tuple[float, float]:
+        """The least times of the processor [s], ours and the peer's."""
+        ours, peer = (min(x.processor for x in side) for side in (self.ours, self.peer))
+        return ours, peer
+
+    @property
+    def ratio(self) -> float:
+        """That of the least times."""
+        ours, peer = self.least
+        return ours / peer
+
+    @cached_property
+    def usual(self) -> Taken:
+        """What the median of our runs took, and the most memory."""
+        memory = [x.memory for x in self.ours if x.memory is not None]
+        return Taken(
+            median(x.processor for x in self.ours),
+            median(x.wall for x in self.ours),
+            max(memory, default=None),
+        )
+
+    @property
+    def usual_ratio(self) -> float:
+        """That of the medians."""
+        return self.usual.processor / median(x.processor for x in self.peer)
 
     @property
     def missed(self) -> bool:
         """Whether it misses its bar."""
-        return self.line.bar.missed(self.ratio, self.ours)
+        return self.line.bar.missed(self.usual_ratio, self.usual)
+
+    @property
+    def of_bar(self) -> str:
+        """What it has of what its bar limits, in words."""
+        bar, usual = self.line.bar, self.usual
+        return str(
+            Bar(
+                None if bar.ratio is None else self.usual_ratio,
+                None if bar.seconds is None else usual.wall if bar.clock else usual.processor,
+                None if bar.memory is None else usual.memory,
+                bar.clock,
+            )
+        )
 
 
 def measure(line: Line, times: int = 1) -> list[Measured]:
@@ -153,44 +201,33 @@ def measure(line: Line, times: int = 1) -> list[Measured]:
     if not pair.warm:
         pair.ours(1)
         pair.peer(1)
-    found = [_measure(line, pair) for _ in range(times)]
+    found = [_measure(pair) for _ in range(times)]
     notes = tuple(pair.notes())
-    return [Measured(line, x.ratio, x.ours, x.peer, notes) for x in found]
+    return [Measured(line, *sides, notes) for sides in found]
 
 
-def _measure(line: Line, pair: Pair) -> Measured:
-    rounds = [(pair.ours(1), pair.peer(1))]
-    calls = [max(1, min(MOST_CALLS, int(SLICE / max(x.processor, 1e-6)))) for x in rounds[0]]
-    whole = sum(n * x.processor for n, x in zip(calls, rounds[0], strict=True))
-    more = min(MOST_ROUNDS, int(BUDGET / whole))
-    if more > 0:
-        rounds = [(pair.ours(calls[0]), pair.peer(calls[1])) for _ in range(more)]
-    rounds = [(ours.of(pair.parts[0]), peer.of(pair.parts[1])) for ours, peer in rounds]
-    ratio = median(ours.processor / peer.processor for ours, peer in rounds)
-    return Measured(line, ratio, *(middle(side) for side in zip(*rounds, strict=True)))
-
-
-def middle(runs: Sequence[Taken]) -> Taken:
-    """The median of what runs took, and the most memory."""
-    memory = [x.memory for x in runs if x.memory is not None]
-    return Taken(
-        median(x.processor for x in runs),
-        median(x.wall for x in runs),
-        max(memory) if memory else None,
-    )
+def _measure(pair: Pair) -> tuple[list[Taken], list[Taken]]:
+    ours, peer = pair.ours(1), pair.peer(1)
+    each = ours[0].processor, min(x.processor for x in peer)
+    calls = [max(1, min(MOST_CALLS, int(SLICE / max(x, 1e-6)))) for x in each]
+    whole = sum(n * x for n, x in zip(calls, each, strict=True))
+    for _ in range(min(MOST_ROUNDS, int(BUDGET / whole))):
+        ours += pair.ours(calls[0])
+        peer += pair.peer(calls[1])
+    return [x.of(pair.parts[0]) for x in ours], [x.of(pair.parts[1]) for x in peer]
 
 
 def timed(call: Callable[[], object]) -> Timer:
     """A timer of a call in this process."""
 
-    def run(times: int) -> Taken:
+    def run(times: int) -> list[Taken]:
         taken = []
         for _ in range(times):
             wall, processor = time.perf_counter(), time.process_time()
             call()
             processor, wall = time.process_time() - processor, time.perf_counter() - wall
             taken.append(Taken(processor, wall))
-        return middle(taken)
+        return taken
 
     return run
 
@@ -205,7 +242,7 @@ def spawned(
         environment: Makes the variables of a run that differ from this process's.
     """
 
-    def run(times: int) -> Taken:
+    def run(times: int) -> list[Taken]:
         taken = []
         for _ in range(times):
             called = [sys.executable, "-c", LAUNCH, *command()]
@@ -215,7 +252,7 @@ def spawned(
             if done.returncode != 0:
                 raise RuntimeError(f"{' '.join(called[3:])}: {done.stderr.strip()[-500:]}")
             taken.append(Taken(*(float(x) for x in done.stdout.split())))
-        return middle(taken)
+        return taken
 
     return run
 

@@ -169,15 +169,14 @@ def _against_cpp(points: int) -> Pair:
 def _timer(program: Path, points: int) -> Timer:
     """Runs are timed inside of the program's process."""
 
-    def run(times: int) -> Taken:
-        taken = _run(program, points, times)[0]
-        return Taken(taken, taken)
+    def run(times: int) -> list[Taken]:
+        return [Taken(x, x) for x in _run(program, points, times)[0]]
 
     return run
 
 
-def _run(program: Path, points: int, times: int) -> tuple[float, float, np.ndarray]:
-    """The median time of so many runs [s], the duration [s], and ds² on the grid."""
+def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np.ndarray]:
+    """Times of so many runs [s], the duration [s], and ds² on the grid."""
     grid = np.linspace(0, 1, points)
     numbers = [AT, WAY, VELOCITY, ACCELERATION, grid]
     text = f"{JOINTS} {WAYPOINTS} {points} {times}\n" + "\n".join(
@@ -185,7 +184,7 @@ def _run(program: Path, points: int, times: int) -> tuple[float, float, np.ndarr
     )
     done = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
     head, *rest = done.stdout.splitlines()
-    taken, duration = (float(x) for x in head.split())
+    duration, *taken = (float(x) for x in head.split())
     return taken, duration, np.array([float(x) for x in rest])
 
 

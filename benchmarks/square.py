@@ -39,7 +39,7 @@ import numpy as np
 import armcontour as ac
 from armcontour._checks import FloatArray
 from benchmarks import torque, ur5e
-from benchmarks.measured import Bar, Line, Missing, Pair, Taken, middle, timed
+from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 
 PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
@@ -127,8 +127,8 @@ def _pair(ours: str, peer: str) -> Pair:
     mode, options = _settings()[peer]
     _prepare(ask, peer, mode, options)
 
-    def theirs(times: int) -> Taken:
-        return middle([Taken(x, x) for x in ask("time", name=peer, runs=times)])
+    def theirs(times: int) -> list[Taken]:
+        return [Taken(x, x) for x in ask("time", name=peer, runs=times)]
 
     def notes() -> list[str]:
         found = call()
