@@ -34,7 +34,6 @@ settings.register_profile(
 settings.load_profile("suite")  # --hypothesis-profile chooses another one
 
 
-
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """Keep modules and tests, millions of objects, out of Python's search for garbage.
