@@ -13,6 +13,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
+from armcontour.motion._intervals import interval_times, law_of_squares
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
 
@@ -240,6 +241,32 @@ class PathLaw(LawAlongPath):
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
         object.__setattr__(self, "rates", Rates(*(_checks.lock_floats(x) for x in self.rates)))
 
+    @classmethod
+    def of_squares(
+        cls, joint_path: JointPath, s: FloatArray, x: FloatArray, slope: FloatArray
+    ) -> PathLaw:
+        """The law with given squares of the path speed.
+
+        Args:
+            joint_path: The joint path.
+            s: Arc lengths at the breaks [m], (n + 1,).
+            x: ds² at the breaks [m²/s²], (n + 1,).
+            slope: Slopes of dds over s on every interval [1/s²], (n,).
+
+        Raises:
+            InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
+        """
+        breaks, ds, dds, stuck = law_of_squares(np.diff(s), x, slope)
+        if stuck >= 0:
+            raise InvalidInput(
+                f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
+            )
+        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros_like(slope))
+        # Nobody else has these arrays, so locking needs no copies.
+        for values in (breaks, ds, dds, rates.jerk):
+            values.setflags(write=False)
+        return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
+
     @property
     def speeds(self) -> FloatArray:
         """Path speeds at the breaks [m/s], (n + 1,)."""
@@ -303,9 +330,10 @@ def join_path(
     count = along[0].size
     found = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     begin, end = (flatten(x, shape) for x in ends)
-    joint_motions(
-        along.reshape(4, count), begin, end, joint_path.breaks, joint_path.coefficients, found
-    )
+    only = np.zeros(count, dtype=np.intp)
+    rows = np.array([0, len(joint_path.breaks)])
+    tables = rows, joint_path.breaks, joint_path.coefficients
+    joint_motions(along.reshape(4, count), begin, end, only, *tables, found)
     # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
     return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
 
@@ -326,29 +354,3 @@ def _refuse_disorder(breaks: FloatArray) -> None:
     """Raise InvalidInput unless breaks start at 0 and increase."""
     if len(breaks) < 2 or breaks[0] != 0 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must start at 0 and increase.")
-
-
-def interval_times(
-    width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
-) -> FloatArray:
-    """Durations of intervals with a path acceleration linear in s.
-
-    Args:
-        width: Lengths of the intervals [m], (n,).
-        begin: Path speeds at the starts [m/s], (n,).
-        end: Path speeds at the ends [m/s], (n,).
-        slope: Slopes of dds over s [1/s²], (n,).
-
-    Returns:
-        Durations [s], (n,): `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
-    """
-    simple = 2 * width / (begin + end)
-    z = slope * simple**2 / 4
-    series = 1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9)))
-    small = np.abs(z) < 1e-4
-    if small.all():
-        return np.asarray(simple * series)
-    size = np.sqrt(np.abs(z))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        exact = np.where(z > 0, np.arctanh(size), np.arctan(size)) / size
-    return np.asarray(simple * np.where(small, series, exact))
