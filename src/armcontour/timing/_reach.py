@@ -34,7 +34,7 @@ LARGEST_CHANGE = 0.1
 VANISHED = 1e-9
 
 
-@compiled()
+@compiled(inline="always")
 def write_rows(
     half: float,
     shift: float,

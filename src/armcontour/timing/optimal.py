@@ -23,6 +23,7 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
 from armcontour.timing._joint_limits import FOUND, LOST, plan_in_one_go
+from armcontour.timing._memory_block import MemoryBlock, take_rows
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
@@ -249,6 +250,10 @@ class _Task:
         return np.concatenate([start, grid.joint_path.stops, end])
 
 
+_rows = MemoryBlock()
+NO_ROWS = np.empty((0, 4, 0))
+
+
 class Problem:
     """The arrays of the compiled planner, collected from all constraints.
 
@@ -313,7 +318,7 @@ class Problem:
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
         count = sum(x.a.shape[2] for x in self.rows)
-        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
+        packed, first = take_rows(_rows, len(self.grid), 2 * count), 0
         for x in self.rows:
             bounds = x.low, x.high, x.margin
             pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
@@ -321,12 +326,13 @@ class Problem:
         return packed
 
     def solve(self, task: _Task) -> FloatArray:
-        """Find the largest x at every grid point [m²/s²], (n + 1,).
+        """Find the largest x at every grid point [m²/s²], (n + 1,); once, as it gives memory back.
 
         Raises:
             NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
         """
-        grid, ceiling = self.grid, self.at_points
+        grid, ceiling, packed = self.grid, self.at_points, self.packed
+        self.packed = NO_ROWS
         start, end = task.start_speed**2, task.end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
             if value > ceiling[place] * (1 + PLAY):
@@ -341,7 +347,7 @@ class Problem:
             end = self._largest_at_end()
         x, most, stuck = reach(
             grid.width,
-            self.packed,
+            packed,
             ceiling,
             self.c,
             self.radius,
@@ -539,6 +545,7 @@ class _PlainLimits:
             LARGEST_DIP,
             WIDER,
             MOST_TRIES,
+            take_rows(_rows, len(grid), 2 * path.dof),
         )
 
     def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:

@@ -14,8 +14,6 @@ The margin follows from bounds of x and u on the interval.
 
 from __future__ import annotations
 
-import sys
-import threading
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +22,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath, PathLaw
+from armcontour.timing._memory_block import MemoryBlock
 from armcontour.timing.constraints._rows import derivatives
 from armcontour.timing.grid import Grid
 from armcontour.timing.limit_use import States, quantity
@@ -50,38 +49,16 @@ class JointDerivatives:
         """Compute the derivatives of the grid's joint path."""
         path: JointPath = grid.joint_path
         shape = (len(grid), path.dof)
-        block = _memory.take(6 * shape[0] * shape[1])
+        block = _blocks.take(6 * shape[0] * shape[1])
         arrays = block[: 6 * shape[0] * shape[1]].reshape(6, *shape)
         parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
         return cls(*parts)
 
 
-class _Memory(threading.local):
-    """The memory block of the last plan, per thread, which the next plan uses again.
-
-    At 5000 points a fresh block from the system costs as much time as all the arithmetic.
-    """
-
-    block: FloatArray | None = None
-
-    def take(self, size: int) -> FloatArray:
-        """A block of at least `size` numbers that no other object refers to."""
-        block = self.block
-        if block is not None and block.size >= size and sys.getrefcount(block) == UNUSED:
-            return block
-        block = np.empty(size)
-        self.block = block if size <= MOST_KEPT else None
-        return block
-
-
-_memory = _Memory()
+_blocks = MemoryBlock()
 # Shares of the time of an interval at which what is not known from its ends is looked at.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
-# A block of more numbers than this (16 MB) is not kept.
-MOST_KEPT = 2_000_000
-# References to an unused block during the check: the attribute, the local name, the argument.
-UNUSED = 3
 
 
 @dataclass(frozen=True, slots=True)
