@@ -310,6 +310,9 @@ class Problem:
                 self.lost = np.maximum(self.lost, half_turn > self.radius)
         self.at_points = self._at_points()
         self.packed = self._pack()
+        if bounds is not None:
+            # Slopes along all rows are those of the first pass; here they would only take memory.
+            self.rows = [x.last for x in self.rows]
 
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
@@ -450,6 +453,7 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
     for _ in range(MOST_TRIES):
         skew = np.where(steady, 0.0, bracket.slope)
         bounds = _bounds(grid, path, task, bracket, skew)
+        problem = None  # The arrays of the last one are freed before this one has its own.
         problem = Problem(grid, path, task, bounds)
         lost = problem.lost
         if lost.max() > most:
@@ -667,6 +671,7 @@ def _pass_on(grid: Grid, coarse: Grid, of: IntArray, task: _Task) -> _Bracket:
     x = plain.solve(task)
     for _ in range(MOST_TANGENTS if task.curved else 0):
         about = (x[:-1] + x[1:]) / 2
+        del plain  # Its arrays are freed before the next one has its own.
         plain = Problem(coarse, path, task, about=about)
         x = plain.solve(task)
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():

@@ -106,6 +106,12 @@ class Rows:
     high: FloatArray
     margin: FloatArray
 
+    @property
+    def last(self) -> Rows:
+        """The rows of the last interval, which hold no array of all intervals."""
+        a, b, low, high = (x[:, -1:].copy() for x in (self.a, self.b, self.low, self.high))
+        return Rows(a, b, low, high, self.margin[-1:].copy())
+
     def compact(self) -> Rows:
         """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""
         return Rows(
