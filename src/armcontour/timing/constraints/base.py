@@ -114,11 +114,15 @@ class Rows:
 
     def compact(self) -> Rows:
         """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""
+        low, high = self.low, self.high
+        # Both bounds have the same shape afterwards.
+        ends = slice(1) if low.strides[0] == high.strides[0] == 0 else slice(None)
+        places = slice(1) if low.strides[1] == high.strides[1] == 0 else slice(None)
         return Rows(
             _contiguous(self.a),
             _contiguous(self.b),
-            _compact(self.low),
-            _compact(self.high),
+            _contiguous(low[ends, places]),
+            _contiguous(high[ends, places]),
             _contiguous(self.margin),
         )
 
@@ -126,12 +130,6 @@ class Rows:
 def _contiguous(values: FloatArray) -> FloatArray:
     """The array, or a contiguous copy that may be written: kernels are compiled for these."""
     return values if values.flags.c_contiguous and values.flags.writeable else values.copy("C")
-
-
-def _compact(bound: FloatArray) -> FloatArray:
-    """A bound, (2, n, rows), with one entry along axes on which it was broadcast."""
-    ends, places, _ = bound.strides
-    return _contiguous(bound[: 1 if ends == 0 else None, : 1 if places == 0 else None])
 
 
 @dataclass(frozen=True, slots=True)
