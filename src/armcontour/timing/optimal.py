@@ -95,8 +95,8 @@ WIDER = 1.5
 CLOSE = 1.02
 LEAST_GAIN = 1e-6
 MOST_MOVES = 4
-# glibc gives freed blocks back to the system, page by page, that are larger than any it has seen freed
-# before, up to 32 MB. New pages cost as much time as the arithmetic on them, and a plan takes many.
+# glibc gives freed blocks back to the system if they are larger than all that were freed before, up
+# to 32 MB. New pages cost as much time as the arithmetic on them, and a plan takes many.
 np.empty(2**22 - 2**12)
 
 
