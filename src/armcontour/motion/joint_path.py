@@ -14,6 +14,7 @@ from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine
+from armcontour.motion._motion import motion
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -232,14 +233,8 @@ class JointPath:
             i: Indices of intervals, (n,).
             s: Arc lengths from the start of the path [m], (n,).
         """
-        width = (self.breaks[i + 1] - self.breaks[i])[..., None]
-        x = (s - self.breaks[i])[..., None] / width
-        c = self.coefficients[i]
-        value = np.zeros(x.shape[:-1] + (self.dof,))
-        first, second = np.zeros_like(value), np.zeros_like(value)
-        # Horner's rule for the value and both derivatives; `second` is the second derivative.
-        for k in range(5, -1, -1):
-            second = second * x + 2 * first
-            first = first * x + value
-            value = value * x + c[..., k, :]
-        return value, first / width, second / width**2
+        at = np.require(np.ravel(s), np.float64, ["W"])
+        pieces = np.require(np.ravel(i), np.intp, ["W"])
+        found = motion(self.breaks, self.coefficients, pieces, at)
+        q, first, second = (x.reshape(*np.shape(s), self.dof) for x in found)
+        return q, first, second

@@ -340,7 +340,8 @@ def _end_of_y(x: float, rows: FloatArray, i: int, k: int) -> float:
     if q == 0.0:
         return np.inf
     bound, known, side = rows[i, 3 if q > 0.0 else 2, k], p * x, math.copysign(1.0, q)
-    return (bound + side * ROUNDING * (abs(bound) + abs(known)) - known) / q
+    up: float = (bound + side * ROUNDING * (abs(bound) + abs(known)) - known) / q
+    return up
 
 
 @compiled()

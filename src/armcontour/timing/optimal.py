@@ -15,13 +15,14 @@ from typing import NoReturn
 import numpy as np
 
 from armcontour import _checks, _memory
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
+from armcontour.timing._joint_limits import FOUND, LOST, plan_in_one_go
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
@@ -432,6 +433,13 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
+    plain = _PlainLimits.of(task)
+    if plain is not None:
+        x, skew, lost, outcome = plain.plan(grid, task, most)
+        if outcome == FOUND:
+            return _law(grid, x, skew), lost
+        if outcome == LOST:
+            return None, lost
     n = len(grid)
     steady, dips, left = (np.zeros(n, dtype=np.bool_) for _ in range(3))  # steady: without skew
     bracket, path = _first_pass(grid, task), JointDerivatives.on(grid)
@@ -468,6 +476,72 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
                 return bracket.better(law), lost
             bracket.close_in(x, law)
     return bracket.found, np.maximum(lost, most)
+
+
+@dataclass(frozen=True, slots=True)
+class _PlainLimits:
+    """Limits for which one compiled call makes the plan: of joints, and fixed ceilings.
+
+    Args:
+        velocity: Largest joint velocities, infinite for none [rad/s], (dof,).
+        low: Smallest joint accelerations [rad/s²], (1, 1, dof).
+        high: Largest joint accelerations [rad/s²], (1, 1, dof).
+        fixed: Constraints that are ceilings which depend on the place only.
+    """
+
+    velocity: FloatArray
+    low: FloatArray
+    high: FloatArray
+    fixed: tuple[ToolSpeed | CentripetalAcceleration, ...]
+
+    @classmethod
+    def of(cls, task: _Task) -> _PlainLimits | None:
+        """The limits of a task; None if it has others, or joints rest at its ends at any ds."""
+        # Subclasses may keep other limits.
+        accelerations = [x for x in task.active if type(x) is JointAcceleration]
+        velocities = [x for x in task.active if type(x) is JointVelocity]
+        fixed = [x for x in task.active if isinstance(x, ToolSpeed | CentripetalAcceleration)]
+        known = len(fixed) + len(velocities[:1]) + 1
+        if not accelerations or known < len(task.active) or len(task.standing):
+            return None
+        low, high = accelerations[0].low, accelerations[0].high
+        most = velocities[0].limit if velocities else np.full(len(low), np.inf)
+        return cls(most, np.array(low[None, None]), np.array(high[None, None]), tuple(fixed))
+
+    def plan(
+        self, grid: Grid, task: _Task, most: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+        """Plan on a grid as `plan_in_one_go`, with margins up to the share `most` of a limit."""
+        coarse, of = _coarse(grid)
+        path = grid.joint_path
+        return plan_in_one_go(
+            path.coefficients,
+            path.breaks,
+            coarse.s,
+            coarse.piece,
+            *self._fixed_on(coarse),
+            of,
+            grid.s,
+            grid.piece,
+            *self._fixed_on(grid),
+            self.velocity,
+            self.low,
+            self.high,
+            task.start_speed**2,
+            task.end_speed**2,
+            HEADROOM,
+            most,
+            LARGEST_MARGIN,
+            LARGEST_DIP,
+            WIDER,
+            MOST_TRIES,
+        )
+
+    def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
+        """The fixed ceilings at the ends of intervals, (2, n), (2, 0) for none, and the stops."""
+        found = [x.fixed_ceiling(grid) for x in self.fixed]
+        fixed = np.empty((2, 0)) if not found else np.min(found, axis=0)
+        return fixed, np.searchsorted(grid.s, grid.joint_path.stops)
 
 
 @dataclass(slots=True)
@@ -561,19 +635,23 @@ def _first_pass(grid: Grid, task: _Task) -> _Bracket:
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    by = COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1
+    coarse, of = _coarse(grid)
     try:
-        return _pass_on(grid, by, task)
+        return _pass_on(grid, coarse, of, task)
     except NotRealizable:
         # A coarse grid may refuse what the grid itself allows.
-        if by == 1:
+        if len(coarse) == len(grid):
             raise
-        return _pass_on(grid, 1, task)
+        return _pass_on(grid, grid, np.arange(len(grid)), task)
 
 
-def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
-    """Run the first pass on about every `by`-th point of a grid."""
-    coarse, of = coarsen(grid, by)
+def _coarse(grid: Grid) -> tuple[Grid, IntArray]:
+    """The grid of the first pass, and the interval of it that each interval lies in, (n,)."""
+    return coarsen(grid, COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1)
+
+
+def _pass_on(grid: Grid, coarse: Grid, of: IntArray, task: _Task) -> _Bracket:
+    """Run the first pass on a coarser grid."""
     path = JointDerivatives.on(coarse)
     plain = Problem(coarse, path, task.active)
     x = plain.solve(task)
