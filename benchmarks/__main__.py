@@ -57,12 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"\n{len(best)} lines in {minutes:.1f} min.", *busy, *trouble, sep="\n")
     failed = any(x.startswith("Failed") for x in trouble)
     if given.update:
-        new = Session(
-            date.today().isoformat(),
-            _commit(),
-            _machine(),
-            {name: Known.of(x) for name, x in found.items()},
-        )
+        ratios = {name: Known.of(x) for name, x in found.items()}
+        new = Session(date.today().isoformat(), _commit(), _machine(), ratios)
         baseline.write(given.baseline, baseline.updated(sessions, new))
         print(f"Written: {given.baseline}")
         return int(failed)
@@ -165,8 +161,8 @@ def _busy() -> list[str]:
     if load < BUSY * cores:
         return []
     return [
-        f"The machine was busy before it began, with a load of {load:.1f} on {cores} cores: times by "
-        "the clock are too long, and ratios are less sure."
+        f"The machine was busy with other work, a load of {load:.1f} on {cores} cores: times by the "
+        "clock are too long, and ratios are less sure."
     ]
 
 
