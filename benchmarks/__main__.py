@@ -161,8 +161,8 @@ def _busy() -> list[str]:
     if load < BUSY * cores:
         return []
     return [
-        f"The machine was busy with other work, a load of {load:.1f} on {cores} cores: times by the "
-        "clock are too long, and ratios are less sure."
+        f"The machine was busy with other work, a load of {load:.1f} on {cores} cores: times by "
+        "the clock are too long, and ratios are less sure."
     ]
 
 
