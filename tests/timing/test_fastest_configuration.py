@@ -75,3 +75,40 @@ def test_bound_is_zero_where_nothing_is_limited():
     # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
     fast = bound_duration(line, ac.Limits(joint_velocity=[10.0, 2.0]))
     assert 0.98 * 2.0 < fast <= 2.0
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["held", "axis"])
+def test_long_paths_are_compared_on_parts(monkeypatch, free):
+    # A wave of 200 segments with noise, long enough for the accelerations of the joints to count.
+    x = np.linspace(0.0, 0.2, 101)
+    points = np.column_stack([0.35 + x, 0.05 * np.sin(40 * x), 0.2 + 0.0 * x])
+    points[:, 1] += np.random.default_rng(0).normal(0, 2e-5, len(x))
+    base = ac.Path.polyline(points)
+    path = base.pointing([0, 0, -1]) if free else base.oriented(DOWN)
+    path = ac.round_corners(path, tolerance=2e-4)
+    arm = ac.load_arm("ur5e")
+    limits = arm.limits.replace(speed=0.5)
+    durations = [
+        plan_optimal(x, arm, limits, intervals=ROUGHLY).duration
+        for x in trace_all(path, arm, limits=limits)
+    ]
+    assert max(durations) > 1.01 * min(durations)
+    here = "armcontour.timing.fastest_configuration"
+    for name, value in {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25}.items():
+        monkeypatch.setattr(f"{here}.{name}", value)
+    monkeypatch.setattr(f"{here}.trace_all", None)
+    chosen = trace_fastest(path, arm, limits)
+    assert plan_optimal(chosen, arm, limits, intervals=ROUGHLY).duration < 1.001 * min(durations)
+    at = np.linspace(0, path.length, 997)
+    assert np.abs(arm.forward(chosen(at)) - path(at)).max() < 2e-10
+
+
+def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable) as short:
+        trace_fastest(path, arm)
+    monkeypatch.setattr("armcontour.timing.fastest_configuration.LONG", 1)
+    with pytest.raises(ac.Unreachable) as long:
+        trace_fastest(path, arm)
+    assert str(long.value) == str(short.value)

@@ -22,7 +22,6 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath, PathLaw
-from armcontour.timing._memory_block import MemoryBlock
 from armcontour.timing.constraints._rows import derivatives
 from armcontour.timing.grid import Grid
 from armcontour.timing.limit_use import States, quantity
@@ -48,15 +47,12 @@ class JointDerivatives:
     def on(cls, grid: Grid) -> JointDerivatives:
         """Compute the derivatives of the grid's joint path."""
         path: JointPath = grid.joint_path
-        shape = (len(grid), path.dof)
-        block = _blocks.take(6 * shape[0] * shape[1])
-        arrays = block[: 6 * shape[0] * shape[1]].reshape(6, *shape)
+        arrays = np.empty((6, len(grid), path.dof))
         parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
         return cls(*parts)
 
 
-_blocks = MemoryBlock()
 # Shares of the time of an interval at which what is not known from its ends is looked at.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 
@@ -109,6 +105,12 @@ class Rows:
     low: FloatArray
     high: FloatArray
     margin: FloatArray
+
+    @property
+    def last(self) -> Rows:
+        """The rows of the last interval, which hold no array of all intervals."""
+        a, b, low, high = (x[:, -1:].copy() for x in (self.a, self.b, self.low, self.high))
+        return Rows(a, b, low, high, self.margin[-1:].copy())
 
     def compact(self) -> Rows:
         """The same rows in contiguous arrays; bounds that do not differ have one entry for all.
