@@ -16,10 +16,10 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.checking import check
 from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
+from armcontour.evaluation.limit_ratios import measure_limit_ratios
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
 from armcontour.geometry import Path
@@ -30,10 +30,6 @@ from armcontour.program import Program
 REST_SPEED = 1e-3
 # A joint makes full use of a limit from this share on.
 NEAR = 0.99
-# Samples of the plan per knot interval; least and largest number in all.
-FINER = 20
-FEWEST_PLACES = 4000
-MOST_PLACES = 400_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,9 +58,11 @@ class Evaluation:
             [m/s]; 0 without one.
         path_velocity: Mean tool speed over the planned time of the motion [m/s].
         utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
-            acceleration, velocity or torque.
-        limit_ratios: Largest used share of every limit in the planned motion, at up to 20 samples
-            per knot interval; `check` takes more samples.
+            acceleration, velocity or torque; None unless `evaluate` was asked for the use of limits
+            by `limit_use=True`.
+        limit_ratios: Largest used share of every limit in the planned motion, on both sides of its
+            breaks and at the peaks between them. None unless `evaluate` was asked for the use of
+            limits by `limit_use=True`.
         demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
         demand_ratio: Largest share of the limit in its direction that each joint would have
             needed, (dof,); 0 for a joint without a limit.
@@ -92,8 +90,8 @@ class Evaluation:
     speed_ratio: float
     speed_overshoot: float
     path_velocity: float
-    utilisation: float
-    limit_ratios: Mapping[str, float]
+    utilisation: float | None
+    limit_ratios: Mapping[str, float] | None
     demand: FloatArray
     demand_ratio: FloatArray
     jerk: FloatArray
@@ -114,6 +112,7 @@ def evaluate(
     objective: Path | Program | None = None,
     limits: Limits | None = None,
     until: float | None = None,
+    limit_use: bool = False,
 ) -> Evaluation:
     """Evaluate an execution against the path that it was to follow.
 
@@ -129,6 +128,8 @@ def evaluate(
         limits: The limits; by default the arm's own.
         until: End of the time that errors cover [s]; by default when the planned motion has ended
             and the tool is at rest. Not allowed for a program of more than one path.
+        limit_use: Whether `utilisation` and `limit_ratios` are computed, which takes longer than
+            all errors together; without it they are None.
 
     Raises:
         InvalidInput: The path has another dimension than the arm, `until` is not above zero, or the
@@ -140,7 +141,8 @@ def evaluate(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
-    t, speed, duration = executed.t, executed.tool_speed, executed.taught.trajectory.duration
+    trajectory = executed.taught.trajectory
+    t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moving, moved = np.flatnonzero(speed > REST_SPEED), (t >= 0) & (t <= duration)
     settled = float(t[moving[-1]]) if len(moving) else 0.0
     end = max(duration, settled)
@@ -169,6 +171,8 @@ def evaluate(
         ),
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
         **_compute_demands(executed, bounds, end),
+        utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
+        limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
     )
 
 
@@ -191,14 +195,12 @@ def _check_programs(
 
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """Fields of `Evaluation` about the joints and their limits; `end` is that of the errors [s]."""
+    """Fields of `Evaluation` about the demands of the joints; `end` is that of the errors [s]."""
     low, high = limits.acceleration_bounds(executed.arm.dof)
     lowest, highest = executed.demand_range
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     jerk = executed_jerk(executed)
     return {
-        "utilisation": _utilisation(executed, limits, executed.taught.trajectory.duration),
-        "limit_ratios": _limit_ratios(executed, limits),
         "demand": executed.peak_demand,
         "demand_ratio": np.maximum(lowest / low, highest / high),
         "jerk": jerk,
@@ -257,13 +259,3 @@ def _torque(executed: Execution) -> FloatArray | None:
     if not judges_torque(executed.arm):
         return None
     return executed.arm.torque(executed.q, executed.dq, executed.ddq)
-
-
-def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
-    """Largest used share of every limit in the planned motion."""
-    trajectory = executed.taught.trajectory
-    intervals = len(trajectory.breaks)
-    points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
-    found = check(trajectory, executed.arm, limits, points=points)
-    # Steps at breaks are not limits.
-    return {x.name: x.ratio for x in found.uses if x.name in Limits.__dataclass_fields__}
