@@ -31,6 +31,8 @@ PACKAGES = (
 )
 # One thread in us and in the peers, as the time of the processor counts each.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# A load of each core by others from which the machine is called busy.
+BUSY = 0.5
 # How often a line is measured that seems slower than the baseline, and one for the baseline.
 AGAIN, TIMES = 2, 3
 
@@ -41,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # It is read when numpy is imported, by the modules.
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    lines = chosen(all_lines(), given.only, given.full)
+    lines, busy = chosen(all_lines(), given.only, given.full), _busy()
     if given.list:
         print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
         return 0
@@ -51,17 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     best = [_judged(x) for x in found.values()]
     _print_table(best, baseline.known(sessions))
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
-    print(
-        f"\n{len(best)} lines in {(time.perf_counter() - begin) / 60:.1f} min.", *trouble, sep="\n"
-    )
+    minutes = (time.perf_counter() - begin) / 60
+    print(f"\n{len(best)} lines in {minutes:.1f} min.", *busy, *trouble, sep="\n")
     failed = any(x.startswith("Failed") for x in trouble)
     if given.update:
-        new = Session(
-            date.today().isoformat(),
-            _commit(),
-            _machine(),
-            {name: Known.of(x) for name, x in found.items()},
-        )
+        ratios = {name: Known.of(x) for name, x in found.items()}
+        new = Session(date.today().isoformat(), _commit(), _machine(), ratios)
         baseline.write(given.baseline, baseline.updated(sessions, new))
         print(f"Written: {given.baseline}")
         return int(failed)
@@ -156,6 +153,17 @@ def _print_table(found: Iterable[Measured], known: Mapping[str, Known]) -> None:
             "-" if x.of_bar == "-" else f"{x.of_bar} of {x.line.bar}",
         )
     Console(width=200).print(table)
+
+
+def _busy() -> list[str]:
+    """A sentence, if other programs kept the machine busy in the last minute."""
+    cores, load = os.cpu_count() or 1, os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    if load < BUSY * cores:
+        return []
+    return [
+        f"The machine was busy with other work, a load of {load:.1f} on {cores} cores: times by "
+        "the clock are too long, and ratios are less sure."
+    ]
 
 
 def _commit() -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import NoReturn, TypeGuard
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
 from armcontour.timing._joint_limits import FOUND, LOST, plan_in_one_go
-from armcontour.timing._memory_block import MemoryBlock, take_rows
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
@@ -97,6 +96,9 @@ WIDER = 1.5
 CLOSE = 1.02
 LEAST_GAIN = 1e-6
 MOST_MOVES = 4
+# glibc gives freed blocks back to the system if they are larger than all that were freed before, up
+# to 32 MB. New pages cost as much time as the arithmetic on them, and a plan takes many.
+np.empty(2**22 - 2**12)
 
 
 def plan_optimal(
@@ -252,17 +254,13 @@ class _Task:
         return np.concatenate([start, grid.joint_path.stops, end])
 
 
-_rows = MemoryBlock()
-NO_ROWS = np.empty((0, 4, 0))
-
-
 class Problem:
     """The arrays of the compiled planner, collected from all constraints.
 
     Args:
         grid: The grid.
         path: Derivatives of the joint path on the grid.
-        active: The constraints.
+        task: The constraints.
         bounds: Bounds of x and u, from which margins between the points follow; None for no
             margins.
         about: Without bounds: x on each interval [m²/s²] near which rows that stand for a curve
@@ -273,7 +271,7 @@ class Problem:
         self,
         grid: Grid,
         path: JointDerivatives,
-        active: Sequence[Constraint],
+        task: _Task,
         bounds: Bounds | None = None,
         about: FloatArray | None = None,
     ) -> None:
@@ -283,7 +281,7 @@ class Problem:
         self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
         self.rows: list[Rows] = []
-        for constraint in active:
+        for constraint in task.active:
             ceiling = constraint.ceiling(grid, path, bounds)
             if about is None:
                 found = constraint.rows(grid, path, bounds)
@@ -320,7 +318,7 @@ class Problem:
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
         count = sum(x.a.shape[2] for x in self.rows)
-        packed, first = take_rows(_rows, len(self.grid), 2 * count), 0
+        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
         for x in self.rows:
             bounds = x.low, x.high, x.margin
             pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
@@ -328,13 +326,12 @@ class Problem:
         return packed
 
     def solve(self, task: _Task) -> FloatArray:
-        """Find the largest x at every grid point [m²/s²], (n + 1,); once, as it gives memory back.
+        """Find the largest x at every grid point [m²/s²], (n + 1,).
 
         Raises:
             NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
         """
-        grid, ceiling, packed = self.grid, self.at_points, self.packed
-        self.packed = NO_ROWS
+        grid, ceiling = self.grid, self.at_points
         start, end = task.start_speed**2, task.end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
             if value > ceiling[place] * (1 + PLAY):
@@ -349,7 +346,7 @@ class Problem:
             end = self._largest_at_end()
         x, most, stuck = reach(
             grid.width,
-            packed,
+            self.packed,
             ceiling,
             self.c,
             self.radius,
@@ -458,7 +455,7 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
         skew = np.where(steady, 0.0, bracket.slope)
         bounds = _bounds(grid, path, task, bracket, skew)
         problem = None  # The arrays of the last one are freed before this one has its own.
-        problem = Problem(grid, path, task.active, bounds)
+        problem = Problem(grid, path, task, bounds)
         lost = problem.lost
         if lost.max() > most:
             # Retry without skew where skew is the cause, or where finer grids did not help.
@@ -490,6 +487,11 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
     return bracket.found, np.maximum(lost, most)
 
 
+def _is_fixed(x: Constraint) -> TypeGuard[ToolSpeed | CentripetalAcceleration]:
+    """Whether a constraint is a ceiling that depends on the place only; subclasses may not be."""
+    return type(x) in (ToolSpeed, CentripetalAcceleration)
+
+
 @dataclass(frozen=True, slots=True)
 class _PlainLimits:
     """Limits for which one compiled call makes the plan: of joints, and fixed ceilings.
@@ -512,7 +514,7 @@ class _PlainLimits:
         # Subclasses may keep other limits.
         accelerations = [x for x in task.active if type(x) is JointAcceleration]
         velocities = [x for x in task.active if type(x) is JointVelocity]
-        fixed = [x for x in task.active if isinstance(x, ToolSpeed | CentripetalAcceleration)]
+        fixed = [x for x in task.active if _is_fixed(x)]
         known = len(fixed) + len(velocities[:1]) + 1
         if not accelerations or known < len(task.active) or len(task.standing):
             return None
@@ -547,7 +549,7 @@ class _PlainLimits:
             LARGEST_DIP,
             WIDER,
             MOST_TRIES,
-            take_rows(_rows, len(grid), 2 * path.dof),
+            np.empty((len(grid), 4, 2 * path.dof)),
         )
 
     def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
@@ -666,12 +668,12 @@ def _coarse(grid: Grid) -> tuple[Grid, IntArray]:
 def _pass_on(grid: Grid, coarse: Grid, of: IntArray, task: _Task) -> _Bracket:
     """Run the first pass on a coarser grid."""
     path = JointDerivatives.on(coarse)
-    plain = Problem(coarse, path, task.active)
+    plain = Problem(coarse, path, task)
     x = plain.solve(task)
     for _ in range(MOST_TANGENTS if task.curved else 0):
         about = (x[:-1] + x[1:]) / 2
         del plain  # Its arrays are freed before the next one has its own.
-        plain = Problem(coarse, path, task.active, about=about)
+        plain = Problem(coarse, path, task, about=about)
         x = plain.solve(task)
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
             break

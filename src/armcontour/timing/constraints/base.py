@@ -22,7 +22,6 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath, PathLaw
-from armcontour.timing._memory_block import MemoryBlock
 from armcontour.timing.constraints._rows import derivatives
 from armcontour.timing.grid import Grid
 from armcontour.timing.limit_use import States, quantity
@@ -48,15 +47,12 @@ class JointDerivatives:
     def on(cls, grid: Grid) -> JointDerivatives:
         """Compute the derivatives of the grid's joint path."""
         path: JointPath = grid.joint_path
-        shape = (len(grid), path.dof)
-        block = _blocks.take(6 * shape[0] * shape[1])
-        arrays = block[: 6 * shape[0] * shape[1]].reshape(6, *shape)
+        arrays = np.empty((6, len(grid), path.dof))
         parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
         return cls(*parts)
 
 
-_blocks = MemoryBlock()
 # Shares of the time of an interval at which what is not known from its ends is looked at.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 
@@ -117,12 +113,17 @@ class Rows:
         return Rows(a, b, low, high, self.margin[-1:].copy())
 
     def compact(self) -> Rows:
-        """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""
+        """The same rows in contiguous arrays; bounds that do not differ have one entry for all.
+
+        Lower and upper bounds have the same shape: along axes on which both were broadcast, 1.
+        """
+        ends, places, _ = zip(self.low.strides, self.high.strides, strict=True)
+        shared = slice(None if any(ends) else 1), slice(None if any(places) else 1)
         return Rows(
             _contiguous(self.a),
             _contiguous(self.b),
-            _compact(self.low),
-            _compact(self.high),
+            _contiguous(self.low[shared]),
+            _contiguous(self.high[shared]),
             _contiguous(self.margin),
         )
 
@@ -130,12 +131,6 @@ class Rows:
 def _contiguous(values: FloatArray) -> FloatArray:
     """The array, or a contiguous copy that may be written: kernels are compiled for these."""
     return values if values.flags.c_contiguous and values.flags.writeable else values.copy("C")
-
-
-def _compact(bound: FloatArray) -> FloatArray:
-    """A bound, (2, n, rows), with one entry along axes on which it was broadcast."""
-    ends, places, _ = bound.strides
-    return _contiguous(bound[: 1 if ends == 0 else None, : 1 if places == 0 else None])
 
 
 @dataclass(frozen=True, slots=True)
