@@ -14,8 +14,8 @@ from armcontour.jobs.job import Job, Run
 RESOLUTION = 1e-3
 # Memory of one set-point per joint, from its computation to the written files [bytes], measured.
 SET_POINT = 230.0
-# Memory of one path segment per joint [bytes]: while it is planned, also under limits of torque with
-# viscous friction, and afterwards. Measured on programs of 150,000 lines.
+# Memory of one path segment per joint [bytes], measured on programs of 150,000 lines: while it is
+# planned, also under limits of torque with viscous friction, and afterwards.
 SEGMENT, SEGMENT_WITH_DRAG, SEGMENT_STAYS = 1500.0, 2600.0, 400.0
 # Share of a run's memory that its results keep after the run is done.
 STAYS = 0.5
