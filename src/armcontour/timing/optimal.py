@@ -50,7 +50,8 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
-    AT_AN_INTERVAL,
+    AT_CURVES,
+    AT_LINES,
     Grid,
     coarsen,
     finer_at_rests,
@@ -144,7 +145,8 @@ def plan_optimal(
     else:
         placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
+    each = AT_CURVES if any(x.curved for x in active) else AT_LINES
+    most = (memory - _memory.PROGRAM) / (each * joint_path.dof)
 
     rests = standing(joint_path)
     most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
