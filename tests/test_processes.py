@@ -1,13 +1,15 @@
 """Work on many items in other processes."""
 
+import os
 import sys
 from functools import partial
 from operator import truediv
 
+import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour._processes import map_in_processes
+from armcontour._processes import map_ahead, map_in_processes, pack, unpack
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -32,3 +34,44 @@ def test_an_error_ends_the_work_with_its_text():
 def test_a_process_that_ends_is_said():
     with pytest.raises(ac.ExecutionError, match="has ended"):
         map_in_processes(sys.exit, [3] * 20, processes=2)
+
+
+@pytest.fixture
+def eager(monkeypatch):
+    """Two other processes work ahead from the second item on."""
+    monkeypatch.setattr("armcontour._processes.ALONE", 1e-9)
+    monkeypatch.setattr("armcontour._processes.processors", lambda: 3)
+
+
+# What `eval` of these items gives tells which process it was.
+SLOW = "(__import__('time').sleep(0.02), {}, __import__('os').getpid())[1:]"
+
+
+def test_work_ahead_comes_in_order_from_all_processes(eager):
+    found = list(map_ahead(eval, [SLOW.format(k) for k in range(60)]))
+    assert [k for k, _ in found] == list(range(60))
+    assert len({pid for _, pid in found}) == 3
+
+
+def test_work_ahead_raises_the_first_error_in_its_place(eager):
+    found = map_ahead(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
+    assert [next(found) for _ in range(20)] == [1.0] * 20
+    with pytest.raises(ZeroDivisionError):
+        next(found)
+
+
+def test_what_others_cannot_do_is_done_here(eager):
+    assert list(map_ahead(lambda x: x + 1, range(30))) == list(range(1, 31))
+    ends = f"__import__('os').getpid() == {os.getpid()} or __import__('os')._exit(1)"
+    assert list(map_ahead(eval, [ends] * 30)) == [True] * 30
+
+
+def test_little_work_stays_here():
+    found = map_ahead(eval, ["__import__('os').getpid()"] * 100)
+    assert set(found) == {os.getpid()}
+
+
+def test_packed_arrays_are_read_only():
+    values = np.arange(3.0)
+    found = unpack(pack({"values": values}))["values"]
+    assert np.array_equal(found, values) and not found.flags.writeable

@@ -11,19 +11,27 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from threading import Lock
-from typing import IO, Any, Protocol, TypeVar
+from functools import cached_property
+from threading import Condition, Lock, Thread
+from typing import IO, Any, Generic, Protocol, TypeAlias, TypeVar, cast
 
 from armcontour.errors import ExecutionError
 
 T = TypeVar("T")
 R = TypeVar("R")
+Packed: TypeAlias = tuple[bytes, list[bytes]]
 
 # Starting a process takes as long as some items, so that fewer of them are not given away.
 FEWEST = 12
 SERVE = "from armcontour._processes import serve; serve()"
+# Work ahead begins when this process has worked so long on its own [s of processor time], if twice
+# as much is left for each of the others: a start takes about as long.
+ALONE = 1.0
+# Largest number of others that work ahead; each takes about as much memory as this process.
+MOST_AHEAD = 7
 # Every process computes in one thread.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -133,8 +141,184 @@ def _feed_all(
             _end(child)
 
 
+def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
+    """Do some work on items and yield the results in order; others work ahead if that saves time.
+
+    This process works too, and does again what another one fails at. So an error is raised here,
+    that of the first item that has one.
+
+    Args:
+        work: The work; if it, an item or a result cannot be pickled, this process does all.
+        items: The items.
+    """
+    team: _Team[T, R] | None = None
+    begin = time.thread_time()
+    try:
+        for k in range(len(items)):
+            if team is None and k:
+                others = _worth(time.thread_time() - begin, k, len(items) - k)
+                team = _Team(work, items, k, others) if others > 0 else None
+            yield work(items[k]) if team is None else team.result(k)
+    finally:
+        if team is not None:
+            team.end()
+
+
+def _worth(spent: float, done: int, left: int) -> int:
+    """Number of other processes that are worth their start, after some work [s] on some items."""
+    if spent < ALONE or _Serving.here or not sys.executable:
+        return 0
+    return min(processors() - 1, MOST_AHEAD, int(spent / done * left / (2 * ALONE)))
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class _Serving:
+    """Whether this process is one of the others, which start no further ones."""
+
+    here = False
+
+
+class _Team(Generic[T, R]):
+    """This process and others, which work on the items of `map_ahead` from some item on.
+
+    Args:
+        work: The work.
+        items: The items.
+        first: Index of the first item that is not done yet.
+        others: Number of other processes.
+    """
+
+    def __init__(self, work: Callable[[T], R], items: Sequence[T], first: int, others: int) -> None:
+        self.work, self.items = work, items
+        # Index of the next item that nobody works on, the items that others work on, and results
+        # that nobody has asked for: in lists, which are empty where somebody failed.
+        self.next, self.away, self.found = first, set[int](), dict[int, list[R]]()
+        self.news = Condition()
+        self.children = [_start() for _ in range(others)]
+        self.threads = [
+            Thread(target=self._feed, args=(x,), name="work ahead", daemon=True)
+            for x in self.children
+        ]
+        for x in self.threads:
+            x.start()
+
+    def result(self, k: int) -> R:
+        """The result of an item; until it is there, this process works on others."""
+        while True:
+            with self.news:
+                while k in self.away and self.next >= len(self.items):
+                    self.news.wait()
+                done = self.found.pop(k, None)
+                if k in self.away:
+                    other = self._take()
+                else:
+                    other, self.next = None, max(self.next, k + 1)
+            if done:
+                return done[0]
+            if other is None:
+                return self.work(self.items[k])
+            try:
+                found = [self.work(self.items[other])]
+            except Exception:
+                found = []
+            self._add(other, found)
+
+    def end(self) -> None:
+        """End the other processes."""
+        with self.news:
+            self.next = len(self.items)
+        # Threads that wait for an answer get none, and end.
+        for child in self.children:
+            child.kill()
+        for x in self.threads:
+            x.join()
+        for child in self.children:
+            _end(child)
+
+    def _take(self) -> int | None:
+        """Index of an item for somebody to work on; None if there is none."""
+        if self.next >= len(self.items):
+            return None
+        self.next += 1
+        return self.next - 1
+
+    def _add(self, k: int, found: list[R]) -> None:
+        """Keep the result of an item; after a failure nobody works ahead any more."""
+        with self.news:
+            self.found[k] = found
+            self.away.discard(k)
+            if not found:
+                self.next = len(self.items)
+            self.news.notify_all()
+
+    def _feed(self, child: subprocess.Popen[bytes]) -> None:
+        """Have another process work on items, until none is left or it fails."""
+        assert child.stdin is not None and child.stdout is not None
+        found: list[R] = [...]  # type: ignore[list-item]
+        sent = False
+        while found:
+            with self.news:
+                k = self._take()
+                if k is None:
+                    return
+                self.away.add(k)
+            found = []
+            try:
+                if not sent:
+                    _send(child.stdin, _Unpacked(pack(self.work)))
+                    sent = True
+                _send(child.stdin, pack(self.items[k]))
+                found = [_receive(child.stdout)]
+            except Exception:  # Also what pickle raises, which is anything.
+                pass
+            self._add(k, found)
+
+
+class _Unpacked:
+    """Work on items that come packed, and that is packed itself.
+
+    Args:
+        packed: The work.
+    """
+
+    def __init__(self, packed: Packed) -> None:
+        self.packed = packed
+
+    @cached_property
+    def work(self) -> Callable[[Any], Any]:
+        """The work itself."""
+        return cast(Callable[[Any], Any], unpack(self.packed))
+
+    def __call__(self, item: Packed) -> Any:
+        """Do the work on an item."""
+        return self.work(unpack(item))
+
+
+def pack(value: Any) -> Packed:
+    """A value as bytes. Arrays are read-only when they are unpacked, as checked values have them.
+
+    Compiled functions are compiled for such arrays.
+    """
+    buffers: list[pickle.PickleBuffer] = []
+    data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    return data, [bytes(x.raw()) for x in buffers]
+
+
+def unpack(packed: Packed) -> Any:
+    """The value that was packed."""
+    data, buffers = packed
+    return pickle.loads(data, buffers=buffers)
+
+
 def serve() -> None:
     """The other process: do the work on the items that come in, until none comes."""
+    _Serving.here = True
     # The terminal interrupts all processes; the first one decides what that means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")

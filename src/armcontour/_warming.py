@@ -20,7 +20,7 @@ from typing import Any, Literal, TypeAlias
 
 from armcontour import _signatures
 from armcontour._kernels import KERNELS, compiled
-from armcontour._processes import share_work
+from armcontour._processes import processors, share_work
 from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
 from armcontour.errors import ArmContourError
 
@@ -269,6 +269,6 @@ def _callees(key: Key) -> set[Key]:
 def _processes() -> int:
     """Number of processes: one a processor, as far as the memory goes."""
     if sys.platform != "linux":
-        return os.cpu_count() or 1
+        return processors()
     free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return max(1, min(len(os.sched_getaffinity(0)), int(free / EACH)))
+    return max(1, min(processors(), int(free / EACH)))

@@ -164,9 +164,124 @@ def test_states_of_another_arm_are_refused(refuses):
     refuses(lambda: dynamics.torque(q, q[0], q), ac.InvalidInput, "one shape", "(3,)")
 
 
-def test_pinocchio_missing_is_said(monkeypatch, refuses):
+def test_pinocchio_missing_is_said_where_it_is_needed(monkeypatch, states, refuses):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
-    refuses(lambda: Dynamics(chain()), ac.InvalidInput, "package pin", "install it")
+    dynamics = Dynamics(chain())
+    assert np.isfinite(dynamics.torque(*states)).all()
+    refuses(lambda: dynamics.derivatives(*states), ac.InvalidInput, "package pin", "install it")
+
+
+def random_chain(seed: int, dof: int) -> Chain:
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(dof, 3))
+    # Axes along z, the other way round, and any.
+    axes[rng.random(dof) < 0.3] = [0, 0, 1]
+    axes[rng.random(dof) < 0.2] = [0, 0, -1]
+    turns = exp(rng.normal(size=(dof + 1, 3)))
+    moments = np.array([np.diag(x) for x in rng.uniform(0.1, 0.15, (dof + 1, 3))])
+    inertias = turns @ moments @ np.swapaxes(turns, 1, 2)
+    inertias = (inertias + np.swapaxes(inertias, 1, 2)) / 2
+    return Chain(
+        joints=tuple(f"joint {k}" for k in range(dof)),
+        rotations=exp(rng.normal(size=(dof, 3))),
+        positions=rng.normal(size=(dof, 3)),
+        axes=axes / np.linalg.norm(axes, axis=1)[:, None],
+        masses=rng.uniform(0, 5, dof),
+        centers=rng.normal(size=(dof, 3)),
+        inertias=inertias[:dof],
+        armature=rng.uniform(0, 1, dof),
+        tip=Frame(position=rng.normal(size=3), rotation=exp(rng.normal(size=3))),
+        gravity=rng.normal(size=3) * 9.81,
+        payload=Payload(mass=2.0, center=rng.normal(size=3), inertia=inertias[dof])
+        if seed % 2
+        else None,
+    )
+
+
+def by_pinocchio(bodies: Chain):
+    """Torques with and without gravity, and mass matrices, of single states, without armature."""
+    pin = pytest.importorskip("pinocchio")
+    model, joint = pin.Model(), 0
+    for k, name in enumerate(bodies.joints):
+        place = pin.SE3(np.array(bodies.rotations[k]), np.array(bodies.positions[k]))
+        turning = pin.JointModelRevoluteUnaligned(np.array(bodies.axes[k]))
+        joint = model.addJoint(joint, turning, place, name)
+        body = bodies.masses[k], np.array(bodies.centers[k]), np.array(bodies.inertias[k])
+        model.appendBodyToJoint(joint, pin.Inertia(*body), pin.SE3.Identity())
+    if (load := bodies.payload) is not None:
+        body = load.mass, np.array(load.center), np.array(load.inertia)
+        tip = pin.SE3(np.array(bodies.tip.rotation), np.array(bodies.tip.position))
+        model.appendBodyToJoint(joint, pin.Inertia(*body), tip)
+    still = model.copy()
+    still.gravity.linear, model.gravity.linear = np.zeros(3), np.array(bodies.gravity)
+    data = model.createData()
+    upper = np.triu_indices(len(bodies))
+
+    def mass(q):
+        found = np.array(pin.crba(model, data, q))
+        found.T[upper] = found[upper]
+        return found
+
+    return (
+        lambda *state: np.array([pin.rnea(model, data, *x) for x in zip(*state, strict=True)]),
+        lambda *state: np.array([pin.rnea(still, data, *x) for x in zip(*state, strict=True)]),
+        lambda q: np.array([mass(x) for x in q]),
+    )
+
+
+# Whole blocks of states, a part of one, one state alone.
+@pytest.mark.parametrize(("dof", "n"), [(1, 64), (2, 33), (6, 95), (7, 1), (9, 20)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
+    bodies = random_chain(10 * dof + seed, dof)
+    rng = np.random.default_rng(seed)
+    q, dq, ddq = rng.uniform(-7, 7, (3, n, dof))
+    still, armature, dynamics = np.zeros_like(q), bodies.armature, Dynamics(bodies)
+    torque, weightless, mass = by_pinocchio(bodies)
+
+    def same(found, expected):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+    a, b, c = dynamics.path_terms(q, dq, ddq)
+    same(a, weightless(q, still, dq) + armature * dq)
+    same(b, weightless(q, dq, ddq) + armature * ddq)
+    same(c, torque(q, still, still))
+    same(dynamics.gravity(q), torque(q, still, still))
+    same(dynamics.torque(q, dq, ddq), torque(q, dq, ddq) + armature * ddq)
+    same(dynamics.mass_matrix(q), mass(q) + np.diag(armature))
+
+
+def test_states_of_any_form_have_the_same_torques(states):
+    dynamics = Dynamics(chain())
+    expected = dynamics.torque(*states)
+    for q in states:
+        q.flags.writeable = False
+    np.testing.assert_array_equal(dynamics.torque(*states), expected)
+    single = [dynamics.torque(*(x[k] for x in states)) for k in (0, 99)]
+    np.testing.assert_allclose(single, expected[[0, 99]], rtol=1e-13)
+    folded = dynamics.torque(*(np.asfortranarray(x).reshape(4, 25, 3) for x in states))
+    np.testing.assert_array_equal(folded.reshape(100, 3), expected)
+    assert dynamics.torque(*np.zeros((3, 0, 3))).shape == (0, 3)
+    assert dynamics.mass_matrix(np.zeros((0, 3))).shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize("turns", [3, -1000, 100_000, 10**9])
+def test_whole_turns_change_no_torque(turns, states):
+    q, dq, ddq = states
+    dynamics = Dynamics(chain())
+    # The position itself is rounded, by half of its last digit.
+    rounding = np.spacing(7.0 * abs(turns)) + 1e-15
+    found = dynamics.torque(q + 2 * np.pi * turns, dq, ddq)
+    expected = dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e3 * rounding)
+
+
+def test_a_position_that_is_no_number_has_no_torque(states):
+    q, dq, ddq = states
+    q[40, 1] = np.nan
+    found = Dynamics(chain()).torque(q, dq, ddq)
+    assert np.isnan(found[40]).any()
+    assert np.isfinite(np.delete(found, 40, axis=0)).all()
 
 
 @pytest.mark.parametrize(

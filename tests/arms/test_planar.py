@@ -155,6 +155,18 @@ def entries_27(q, dq):
     return np.array(p), np.array(rates)
 
 
+@pytest.mark.parametrize("n", [0, 1, 31, 33])
+def test_blocks_of_states_end_anywhere(arm, n):
+    q, dq, ddq = np.random.default_rng(n).normal(size=(3, n, 2))
+    velocity, acceleration = arm.tool_motion(q, dq, ddq)
+    jacobian, rate = arm.jacobian(q), arm.jacobian_rate(q, dq)
+    np.testing.assert_allclose(velocity, np.einsum("nij,nj->ni", jacobian, dq), atol=1e-14)
+    expected = np.einsum("nij,nj->ni", jacobian, ddq) + np.einsum("nij,nj->ni", rate, dq)
+    np.testing.assert_allclose(acceleration, expected, atol=1e-14)
+    np.testing.assert_array_equal(arm.tool_velocity(q, dq), velocity)
+    np.testing.assert_array_equal(arm.tool_acceleration(q, dq, ddq), acceleration)
+
+
 def test_joint_acceleration_is_27_as_mended(arm):
     rng = np.random.default_rng(3)
     for q in random_joints(50):

@@ -118,6 +118,30 @@ def test_the_jerk_of_many_states_is_that_of_each(arm3):
     np.testing.assert_allclose(found, arm3.tool_velocity(q, dddq), atol=1e-12)
 
 
+@pytest.mark.parametrize("n", [0, 1, 31, 33])
+def test_blocks_of_states_end_anywhere(arm3, n):
+    q, dq, ddq, dddq = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
+    twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
+    # The Jacobian and its rate are computed by other code.
+    np.testing.assert_allclose(
+        twist, np.einsum("nij,nj->ni", arm3.twist_jacobian(q), dq), rtol=0, atol=1e-13 * arm3.dof
+    )
+    rate = arm3.jacobian_rate(q, dq)
+    expected = arm3.tool_velocity(q, ddq) + np.einsum("nij,nj->ni", rate, dq)
+    np.testing.assert_allclose(bend[:, :3], expected, rtol=0, atol=1e-12 * arm3.dof)
+    velocity, acceleration = arm3.tool_motion(q, dq, ddq)
+    np.testing.assert_array_equal(velocity, twist[:, :3])
+    np.testing.assert_array_equal(acceleration, bend[:, :3])
+    for x in (q, dq, ddq, dddq):
+        x.flags.writeable = False
+    for k in range(n):
+        one = q[k], dq[k], ddq[k], dddq[k]
+        np.testing.assert_allclose(arm3.forward(one[0]), arm3.forward(q)[k], atol=1e-14)
+        np.testing.assert_allclose(
+            arm3.tool_jerk(*one), arm3.tool_jerk(q, dq, ddq, dddq)[k], atol=1e-12
+        )
+
+
 def test_pinocchio_sees_the_same_arm():
     arm = crooked()
     chain, model, joint = arm.chain, pin.Model(), 0

@@ -141,7 +141,7 @@ def test_evaluations_count_torque(turning, robot, servo):
     torque = np.abs(robot.torque(q, dq, ddq)).max(axis=0)
     loose = robot.limits.replace(joint_acceleration=1e3, joint_torque=1e3 * torque)
     tight = loose.replace(joint_torque=torque / 2)
-    assert ac.evaluate(executed, path, limits=loose).utilisation == 0
-    found = ac.evaluate(executed, path, limits=tight)
+    assert ac.evaluate(executed, path, limits=loose, limit_use=True).utilisation == 0
+    found = ac.evaluate(executed, path, limits=tight, limit_use=True)
     assert found.utilisation > 0
     assert found.limit_ratios["joint_torque"] > 1.5

@@ -73,7 +73,7 @@ def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     taught = ac.compensate(planned, servo, method="inverse", period=1e-3)
     plant = ac.ServoPlant(ARM, servo, limits)
-    found = ac.evaluate(ac.execute(taught, plant), path, limits=limits)
+    found = ac.evaluate(ac.execute(taught, plant), path, limits=limits, limit_use=True)
     np.testing.assert_allclose(found.jerk_ratio, found.jerk / 7.2)
     assert 0.99 < found.jerk_ratio.max() < 1.005
     assert found.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)

@@ -68,7 +68,8 @@ def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     taught = ac.compensate(planned, servo, period=2e-4)
     assert taught.method == "pole_placement"
-    found = ac.evaluate(ac.execute(taught, ac.ServoPlant(arm, servo)), rounded, limits=limits)
+    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    found = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
     # Lines 1 and 3 and line 2 beside its middle run at a joint's limit: all but the corners and the
     # middle, which take 1.136 and 0.571 of 5.326 s.
     assert found.utilisation == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
@@ -76,3 +77,7 @@ def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
     assert set(found.limit_ratios) == names
     assert all(0.999 < x <= 1 + 1e-9 for x in found.limit_ratios.values())
     assert found.speed_overshoot <= 1e-9
+    # Nobody pays for what was not asked for.
+    errors = ac.evaluate(executed, rounded, limits=limits)
+    assert errors.utilisation is None and errors.limit_ratios is None
+    assert errors.contour_error.rms == found.contour_error.rms

@@ -129,10 +129,9 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is() -> None:
     one = round_corners(Program(moves=(Contour(path=BEND),)), tolerance=1e-3)
     alone, as_program = executed(path), executed(one)
     np.testing.assert_array_equal(alone.q, as_program.q)
-    first = ac.evaluate(alone, path, objective=BEND, limits=LIMITS)
-    second = ac.evaluate(
-        as_program, one, objective=Program(moves=(Contour(path=BEND),)), limits=LIMITS
-    )
+    first = ac.evaluate(alone, path, objective=BEND, limits=LIMITS, limit_use=True)
+    objective = Program(moves=(Contour(path=BEND),))
+    second = ac.evaluate(as_program, one, objective=objective, limits=LIMITS, limit_use=True)
     for name in ("contour_error", "tracking_error", "objective_error"):
         a, b = getattr(first, name), getattr(second, name)
         assert (a.max, a.t_max, a.rms) == (b.max, b.t_max, b.rms)
@@ -158,7 +157,7 @@ def test_a_rapid_is_not_judged_by_limits_of_the_tool() -> None:
     trajectory = ac.plan(DRAWN, ARM, limits, reserve=0.2)
     taught = ac.compensate(trajectory, SERVO, method="inverse", period=4e-3)
     execution = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
-    found = ac.evaluate(execution, DRAWN, limits=limits)
+    found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
     (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
     t = np.linspace(*rapid.t, 200)
     speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from collections.abc import Callable
 
@@ -619,3 +620,40 @@ def test_tracing_tells_how_many_contours_are_done() -> None:
     program = Program(moves=(Contour(path=BEND), Rapid(), Contour(path=SQUARE)))
     trace_program(program, PMK3S, IN_PLANE, progress=told.append)
     assert told == [Step(("tracing",), 0.5), Step(("tracing",), 1.0)]
+
+
+def test_plans_made_ahead_are_the_same(monkeypatch):
+    places = [(0.25 + 0.02 * i, 0.1 + 0.02 * j) for i in range(4) for j in range(5)]
+    size = np.array([[0, 0], [0.01, 0], [0.01, 0.01]])
+    program = Program(moves=tuple(Contour(path=Path.polyline(size + x)) for x in places))
+    traced = trace_program(program, PMK3S, IN_PLANE)
+    told: list[Step] = []
+
+    def planned() -> Trajectory:
+        return ac.plan(traced, PMK3S, IN_PLANE, smoothing=0.02, progress=told.append)
+
+    alone = planned()
+    # From the second move on.
+    monkeypatch.setattr("armcontour._processes.ALONE", 1e-9)
+    ahead = planned()
+    t = np.linspace(0, alone.duration, 999)
+    assert np.array_equal(alone.starts, ahead.starts)
+    assert all(np.array_equal(alone(t, k), ahead(t, k)) for k in range(3))
+    assert told[:20] == told[20:] == [Step(("timing",), (k + 1) / 20) for k in range(20)]
+
+
+def test_what_cannot_be_planned_is_said_in_its_place(monkeypatch):
+    """Of several contours too far out for a weak joint the first one is named."""
+    lines = [Path.polyline([[x, 0.0], [x + 0.01, 0.0]]) for x in np.linspace(0.3, 0.65, 10)]
+    program = Program(moves=tuple(Contour(path=in_space(x)) for x in lines))
+    weak = IN_SPACE.replace(joint_torque=[150, 44, 150, 28, 28, 28])
+    traced = trace_program(program, UR5E, weak)
+    refused = []
+    for alone in (1e9, 1e-9):
+        monkeypatch.setattr("armcontour._processes.ALONE", alone)
+        with pytest.raises(NotRealizable, match="joint 2 torque") as found:
+            ac.plan(traced, UR5E, weak, intervals=100)
+        refused.append(str(found.value))
+    assert refused[0] == refused[1]
+    number = int(re.match(r"contour (\d+):", refused[0])[1])
+    assert 3 < number < 10

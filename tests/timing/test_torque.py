@@ -8,9 +8,9 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.timing.constraints.friction import chord, tangent
+from armcontour.timing.constraints import Bounds, JointDerivatives, JointTorque
 from armcontour.timing.constraints.sampled import Sampled, rise
-from armcontour.timing.grid import Grid, coarsen, finer_at_rests, place_grid
+from armcontour.timing.grid import Grid, finer_at_rests, place_grid
 
 pytest.importorskip("pinocchio")
 
@@ -147,38 +147,58 @@ def test_an_arm_without_masses_has_no_torques(refuses):
     )
 
 
-def test_lines_enclose_the_root():
+def test_lines_enclose_viscous_friction():
+    arm, free = ur5e(viscous=VISCOUS), ur5e()
+    grid = place_grid(ac.JointPath.spline(POINTS), 200)
+    path, limit = JointDerivatives.on(grid), arm.limits.joint_torque
     rng = np.random.default_rng(0)
-    least, most = np.sort(10 ** rng.uniform(-8, 4, (2, 2000)), axis=0)
+    least, most = np.sort(10 ** rng.uniform(-8, 4, (2, len(grid))), axis=0)
     least[::10] = 0
-    cap = np.sqrt(most)[:, None] * 10 ** rng.uniform(-4, 1, (2000, 3))
-    above, below = tangent(least[:, None], most[:, None], cap), chord(least[:, None], most[:, None])
-    x = least + np.linspace(0, 1, 101)[:, None] ** 2 * (most - least)
-    root = np.sqrt(x)[..., None]
-    assert (above.offset <= cap).all()
-    assert (above.offset + above.slope * x[..., None] >= root * (1 - 1e-12)).all()
-    assert (below.offset + below.slope * x[..., None] <= root * (1 + 1e-12)).all()
+    plain = JointTorque(free, limit).rows(grid, path, None)
+    bounds = Bounds(most, np.zeros(len(grid)), np.zeros(len(grid)), least)
+    found = JointTorque(arm, limit).rows(grid, path, bounds)
+    drag = VISCOUS * path.first
+    # What the rows count as friction at x: at least it for the upper, at most it for lower limits.
+    above = found.b[..., :6] - plain.b, plain.high - found.high[..., :6]
+    below = found.b[..., 6:] - plain.b, plain.low - found.low[..., 6:]
+    for share in np.linspace(0, 1, 21) ** 2:
+        x = (least + share * (most - least))[:, None]
+        room = 1e-9 * (1 + np.abs(drag) * np.sqrt(x) + np.abs(plain.b) * x + limit)
+        assert (above[0] * x + above[1] >= drag * np.sqrt(x) - room).all()
+        assert (below[0] * x + below[1] <= drag * np.sqrt(x) + room).all()
+    # A joint that does not turn round may rest.
+    one_way = (path.first[0] * path.first[1] > 0) & (
+        np.abs(path.first).min(axis=0) > grid.width[:, None] ** 2 / 8 * path.third
+    )
+    assert (found.high[..., :6] > 0)[:, one_way].all()
+    assert (found.low[..., 6:] < 0)[:, one_way].all()
 
 
-def test_every_place_is_computed_once():
+def test_every_place_on_a_grid_is_computed_once():
     path = ac.JointPath.spline(POINTS)
     places = []
 
     def function(q, first, second):
         places.append(len(q))
-        return np.stack([q, first, second], axis=1)
+        return q, first, second
 
     grid = place_grid(path, 100)
     seen = Sampled(function)
-    seen.at_ends(coarsen(grid, 2)[0])
-    ends = seen.at_ends(grid)
+    for _ in range(3):
+        q, first, second = seen.at_ends(grid)
+        seen.rises(grid)
+        seen.in_middles(grid)
     # The four pieces' ends are seen from both sides.
-    assert sum(places) == len(grid) + 4
-    assert ends[1, -1, 0] == pytest.approx(path(path.length))
-    assert ends[0, :, 2] == pytest.approx(path.on_interval(grid.piece, grid.s[:-1], 2))
-    assert ends[1, :, 2] == pytest.approx(path.on_interval(grid.piece, grid.s[1:], 2))
+    assert places == [len(grid) + 4, len(grid)]
+    assert q[1, -1] == pytest.approx(path(path.length))
+    for end, s in enumerate((grid.s[:-1], grid.s[1:])):
+        for order, found in enumerate((q, first, second)):
+            assert found[end] == pytest.approx(path.on_interval(grid.piece, s, order))
+    middle = path.on_interval(grid.piece, (grid.s[:-1] + grid.s[1:]) / 2, 2)
+    assert seen.in_middles(grid)[2] == pytest.approx(middle)
     other = ac.JointPath.spline(2 * POINTS)
-    assert seen.in_middles(place_grid(other, 10)).shape == (10, 3, 6)
+    assert seen.in_middles(place_grid(other, 10))[0].shape == (10, 6)
+    assert seen.at_ends(grid)[0] == pytest.approx(q)
 
 
 def test_neighbours_tell_what_an_inflection_hides():
@@ -186,7 +206,7 @@ def test_neighbours_tell_what_an_inflection_hides():
     grid = Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int))
     cube = (grid.s - 0.5) ** 3
     middle = ((grid.s[:-1] + grid.s[1:]) / 2 - 0.5) ** 3
-    found = rise(grid, np.stack([cube[:-1], cube[1:]]), middle)
+    found = rise(grid, np.stack([cube[:-1], cube[1:]])[..., None], middle[:, None])[:, 0]
     inside = np.linspace(0, 1, 50)[:, None]
     value = (grid.s[:-1] + inside * grid.width - 0.5) ** 3
     off = np.abs(value - (cube[:-1] + inside * np.diff(cube))).max(axis=0)

@@ -1,4 +1,4 @@
-"""Compiled kinematics of a chain: poses, Jacobians, bias accelerations and jerks of many states."""
+"""Compiled kinematics of a chain: poses, joint axes, Jacobians and bias accelerations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
 
-@compiled()
+@compiled(inner=True)
 def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
     """Write the rotation matrix of a turn by `angle` about the unit vector `axis` into `out`."""
     c, s = math.cos(angle), math.sin(angle)
@@ -22,7 +22,7 @@ def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
     out[2, 0], out[2, 1], out[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
 
 
-@compiled()
+@compiled(inner=True)
 def write_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Write the product of two 3 by 3 matrices into `out`, which must be a third array."""
     for i in range(3):
@@ -30,7 +30,7 @@ def write_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@compiled()
+@compiled(inner=True)
 def write_kinematics(
     rotations: FloatArray,
     positions: FloatArray,
@@ -84,7 +84,7 @@ def write_kinematics(
         pose[i, 3] = along + (x if i == 0 else y if i == 1 else z)
 
 
-@compiled()
+@compiled(inner=True)
 def write_jacobian(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, out: FloatArray
 ) -> None:
@@ -114,7 +114,7 @@ def _link(origins: FloatArray, pose: FloatArray, k: int) -> Any:
     return pose[0, 3] - x, pose[1, 3] - y, pose[2, 3] - z
 
 
-@compiled()
+@compiled(inner=True)
 def write_bias_acceleration(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
 ) -> None:
@@ -143,54 +143,6 @@ def write_bias_acceleration(
         a1 += e2 * l0 - e0 * l2 + w2 * c0 - w0 * c2
         a2 += e0 * l1 - e1 * l0 + w0 * c1 - w1 * c0
     out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, e0, e1, e2
-
-
-@compiled()
-def write_jerk(
-    origins: FloatArray,
-    directions: FloatArray,
-    pose: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
-    dddq: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Write the third derivative of the tool point of one state into `out`, (3,).
-
-    The loop computes from link to link the angular velocity w, its first and second derivative e
-    and f, and the jerk of the next joint's origin: a vector l of a link has the derivatives
-    `l1 = w x l`, `l2 = e x l + w x l1` and `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of
-    the next joint.
-    """
-    w0 = w1 = w2 = 0.0
-    e0 = e1 = e2 = 0.0
-    f0 = f1 = f2 = 0.0
-    j0 = j1 = j2 = 0.0
-    for k in range(len(dq)):
-        d0, d1, d2 = directions[k, 0], directions[k, 1], directions[k, 2]
-        a0, a1, a2 = w1 * d2 - w2 * d1, w2 * d0 - w0 * d2, w0 * d1 - w1 * d0
-        b0 = e1 * d2 - e2 * d1 + w1 * a2 - w2 * a1
-        b1 = e2 * d0 - e0 * d2 + w2 * a0 - w0 * a2
-        b2 = e0 * d1 - e1 * d0 + w0 * a1 - w1 * a0
-        r1, r2, r3 = dq[k], ddq[k], dddq[k]
-        f0 += d0 * r3 + 2.0 * a0 * r2 + b0 * r1
-        f1 += d1 * r3 + 2.0 * a1 * r2 + b1 * r1
-        f2 += d2 * r3 + 2.0 * a2 * r2 + b2 * r1
-        e0 += d0 * r2 + a0 * r1
-        e1 += d1 * r2 + a1 * r1
-        e2 += d2 * r2 + a2 * r1
-        w0 += d0 * r1
-        w1 += d1 * r1
-        w2 += d2 * r1
-        l0, l1, l2 = _link(origins, pose, k)
-        a0, a1, a2 = w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0
-        b0 = e1 * l2 - e2 * l1 + w1 * a2 - w2 * a1
-        b1 = e2 * l0 - e0 * l2 + w2 * a0 - w0 * a2
-        b2 = e0 * l1 - e1 * l0 + w0 * a1 - w1 * a0
-        j0 += f1 * l2 - f2 * l1 + 2.0 * (e1 * a2 - e2 * a1) + w1 * b2 - w2 * b1
-        j1 += f2 * l0 - f0 * l2 + 2.0 * (e2 * a0 - e0 * a2) + w2 * b0 - w0 * b2
-        j2 += f0 * l1 - f1 * l0 + 2.0 * (e0 * a1 - e1 * a0) + w0 * b1 - w1 * b0
-    out[0], out[1], out[2] = j0, j1, j2
 
 
 @compiled()
@@ -233,54 +185,4 @@ def jacobians(origins: FloatArray, directions: FloatArray, pose: FloatArray) -> 
     out = np.empty((n, 6, dof))
     for i in range(n):
         write_jacobian(origins[i], directions[i], pose[i], out[i])
-    return out
-
-
-@compiled()
-def drifts(
-    origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
-) -> FloatArray:
-    """Bias accelerations `dJ/dt dq` of all states, (n, 6), from the results of `poses`."""
-    n = len(origins)
-    out = np.empty((n, 6))
-    for i in range(n):
-        write_bias_acceleration(origins[i], directions[i], pose[i], dq[i], out[i])
-    return out
-
-
-@compiled()
-def jerks(
-    origins: FloatArray,
-    directions: FloatArray,
-    pose: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
-    dddq: FloatArray,
-) -> FloatArray:
-    """Tool jerks of all states, (n, 3), from the results of `poses`."""
-    n = len(origins)
-    out = np.empty((n, 3))
-    for i in range(n):
-        write_jerk(origins[i], directions[i], pose[i], dq[i], ddq[i], dddq[i], out[i])
-    return out
-
-
-@compiled()
-def twists(
-    origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray
-) -> FloatArray:
-    """Velocities and angular velocities of the tool, (n, 6), without computing the Jacobians."""
-    n, dof = dq.shape
-    out = np.zeros((n, 6))
-    for i in range(n):
-        for k in range(dof):
-            a, rate = directions[i, k], dq[i, k]
-            x = pose[i, 0, 3] - origins[i, k, 0]
-            y = pose[i, 1, 3] - origins[i, k, 1]
-            z = pose[i, 2, 3] - origins[i, k, 2]
-            out[i, 0] += rate * (a[1] * z - a[2] * y)
-            out[i, 1] += rate * (a[2] * x - a[0] * z)
-            out[i, 2] += rate * (a[0] * y - a[1] * x)
-            for j in range(3):
-                out[i, 3 + j] += rate * a[j]
     return out

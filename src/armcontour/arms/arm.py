@@ -141,6 +141,40 @@ class Arm(Locked, ABC):
         vars(other).update(changes)
         return other
 
+    def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
+        """Leading shape and rows of the given states, (rows, dof) each.
+
+        The shapes are checked because compiled code would read past the end of a short row.
+
+        Raises:
+            InvalidInput: The number of columns is wrong or the shapes do not fit together.
+        """
+        arrays = [np.asarray(x, dtype=np.float64) for x in states]
+        shape = arrays[0].shape
+        if shape[-1:] != (self.dof,) or any(x.shape != shape for x in arrays):
+            shape = self._common_shape(arrays)
+            arrays = [np.broadcast_to(x, shape) for x in arrays]
+        # Numba would compile the kernels a second time for read-only arrays.
+        rows = [np.require(x.reshape(-1, self.dof), requirements=["C", "W"]) for x in arrays]
+        return shape[:-1], rows
+
+    def _common_shape(self, states: list[FloatArray]) -> tuple[int, ...]:
+        """The shape to which the states are broadcast.
+
+        Raises:
+            InvalidInput: The number of columns is wrong or the shapes do not fit together.
+        """
+        seen = ", ".join(str(x.shape) for x in states)
+        if any(x.shape[-1:] != (self.dof,) for x in states):
+            raise InvalidInput(
+                f"The arm {self.name} has {self.dof} joints, so its states must be arrays with "
+                f"{self.dof} columns, not {seen}."
+            )
+        try:
+            return np.broadcast_shapes(*(x.shape for x in states))
+        except ValueError:
+            raise InvalidInput(f"States must have shapes that fit together, not {seen}.") from None
+
     @property
     def has_bodies(self) -> bool:
         """Whether the masses of the links are known."""

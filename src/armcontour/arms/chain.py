@@ -146,6 +146,17 @@ class Chain:
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
 
+def joint_frames(chain: Chain) -> FloatArray:
+    """Rotations of frames with z along the joint axes, in the frames of the links, (n, 3, 3)."""
+    found = np.tile(np.eye(3), (len(chain), 1, 1))
+    for frame, axis in zip(found, chain.axes, strict=True):
+        if axis[2] != 1.0:
+            across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+            frame[:, 0] = across / np.linalg.norm(across)
+            frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
+    return found
+
+
 def refuse_inertia(who: str, inertia: npt.ArrayLike) -> None:
     """Refuse an inertia matrix that no body can have.
 

@@ -1,14 +1,15 @@
-"""Joint torques of a chain of rigid bodies, computed with pinocchio."""
+"""Joint torques of a chain of rigid bodies; their derivatives are computed by pinocchio."""
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
-from armcontour.arms.chain import Chain
+from armcontour.arms.chain import Chain, joint_frames
 from armcontour.errors import InvalidInput
 
 
@@ -19,30 +20,21 @@ class Dynamics:
         chain: A chain with masses. Its armature is added to the torque of each joint separately.
 
     Raises:
-        InvalidInput: The chain has no masses, or pinocchio is not installed.
+        InvalidInput: The chain has no masses.
     """
 
     def __init__(self, chain: Chain) -> None:
         if chain.masses is None:
             raise InvalidInput("A chain without masses has no dynamics: give the masses of links.")
         self.chain = chain
-        self._pin: Any = pinocchio()
-        # One model with gravity and one without: `path_terms` separates the gravity torque.
-        self._model = _model(self._pin, chain)
-        self._weightless = self._model.copy()
-        self._weightless.gravity.linear = np.zeros(3)
-        self._data = self._model.createData()
-        self._weightless_data = self._weightless.createData()
-        self._armature = np.asarray(chain.armature)
+        self._links = _numbers(chain)
+        self._gravity = np.array(chain.gravity)
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
-        self._falls = bool(np.any(chain.gravity))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] of links, payload, drives and gravity, without friction."""
-        at, rate, second = self._rows(q, dq, ddq)
-        found = self._rnea(self._model, self._data, at, rate, second)
-        found += self._armature * second
-        return found.reshape(np.shape(q))
+        _, moving, weight = self.path_terms(q, dq, ddq)
+        return moving + weight
 
     def friction(self, dq: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] of viscous and Coulomb friction."""
@@ -60,32 +52,26 @@ class Dynamics:
             dq_ds: First derivatives by arc length [rad/m], same shape.
             d2q_ds2: Second derivatives by arc length [rad/m²], same shape.
         """
-        at, first, second = self._rows(q, dq_ds, d2q_ds2)
-        still = np.zeros_like(at)
-        model, data = self._weightless, self._weightless_data
-        a = self._rnea(model, data, at, still, first) + self._armature * first
-        b = self._rnea(model, data, at, first, second) + self._armature * second
+        from armcontour.arms import _dynamics
+
+        a, b, c = _dynamics.path_terms(self._links, self._gravity, *self._rows(q, dq_ds, d2q_ds2))
         shape = np.shape(q)
-        return a.reshape(shape), b.reshape(shape), self._gravity(at).reshape(shape)
+        return a.reshape(shape), b.reshape(shape), c.reshape(shape)
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
         """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
         (at,) = self._rows(q)
         n, dof = at.shape
-        found = np.empty((n, dof, dof))
-        crba, model, data = self._pin.crba, self._model, self._data
-        for out, x in zip(found, at, strict=True):
-            out[:] = crba(model, data, x)
-        # pinocchio guarantees only the upper triangle.
-        upper = np.triu(found)
-        found = upper + np.swapaxes(np.triu(found, 1), -1, -2)
-        found[:, range(dof), range(dof)] += self._armature
-        return found.reshape(*np.shape(q), dof)
+        # Its rows are the torques that an acceleration of one joint takes without gravity.
+        one = np.tile(np.eye(dof), (n, 1))
+        found, _, _ = self.path_terms(np.repeat(at, dof, axis=0), one, np.zeros_like(one))
+        found = found.reshape(n, dof, dof)
+        return ((found + np.swapaxes(found, 1, 2)) / 2).reshape(*np.shape(q), dof)
 
     def gravity(self, q: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] that hold links and payload against gravity."""
-        (at,) = self._rows(q)
-        return self._gravity(at).reshape(np.shape(q))
+        still = np.zeros(np.shape(q))
+        return self.path_terms(q, still, still)[2]
 
     def derivatives(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
@@ -101,19 +87,20 @@ class Dynamics:
         Returns:
             Derivatives by position [N m/rad], by velocity [N m s/rad] and by acceleration, which is
             the mass matrix [kg m²], (n, dof, dof) each.
+
+        Raises:
+            InvalidInput: pinocchio is not installed.
         """
         at, rate, second = self._rows(q, dq, ddq)
-        model, data = self._model, self._data
-        if not gravity:
-            model, data = self._weightless, self._weightless_data
+        pin, model, data = self._peer(gravity)
         found = np.empty((3, len(at), at.shape[1], at.shape[1]))
-        compute = self._pin.computeRNEADerivatives
+        compute = pin.computeRNEADerivatives
         for k, (x, v, a) in enumerate(zip(at, rate, second, strict=True)):
             found[0, k], found[1, k], found[2, k] = compute(model, data, x, v, a)
         # pinocchio guarantees only the upper triangle of the mass matrix.
         found[2] = np.triu(found[2]) + np.swapaxes(np.triu(found[2], 1), -1, -2)
         diagonal = np.arange(at.shape[1])
-        found[2][:, diagonal, diagonal] += self._armature
+        found[2][:, diagonal, diagonal] += np.asarray(self.chain.armature)
         position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
         return position, velocity, acceleration
 
@@ -131,40 +118,40 @@ class Dynamics:
         Returns:
             Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
             zz about the origin, all in the frame of the last joint, (n, dof, 10).
+
+        Raises:
+            InvalidInput: pinocchio is not installed.
         """
         at, rate, second = self._rows(q, dq, ddq)
-        model, data = self._model, self._data
-        if not gravity:
-            model, data = self._weightless, self._weightless_data
-        compute, last = self._pin.computeJointTorqueRegressor, slice(10 * (at.shape[1] - 1), None)
+        pin, model, data = self._peer(gravity)
+        compute, last = pin.computeJointTorqueRegressor, slice(10 * (at.shape[1] - 1), None)
         found = np.empty((*at.shape, 10))
         for out, x, v, a in zip(found, at, rate, second, strict=True):
             out[:] = compute(model, data, x, v, a)[:, last]
         return found
 
-    def _gravity(self, q: FloatArray) -> FloatArray:
-        """Joint torques [N m] of gravity, (n, dof)."""
-        found = np.zeros_like(q)
-        if self._falls:
-            gravity, model, data = self._pin.computeGeneralizedGravity, self._model, self._data
-            for out, x in zip(found, q, strict=True):
-                out[:] = gravity(model, data, x)
-        return found
+    def _peer(self, gravity: bool) -> tuple[Any, Any, Any]:
+        """Pinocchio, its model of the chain with or without gravity, and memory for that model.
 
-    def _rnea(
-        self, model: Any, data: Any, q: FloatArray, dq: FloatArray, ddq: FloatArray
-    ) -> FloatArray:
-        """Joint torques [N m] by the recursive Newton-Euler algorithm, (n, dof)."""
-        # One Python call per row takes 1.3 us with the loop, most of it inside pinocchio.
-        rnea, found = self._pin.rnea, np.empty_like(q)
-        for out, x, v, a in zip(found, q, dq, ddq, strict=True):
-            out[:] = rnea(model, data, x, v, a)
-        return found
+        Raises:
+            InvalidInput: pinocchio is not installed.
+        """
+        pin, models = self._models
+        return pin, *models[int(gravity)]
+
+    @cached_property
+    def _models(self) -> tuple[Any, tuple[tuple[Any, Any], tuple[Any, Any]]]:
+        """Pinocchio, and its models without and with gravity, each with its memory."""
+        pin = pinocchio()
+        model = _model(pin, self.chain)
+        weightless = model.copy()
+        weightless.gravity.linear = np.zeros(3)
+        return pin, ((weightless, weightless.createData()), (model, model.createData()))
 
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
         """The given states as rows, (n, dof) each.
 
-        The shapes are checked because pinocchio would read past the end of a short row.
+        The shapes are checked because compiled code would read past the end of a short row.
 
         Raises:
             InvalidInput: The shapes differ, or the number of columns is not that of the joints.
@@ -176,7 +163,8 @@ class Dynamics:
                 f"The states of {dof} joints must be arrays of one shape with {dof} columns, not "
                 f"{', '.join(str(x.shape) for x in arrays)}."
             )
-        return [np.ascontiguousarray(x.reshape(-1, dof)) for x in arrays]
+        # Numba would compile a second time for arrays that are read-only.
+        return [np.require(x.reshape(-1, dof), requirements=["C", "W"]) for x in arrays]
 
 
 def pinocchio() -> Any:
@@ -189,10 +177,39 @@ def pinocchio() -> Any:
         import pinocchio as module
     except ImportError:
         raise InvalidInput(
-            "Torques and robot descriptions need the package pin, which is not installed (it has "
-            "no wheels for Windows): install it, or use an arm in the plane."
+            "Robot descriptions and derivatives of torques need the package pin, which is not "
+            "installed (it has no wheels for Windows): install it, or use an arm file."
         ) from None
     return module
+
+
+def _numbers(chain: Chain) -> FloatArray:
+    """The links as the compiled dynamics takes them: 24 numbers each, in frames about the joints.
+
+    The numbers are rotation and position of the frame in the one before, in which z is the joint
+    axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
+    that the joint carries; the armature.
+    """
+    assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
+    found, before = np.zeros((len(chain), 24)), np.eye(3)
+    for k, (own, frame) in enumerate(zip(found, joint_frames(chain), strict=True)):
+        bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
+        if chain.payload is not None and k == len(chain) - 1:
+            load, tip = chain.payload, chain.tip
+            center = tip.position + tip.rotation @ load.center
+            bodies.append((load.mass, center, tip.rotation @ load.inertia @ tip.rotation.T))
+        own[:9] = (before.T @ chain.rotations[k] @ frame).ravel()
+        own[9:12] = before.T @ chain.positions[k]
+        for mass, center, inertia in bodies:
+            at = center @ frame
+            about = frame.T @ inertia @ frame + mass * (at @ at * np.eye(3) - np.outer(at, at))
+            own[12] += mass
+            own[13:16] += mass * at
+            own[16:22] += about[np.triu_indices(3)]
+        before = frame
+    found[:, 22] = np.cumsum(found[::-1, 12])[::-1]
+    found[:, 23] = chain.armature
+    return found
 
 
 def _model(pin: Any, chain: Chain) -> Any:

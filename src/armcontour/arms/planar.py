@@ -75,15 +75,14 @@ class PlanarTwoLink(Arm):
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m], eq. (1)-(2)."""
-        return np.asarray(self.links(q)[..., -1, :])
+        return self._motion(0, q)
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
         """Points of the base, the elbow and the tool, (n, 3, 2) [m]."""
-        q1, q12 = self._angles(q)
+        q1, _ = self._angles(q)
         base = np.stack([np.full_like(q1, self.base), np.zeros_like(q1)], axis=-1)
         elbow = base + self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
-        tool = elbow + self.link2 * np.stack([np.sin(q12), np.cos(q12)], axis=-1)
-        return np.stack([base, elbow, tool], axis=-2)
+        return np.stack([base, elbow, self.forward(q)], axis=-2)
 
     def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
         """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
@@ -128,21 +127,28 @@ class PlanarTwoLink(Arm):
         near = -rate1 * self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
         return np.stack([near + far, far], axis=-1)
 
+    def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Tool velocity [m/s], eq. (22)."""
+        return self._motion(1, q, dq)
+
+    def tool_acceleration(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> FloatArray:
+        """Tool acceleration [m/s²], in closed form."""
+        return self._motion(2, q, dq, ddq)[..., 2:].copy()
+
     def tool_jerk(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
     ) -> FloatArray:
         """Tool jerk [m/s³], (..., 2), in closed form; arguments as of every arm."""
-        angles = [self._angles(x) for x in (q, dq, ddq, dddq)]
-        found = np.zeros((*np.shape(angles[0][0]), 2))
-        for length, (at, rate, second, third) in zip(
-            (self.link1, self.link2), zip(*angles, strict=True), strict=True
-        ):
-            outward = np.stack([np.sin(at), np.cos(at)], axis=-1)
-            across = np.stack([np.cos(at), -np.sin(at)], axis=-1)
-            found = found + length * (
-                (third - rate**3)[..., None] * across - (3 * rate * second)[..., None] * outward
-            )
-        return found
+        return self._motion(3, q, dq, ddq, dddq)[..., 4:].copy()
+
+    def tool_motion(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """Tool velocity [m/s] and acceleration [m/s²]."""
+        found = self._motion(2, q, dq, ddq)
+        return found[..., :2].copy(), found[..., 2:].copy()
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
         """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
@@ -209,6 +215,16 @@ class PlanarTwoLink(Arm):
             assumed=assumed,
             **bodies,  # type: ignore[arg-type]
         )
+
+    def _motion(self, order: int, *states: npt.ArrayLike) -> FloatArray:
+        """Tool points, or the derivatives up to an order side by side, (..., 2 or 2 order)."""
+        from armcontour.arms._planar import tool_motion
+
+        leading, rows = self._rows(*states)
+        # Derivatives above the order are not read.
+        q, first, second, third = (rows * 4)[:4]
+        found = tool_motion(self.base, (self.link1, self.link2), order, q, first, second, third)
+        return np.asarray(found.reshape(*leading, found.shape[1]))
 
     def _angles(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Angles of the first and of the second link from the y axis [rad]."""

@@ -10,9 +10,8 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms.arm import Arm
-from armcontour.arms.chain import Chain, Payload
+from armcontour.arms.chain import Chain, Payload, joint_frames
 from armcontour.arms.limits import Limits
-from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 
 # Rotations, positions and axes of the joints; base and end frame as (3, 4).
@@ -67,6 +66,7 @@ class SerialArm(Arm):
             _stack(chain.base),
             _stack(chain.tip @ chain.tool),
         )
+        self._links = _links(chain)
 
     def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.
@@ -89,7 +89,8 @@ class SerialArm(Arm):
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m], (n, 3)."""
-        return self.pose(q)[0]
+        leading, states = self._rows(q)
+        return self._motion(0, states)[0].reshape(*leading, 3, 4)[..., 3].copy()
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
@@ -97,17 +98,18 @@ class SerialArm(Arm):
         Args:
             q: Joint positions [rad], (..., dof).
         """
-        leading, (rows,) = self._rows(q)
-        found = self._places(rows)[0].reshape(*leading, 3, 4)
+        leading, states = self._rows(q)
+        found = self._motion(0, states)[0].reshape(*leading, 3, 4)
         return found[..., 3].copy(), found[..., :3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
         """Points of the base, all joints, the tip and the tool, (n, dof + 3, 3) [m]."""
         leading, (rows,) = self._rows(q)
-        tools, origins, _ = self._places(rows)
+        _, origins, _ = self._places(rows)
+        tool, rotation = self.pose(rows)
         base = np.broadcast_to(self.chain.base.position, (len(rows), 1, 3))
         back = self.chain.tool.inverse.position
-        ends = np.stack([tools[..., 3] + tools[..., :3] @ back, tools[..., 3]], axis=1)
+        ends = np.stack([tool + rotation @ back, tool], axis=1)
         found = np.concatenate([base, origins, ends], axis=1)
         return found.reshape(*leading, self.dof + 3, 3)
 
@@ -148,10 +150,7 @@ class SerialArm(Arm):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        leading, (rows, rates) = self._rows(q, dq)
-        pose, origins, directions = self._places(rows)
-        found = _kernels().drifts(origins, directions, pose, rates)
-        return np.asarray(found.reshape(*leading, 6))
+        return self.tool_twist_rate(q, dq, np.zeros(np.shape(q)))
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
@@ -160,10 +159,8 @@ class SerialArm(Arm):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        leading, (rows, rates) = self._rows(q, dq)
-        pose, origins, directions = self._places(rows)
-        found = _kernels().twists(origins, directions, pose, rates)
-        return np.asarray(found.reshape(*leading, 6))
+        leading, states = self._rows(q, dq)
+        return self._motion(1, states)[1].reshape(*leading, 6)
 
     def tool_twist_rate(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
@@ -175,11 +172,8 @@ class SerialArm(Arm):
             dq: Joint velocities [rad/s], same shape.
             ddq: Joint accelerations [rad/s²], same shape.
         """
-        leading, (rows, rates, seconds) = self._rows(q, dq, ddq)
-        pose, origins, directions = self._places(rows)
-        drift = _kernels().drifts(origins, directions, pose, rates)
-        found = drift + _kernels().twists(origins, directions, pose, seconds)
-        return np.asarray(found.reshape(*leading, 6))
+        leading, states = self._rows(q, dq, ddq)
+        return self._motion(2, states)[1][:, 6:].reshape(*leading, 6)
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Tool velocity [m/s], eq. (22)."""
@@ -195,23 +189,16 @@ class SerialArm(Arm):
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
     ) -> FloatArray:
         """Tool jerk [m/s³], (..., 3), from link to link; arguments as of every arm."""
-        leading, (rows, *rates) = self._rows(q, dq, ddq, dddq)
-        pose, origins, directions = self._places(rows)
-        found = _kernels().jerks(origins, directions, pose, *rates)
-        return np.asarray(found.reshape(*leading, 3))
+        leading, states = self._rows(q, dq, ddq, dddq)
+        return self._motion(3, states)[1][:, 12:15].reshape(*leading, 3)
 
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
         """Tool velocity [m/s] and acceleration [m/s²] from one evaluation of the kinematics."""
-        leading, (rows, rates, seconds) = self._rows(q, dq, ddq)
-        pose, origins, directions = self._places(rows)
-        kernels = _kernels()
-        velocity = kernels.twists(origins, directions, pose, rates)
-        drift = kernels.drifts(origins, directions, pose, rates)
-        acceleration = drift + kernels.twists(origins, directions, pose, seconds)
-        first, second = (x[:, :3].reshape(*leading, 3) for x in (velocity, acceleration))
-        return first, second
+        leading, states = self._rows(q, dq, ddq)
+        _, found = self._motion(2, states)
+        return found[:, :3].reshape(*leading, 3), found[:, 6:9].reshape(*leading, 3)
 
     def _with(self, chain: Chain) -> SerialArm:
         """A copy of the arm with another chain."""
@@ -224,35 +211,19 @@ class SerialArm(Arm):
             notes=self.notes,
         )
 
+    def _motion(self, order: int, states: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Tool poses, or the derivatives up to an order; as the compiled `tool_motion` has them."""
+        from armcontour.arms._tool_motion import tool_motion
+
+        # Derivatives above the order are not read.
+        q, first, second, third = (states * 4)[:4]
+        poses, found = tool_motion(self._links, order, q, first, second, third)
+        return poses, found
+
     def _places(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Tool poses, (n, 3, 4), and origins and axes of all joints, (n, dof, 3) each."""
         tools, origins, directions = _kernels().poses(*self.arrays, rows)
         return tools, origins, directions
-
-    def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Leading shape and rows of the given states, (rows, dof) each.
-
-        The shapes are checked because compiled code would read past the end of a short row.
-
-        Raises:
-            InvalidInput: The number of columns is wrong or the shapes do not fit together.
-        """
-        arrays = [np.asarray(x, dtype=np.float64) for x in states]
-        seen = ", ".join(str(x.shape) for x in arrays)
-        if any(x.shape[-1:] != (self.dof,) for x in arrays):
-            raise InvalidInput(
-                f"The arm {self.name} has {self.dof} joints, so its states must be arrays with "
-                f"{self.dof} columns, not {seen}."
-            )
-        try:
-            shape = np.broadcast_shapes(*(x.shape for x in arrays))
-        except ValueError:
-            raise InvalidInput(f"States must have shapes that fit together, not {seen}.") from None
-        # Copies, because numba would compile the kernels a second time for read-only arrays.
-        rows = [
-            np.array(np.broadcast_to(x, shape), order="C").reshape(-1, self.dof) for x in arrays
-        ]
-        return shape[:-1], rows
 
 
 def _kernels() -> Any:
@@ -269,3 +240,18 @@ def _kernels() -> Any:
 def _stack(frame: Frame) -> FloatArray:
     """Rotation and position of a frame side by side, (3, 4)."""
     return _checks.lock_floats(np.column_stack([frame.rotation, frame.position]))
+
+
+def _links(chain: Chain) -> FloatArray:
+    """Frames of all joints and of the tool, each in the one before, as `tool_motion` takes them."""
+    found = np.empty((len(chain) + 1, 12))
+    end = chain.tip @ chain.tool
+    turns = [*joint_frames(chain), np.eye(3)]
+    rotations = [*chain.rotations, end.rotation]
+    positions = [*chain.positions, end.position]
+    before, place = chain.base.rotation, chain.base.position
+    for own, rotation, position, turn in zip(found, rotations, positions, turns, strict=True):
+        own[:9] = (before @ rotation @ turn).ravel()
+        own[9:] = place + before @ position
+        before, place = turn.T, np.zeros(3)
+    return found

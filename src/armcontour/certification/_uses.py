@@ -27,7 +27,7 @@ from armcontour.motion import (
     TaughtData,
     Trajectory,
 )
-from armcontour.motion.laws import path_states
+from armcontour.motion.laws import join_path
 from armcontour.robustness.box import Box
 from armcontour.robustness.deviations import Worst
 from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
@@ -364,12 +364,11 @@ def motion(
         assert isinstance(law, PathLaw | SmoothedLaw | JointAverage)
         along = law.path_motion(i, local)
         s[here] = along[0]
-        ends = law.s[i], law.s[i + 1]
-        for order in (0, 1, 2):
-            if isinstance(law, JointAverage):
-                states[order, here] = law.on_interval(i, local, order)
-            else:
-                states[order, here] = path_states(law.joint_path, ends, along[: order + 1])
+        if isinstance(law, JointAverage):
+            states[:, here] = law.motion(i, local)
+        else:
+            ends = law.s[i], law.s[i + 1]
+            states[:, here] = join_path(law.joint_path, ends, along, (0, 1, 2))
     return s, states
 
 

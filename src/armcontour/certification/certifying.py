@@ -176,7 +176,12 @@ class _Certifying:
         objective, path = whole.objective, whole.program
         limits = whole.robot.limits
         result = evaluate(
-            whole.execution, path, objective=objective, limits=limits, until=this.until
+            whole.execution,
+            path,
+            objective=objective,
+            limits=limits,
+            until=this.until,
+            limit_use=True,
         )
         experiment, failure = None, None
         if this.experiment is not None:

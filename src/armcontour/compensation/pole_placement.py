@@ -130,10 +130,10 @@ def _polynomials(
     trajectory: Trajectory, knots: FloatArray, after: int
 ) -> tuple[FloatArray, FloatArray]:
     """Quintics between knots, and rest for so many intervals after; where that is, (dof,)."""
-    q, dq, ddq = (trajectory(knots[:-1], order) for order in (0, 1, 2))
-    end, dend, ddend = (trajectory(knots[1:], order, side="left") for order in (0, 1, 2))
+    q, dq, ddq = trajectory.motion(knots[:-1])
+    end, dend, ddend = trajectory.motion(knots[1:], side="left")
     motion = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
-    rest = np.zeros((after, 6, trajectory.dof))
+    rest = np.zeros((after, *motion.shape[1:]))
     rest[:, 0] = end[-1]
     return np.concatenate([motion, rest]), end[-1]
 

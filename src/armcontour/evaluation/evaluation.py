@@ -62,9 +62,11 @@ class Evaluation:
             [m/s]; 0 without one.
         path_velocity: Mean tool speed over the planned time of the motion [m/s].
         utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
-            acceleration, velocity or torque.
+            acceleration, velocity or torque; None unless `evaluate` was asked for the use of limits
+            by `limit_use=True`.
         limit_ratios: Largest used share of every limit in the planned motion, at up to 20 samples
-            per knot interval; `check` takes more samples.
+            per knot interval; `check` takes more samples. None unless `evaluate` was asked for the
+            use of limits by `limit_use=True`.
         demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
         demand_ratio: Largest share of the limit in its direction that each joint would have
             needed, (dof,); 0 for a joint without a limit.
@@ -92,8 +94,8 @@ class Evaluation:
     speed_ratio: float
     speed_overshoot: float
     path_velocity: float
-    utilisation: float
-    limit_ratios: Mapping[str, float]
+    utilisation: float | None
+    limit_ratios: Mapping[str, float] | None
     demand: FloatArray
     demand_ratio: FloatArray
     jerk: FloatArray
@@ -114,6 +116,7 @@ def evaluate(
     objective: Path | Program | None = None,
     limits: Limits | None = None,
     until: float | None = None,
+    limit_use: bool = False,
 ) -> Evaluation:
     """Evaluate an execution against the path that it was to follow.
 
@@ -129,6 +132,8 @@ def evaluate(
         limits: The limits; by default the arm's own.
         until: End of the time that errors cover [s]; by default when the planned motion has ended
             and the tool is at rest. Not allowed for a program of more than one path.
+        limit_use: Whether `utilisation` and `limit_ratios` are computed, which takes longer than
+            all errors together; without it they are None.
 
     Raises:
         InvalidInput: The path has another dimension than the arm, `until` is not above zero, or the
@@ -169,6 +174,8 @@ def evaluate(
         ),
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
         **_compute_demands(executed, bounds, end),
+        utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
+        limit_ratios=_limit_ratios(executed, bounds) if limit_use else None,
     )
 
 
@@ -191,14 +198,12 @@ def _check_programs(
 
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """Fields of `Evaluation` about the joints and their limits; `end` is that of the errors [s]."""
+    """Fields of `Evaluation` about the demands of the joints; `end` is that of the errors [s]."""
     low, high = limits.acceleration_bounds(executed.arm.dof)
     lowest, highest = executed.demand_range
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     jerk = executed_jerk(executed)
     return {
-        "utilisation": _utilisation(executed, limits, executed.taught.trajectory.duration),
-        "limit_ratios": _limit_ratios(executed, limits),
         "demand": executed.peak_demand,
         "demand_ratio": np.maximum(lowest / low, highest / high),
         "jerk": jerk,

@@ -309,7 +309,12 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
     )
     progress(Step(("evaluation",)))
     evaluation = evaluate(
-        executed, plan.path, objective=plan.objective, limits=this.limits, until=this.until
+        executed,
+        plan.path,
+        objective=plan.objective,
+        limits=this.limits,
+        until=this.until,
+        limit_use=True,
     )
     experiment, failure = None, None
     if this.experiment is not None:
@@ -441,6 +446,11 @@ def on_bodies(
         plant=plant,
         execution=executed,
         evaluation=evaluate(
-            executed, path, objective=objective, limits=this.limits, until=this.until
+            executed,
+            path,
+            objective=objective,
+            limits=this.limits,
+            until=this.until,
+            limit_use=True,
         ),
     )

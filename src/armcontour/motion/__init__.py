@@ -1,6 +1,7 @@
 """Motions as values: joint paths, trajectories, taught data, executions."""
 
 from armcontour._quintics import quintic
+from armcontour.motion._intervals import interval_times
 from armcontour.motion.bounding import largest_shares
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_average import JointAverage
@@ -12,7 +13,6 @@ from armcontour.motion.laws import (
     LineLaw,
     PathLaw,
     Rates,
-    interval_times,
     stand_still,
 )
 from armcontour.motion.log import Log

@@ -63,7 +63,7 @@ def _shares(
     base, windows = (law.law, law.windows) if isinstance(law, SmoothedLaw) else (law, (0.0, 0.0))
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
-    s, ds, dds = law.path_motion(i, middle)
+    s, ds, dds, _ = law.path_motion(i, middle)
     more = path_rates(middle, half, base.breaks, base.rates, windows)
     along = np.concatenate([np.stack([s, ds, dds], axis=1), more], axis=1)
     # No break of the joint path lies within an interval of a law.

@@ -65,21 +65,32 @@ class JointAverage(LawAlongPath):
         """S or a derivative at times `t`; `i` is the interval that contains each."""
         return self.way.path_position(i, t, order)
 
-    def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """s, ds and dds at times `t`; `i` is the interval that contains each."""
+    def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
+        """s, ds, dds and ddds at times `t`, (4, n); `i` is the interval that contains each."""
         return self.way.path_motion(i, t)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative: differences over the window of what is one order below."""
-        late = np.ravel(t)
-        change = self._original(late, order - 1) - self._original(late - self.window, order - 1)
-        return (change / self.window).reshape((*np.shape(t), -1))
+        return self._changes(t, (order,))[0]
+
+    def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
+        """Q and its derivatives up to an order, (n, dof) each."""
+        return self._changes(t, tuple(range(order + 1)))
+
+    def _changes(self, t: FloatArray, orders: tuple[int, ...]) -> tuple[FloatArray, ...]:
+        """Differences over the window of what is one order below, for each of some orders."""
+        end, shape = np.ravel(t), (*np.shape(t), -1)
+        below = tuple(x - 1 for x in orders)
+        late, early = self._original(end, below), self._original(end - self.window, below)
+        return tuple(
+            ((a - b) / self.window).reshape(shape) for a, b in zip(late, early, strict=True)
+        )
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
         return self.way._reach_within(i, s)
 
-    def _original(self, t: FloatArray, order: int) -> FloatArray:
+    def _original(self, t: FloatArray, orders: tuple[int, ...]) -> tuple[FloatArray, ...]:
         """Integral (order -1), q, dq or ddq of the original law, which rests at both ends.
 
         The integral is that of positions from time 0 on.
@@ -87,11 +98,16 @@ class JointAverage(LawAlongPath):
         law = self.law
         at = np.clip(t, 0.0, law.breaks[-1])
         i = np.clip(np.searchsorted(law.breaks, at, side="right") - 1, 0, len(law.breaks) - 2)
-        if order >= 0:
-            found = law.on_interval(i, at, order)
-            return np.where((at == t)[:, None], found, 0.0) if order else found
-        resting = law.on_interval(i, at, 0) * (t - at)[:, None]
-        return self.integrals[i] + self._integrate(i, at) + resting
+        states = law.motion(i, at, max(orders[-1], 0))
+        inside = (at == t)[:, None]
+        found = []
+        for order in orders:
+            if order < 0:
+                resting = states[0] * (t - at)[:, None]
+                found.append(self.integrals[i] + self._integrate(i, at) + resting)
+            else:
+                found.append(np.where(inside, states[order], 0.0) if order else states[0])
+        return tuple(found)
 
     def _integrate(self, i: IntArray, t: FloatArray) -> FloatArray:
         """Integrals of the original positions from starts of intervals `i` to times t [rad s]."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
+from armcontour.motion._joint_path import examine
+from armcontour.motion._motion import motion
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -53,44 +56,40 @@ class JointPath:
         n = len(self.breaks) - 1
         if n < 1 or self.coefficients.ndim != 3 or self.coefficients.shape[:2] != (n, 6):
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
-        if not np.isfinite(self.coefficients).all() or not (np.diff(self.breaks) > 0).all():
+        kinks = np.empty(n - 1, dtype=np.bool_)
+        sound, jump = examine(self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks)
+        if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
-        self._refuse_jumps()
-        object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops()))
+        if jump > LARGEST_JUMP:
+            self._refuse_jump()
+        if len(self.stops) or kinks.any():
+            object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops(kinks)))
 
-    def _refuse_jumps(self) -> None:
-        """Raise InvalidInput for the largest jump of a joint position at a break, if any."""
-        ends = self.coefficients[:-1].sum(axis=1)
-        jumps = np.abs(ends - self.coefficients[1:, 0])
-        if (jumps > LARGEST_JUMP).any():
-            i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
-            s = float(self.breaks[i + 1])
-            raise InvalidInput(
-                f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}: a joint path must be "
-                "continuous.",
-                s=s,
-                joint=int(j) + 1,
-                needed=float(jumps[i, j]),
-                allowed=LARGEST_JUMP,
-            )
+    def _refuse_jump(self) -> NoReturn:
+        """Raise InvalidInput for the largest jump of a joint position at a break."""
+        jumps = np.abs(self.coefficients[:-1].sum(axis=1) - self.coefficients[1:, 0])
+        i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+        s = float(self.breaks[i + 1])
+        raise InvalidInput(
+            f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}: a joint path must be "
+            "continuous.",
+            s=s,
+            joint=int(j) + 1,
+            needed=float(jumps[i, j]),
+            allowed=LARGEST_JUMP,
+        )
 
-    def _all_stops(self) -> FloatArray:
-        """The given stops, and the breaks at which dq_ds jumps.
+    def _all_stops(self, kinks: BoolArray) -> FloatArray:
+        """The given stops, and the inner breaks at which dq_ds jumps, (n - 1,).
 
         Raises:
             InvalidInput: A given stop is not an inner break.
         """
         inner = self.breaks[1:-1]
-        for stop in self.stops:
-            if stop not in inner:
-                raise InvalidInput(f"A stop at s = {stop:g} is no inner break of the joint path.")
-        width = np.diff(self.breaks)[:, None]
-        before = (np.arange(1.0, 6.0) @ self.coefficients[:-1, 1:]) / width[:-1]
-        after = self.coefficients[1:, 1] / width[1:]
-        size = np.abs(before).sum(axis=1) + np.abs(after).sum(axis=1)
-        terms = (np.abs(self.coefficients[:, 1:]).sum(axis=2) @ np.arange(1.0, 6.0)) / width[:, 0]
-        jump = np.abs(after - before).sum(axis=1)
-        kinks = jump > np.maximum(LARGEST_KINK * size, NO_DIRECTION * (terms[:-1] + terms[1:]))
+        known = np.isin(self.stops, inner)
+        if not known.all():
+            stop = self.stops[np.argmin(known)]
+            raise InvalidInput(f"A stop at s = {stop:g} is no inner break of the joint path.")
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
     @classmethod
@@ -137,7 +136,7 @@ class JointPath:
             InvalidInput: There are fewer than two points, the parameters do not increase, or `ends`
                 is none of these.
         """
-        from scipy.linalg import solve_banded
+        from scipy.linalg.lapack import dgtsv
 
         clamped = _checks.choice("ends", ends, ("natural", "clamped")) == "clamped"
         knots = _checks.numbers("joint positions", points, "rad")
@@ -160,13 +159,11 @@ class JointPath:
         wide = np.pad(width[:, 0], int(clamped))
         unknown = len(wide) - 1
         if unknown:
-            bands = np.zeros((3, unknown))
-            bands[0, 1:] = bands[2, :-1] = wide[1:-1]
-            bands[1] = 2 * (wide[:-1] + wide[1:])
+            beside, own = wide[1:-1], 2 * (wide[:-1] + wide[1:])
             turns = 6 * np.diff(np.concatenate([none, slope, none]), axis=0)
-            bend[int(not clamped) : len(knots) - int(not clamped)] = solve_banded(
-                (1, 1), bands, turns
-            )
+            # LAPACK takes no system of one unknown. The matrix is diagonally dominant.
+            solved = turns / own if unknown == 1 else dgtsv(beside, own, beside, turns)[-2]
+            bend[int(not clamped) : len(knots) - int(not clamped)] = solved
         coefficients = np.zeros((len(width), 6, knots.shape[1]))
         coefficients[:, 0] = knots[:-1]
         coefficients[:, 1] = (slope - width * (2 * bend[:-1] + bend[1:]) / 6) * width
@@ -236,14 +233,8 @@ class JointPath:
             i: Indices of intervals, (n,).
             s: Arc lengths from the start of the path [m], (n,).
         """
-        width = (self.breaks[i + 1] - self.breaks[i])[..., None]
-        x = (s - self.breaks[i])[..., None] / width
-        c = self.coefficients[i]
-        value = np.zeros(x.shape[:-1] + (self.dof,))
-        first, second = np.zeros_like(value), np.zeros_like(value)
-        # Horner's rule for the value and both derivatives; `second` is the second derivative.
-        for k in range(5, -1, -1):
-            second = second * x + 2 * first
-            first = first * x + value
-            value = value * x + c[..., k, :]
-        return value, first / width, second / width**2
+        at = np.require(np.ravel(s), np.float64, ["W"])
+        pieces = np.require(np.ravel(i), np.intp, ["W"])
+        found = motion(self.breaks, self.coefficients, pieces, at)
+        q, first, second = (x.reshape(*np.shape(s), self.dof) for x in found)
+        return q, first, second

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
+from armcontour.motion._intervals import interval_times, law_of_squares
+from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
 
 # Bisection steps for the time at which a lap reaches an arc length, to the last digit.
@@ -30,6 +33,13 @@ class Law(ABC):
     @abstractmethod
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative up to the third, at times `t` [s], of interval `i`, (n, dof)."""
+
+    def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
+        """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each.
+
+        Faster than `on_interval` for every order.
+        """
+        return tuple(self.on_interval(i, t, k) for k in range(order + 1))
 
 
 class LawAlongPath(Law):
@@ -102,6 +112,15 @@ class LapLaw(Law):
         if order == 1:
             return np.asarray(self.dq[i] + u * self.ddq[i])
         return np.asarray(self.ddq[i] if order == 2 else np.zeros_like(self.ddq[i]))
+
+    def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
+        """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each."""
+        u = (t - self.breaks[i])[..., None]
+        dq, ddq = self.dq[i], self.ddq[i]
+        found = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
+        if order == 3:
+            found.append(np.zeros_like(ddq))
+        return tuple(found[: order + 1])
 
 
 def stand_still(q: FloatArray, duration: float) -> LapLaw:
@@ -222,6 +241,32 @@ class PathLaw(LawAlongPath):
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
         object.__setattr__(self, "rates", Rates(*(_checks.lock_floats(x) for x in self.rates)))
 
+    @classmethod
+    def of_squares(
+        cls, joint_path: JointPath, s: FloatArray, x: FloatArray, slope: FloatArray
+    ) -> PathLaw:
+        """The law with given squares of the path speed.
+
+        Args:
+            joint_path: The joint path.
+            s: Arc lengths at the breaks [m], (n + 1,).
+            x: ds² at the breaks [m²/s²], (n + 1,).
+            slope: Slopes of dds over s on every interval [1/s²], (n,).
+
+        Raises:
+            InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
+        """
+        breaks, ds, dds, stuck = law_of_squares(np.diff(s), x, slope)
+        if stuck >= 0:
+            raise InvalidInput(
+                f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
+            )
+        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros_like(slope))
+        # Nobody else has these arrays, so locking needs no copies.
+        for values in (breaks, ds, dds, rates.jerk):
+            values.setflags(write=False)
+        return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
+
     @property
     def speeds(self) -> FloatArray:
         """Path speeds at the breaks [m/s], (n + 1,)."""
@@ -230,27 +275,24 @@ class PathLaw(LawAlongPath):
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """S or a derivative at times `t` by the formula of interval `i`."""
-        u = t - self.breaks[i]
-        ds, dds, slope, jerk = (x[i] for x in self.rates)
-        # The solution of `dds = dds_i + slope (s - s_i)`: hyperbolic or circular functions.
-        c, h, p = _linear_motion(slope, u)
-        if order == 0:
-            s = self.s[i] + ds * h + dds * p + jerk * u**3 / 6
-            # Rounding errors must not move s past a break, at which derivatives may jump.
-            return np.asarray(np.clip(s, self.s[i], self.s[i + 1]))
-        if order == 2:
-            return np.asarray(ds * slope * h + dds * c + jerk * u)
-        speed = ds * c + dds * h + jerk * u**2 / 2
-        return np.asarray(speed if order == 1 else slope * speed + jerk)
+        return np.asarray(self.path_motion(i, t)[order])
 
-    def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """s, ds and dds at times `t` by the formula of interval `i`."""
-        return self.path_position(i, t), self.path_position(i, t, 1), self.path_position(i, t, 2)
+    def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
+        """s, ds, dds and ddds at times `t` by the formula of interval `i`, (4, n)."""
+        shape = np.shape(t)
+        flat = flatten(i, shape, np.intp), flatten(t, shape)
+        found = path_motions(*flat, self.breaks, self.s, *self.rates)
+        return np.asarray(found.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative by the chain rule."""
-        motion = tuple(self.path_position(i, t, k) for k in range(order + 1))
-        return path_states(self.joint_path, (self.s[i], self.s[i + 1]), motion)
+        ends = self.s[i], self.s[i + 1]
+        return join_path(self.joint_path, ends, self.path_motion(i, t), (order,))[0]
+
+    def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
+        """Q and its derivatives up to an order by the chain rule, (n, dof) each."""
+        ends, orders = (self.s[i], self.s[i + 1]), tuple(range(order + 1))
+        return join_path(self.joint_path, ends, self.path_motion(i, t), orders)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
@@ -266,77 +308,48 @@ class PathLaw(LawAlongPath):
         return np.asarray(np.where(jerk != 0, rests, times))
 
 
-def path_states(
-    joint_path: JointPath, ends: tuple[FloatArray, FloatArray], motion: tuple[FloatArray, ...]
-) -> FloatArray:
-    """Q or a derivative up to the third along a joint path, by the chain rule.
+def join_path(
+    joint_path: JointPath,
+    ends: tuple[FloatArray, FloatArray],
+    along: FloatArray,
+    orders: tuple[int, ...],
+) -> tuple[FloatArray, ...]:
+    """Derivatives of joint positions over time along a joint path, by the chain rule.
 
     Args:
         joint_path: The joint path.
-        ends: Arc lengths of the start and end of the law's interval at each s [m]. At a break of
-            the joint path they decide between the interval before and after it.
-        motion: s and its derivatives, up to the order that is asked for.
+        ends: Arc lengths of the start and end of the law's interval at each place [m]. At a break
+            of the joint path they decide between the interval before and after it.
+        along: s and its derivatives over time up to the third, (4, n).
+        orders: The orders that are asked for; 0 for the positions.
+
+    Returns:
+        (n, dof) for each order.
     """
-    s, order = motion[0], len(motion) - 1
-    first = joint_path.locate(ends[0], side="right")
-    last = joint_path.locate(ends[1], side="left")
-    piece = np.clip(joint_path.locate(s), first, last)
-    if order == 0:
-        return joint_path.on_interval(piece, s)
-    slope = joint_path.on_interval(piece, s, 1)
-    ds = motion[1][..., None]
-    if order == 1:
-        return np.asarray(slope * ds)
-    bend, dds = joint_path.on_interval(piece, s, 2), motion[2][..., None]
-    if order == 2:
-        return np.asarray(bend * ds**2 + slope * dds)
-    third = joint_path.on_interval(piece, s, 3)
-    return np.asarray(third * ds**3 + 3 * bend * ds * dds + slope * motion[3][..., None])
+    shape, dof = np.shape(along)[1:], joint_path.dof
+    count = along[0].size
+    found = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
+    begin, end = (flatten(x, shape) for x in ends)
+    joint_motions(
+        along.reshape(4, count), begin, end, joint_path.breaks, joint_path.coefficients, found
+    )
+    # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
+    return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
+
+
+def flatten(
+    values: npt.ArrayLike, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64
+) -> npt.NDArray[Any]:
+    """Values of any shape as one read-only row, broadcast: all that a kernel is compiled for."""
+    found = np.asarray(values, dtype=dtype)
+    if found.shape != shape:
+        found = np.broadcast_to(found, shape)
+    row = np.ascontiguousarray(found).reshape(-1)
+    row.setflags(write=False)
+    return row
 
 
 def _refuse_disorder(breaks: FloatArray) -> None:
     """Raise InvalidInput unless breaks start at 0 and increase."""
     if len(breaks) < 2 or breaks[0] != 0 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must start at 0 and increase.")
-
-
-def interval_times(
-    width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
-) -> FloatArray:
-    """Durations of intervals with a path acceleration linear in s.
-
-    Args:
-        width: Lengths of the intervals [m], (n,).
-        begin: Path speeds at the starts [m/s], (n,).
-        end: Path speeds at the ends [m/s], (n,).
-        slope: Slopes of dds over s [1/s²], (n,).
-
-    Returns:
-        Durations [s], (n,): `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
-    """
-    simple = 2 * width / (begin + end)
-    z = slope * simple**2 / 4
-    series = 1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9)))
-    small = np.abs(z) < 1e-4
-    if small.all():
-        return np.asarray(simple * series)
-    size = np.sqrt(np.abs(z))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        exact = np.where(z > 0, np.arctanh(size), np.arctan(size)) / size
-    return np.asarray(simple * np.where(small, series, exact))
-
-
-def _linear_motion(slope: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """cosh(k t), sinh(k t) / k and (cosh(k t) - 1) / k² with `k² = slope`, of either sign."""
-    z = slope * t * t
-    size = np.sqrt(np.abs(z))
-    half = size / 2
-    safe = np.where(size < 1e-2, 1.0, size)
-    c = np.where(z > 0, np.cosh(size), np.cos(size))
-    h = np.where(z > 0, np.sinh(size), np.sin(size)) / safe
-    p = 2 * (np.where(z > 0, np.sinh(half), np.sin(half)) / safe) ** 2
-    near = size < 1e-2
-    c = np.where(near, 1 + z / 2 * (1 + z / 12 * (1 + z / 30)), c)
-    h = np.where(near, 1 + z / 6 * (1 + z / 20 * (1 + z / 42)), h)
-    p = np.where(near, 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56))), p)
-    return c, t * h, t * t * p

@@ -10,7 +10,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion._averaging import average, crossings, whole
 from armcontour.motion.joint_path import JointPath
-from armcontour.motion.laws import LawAlongPath, PathLaw, path_states
+from armcontour.motion.laws import LawAlongPath, PathLaw, join_path
 
 # Breaks that differ by less than this fraction of the duration count as one.
 SAME = 1e-13
@@ -67,20 +67,22 @@ class SmoothedLaw(LawAlongPath):
         found = self._path(np.ravel(t))[:, order].reshape(np.shape(t))
         return np.clip(found, self.s[i], self.s[i + 1]) if order == 0 else found
 
-    def path_motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """s, ds and dds at times `t`; `i` is the interval that contains each."""
-        s, ds, dds, _ = self._motion(i, t)
-        return s, ds, dds
+    def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
+        """s, ds, dds and ddds at times `t`, (4, n); `i` is the interval that contains each."""
+        found = self._path(np.ravel(t)).T.copy().reshape((4, *np.shape(t)))
+        found[0] = np.clip(found[0], self.s[i], self.s[i + 1])
+        return found
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative by the chain rule."""
-        motion = self._motion(i, t)[: order + 1]
-        return path_states(self.joint_path, (self.s[i], self.s[i + 1]), motion)
+        return join_path(
+            self.joint_path, (self.s[i], self.s[i + 1]), self.path_motion(i, t), (order,)
+        )[0]
 
-    def _motion(self, i: IntArray, t: FloatArray) -> tuple[FloatArray, ...]:
-        """s, ds, dds and ddds at times `t`; `i` is the interval that contains each."""
-        found = np.moveaxis(self._path(np.ravel(t)).reshape((*np.shape(t), 4)), -1, 0)
-        return np.clip(found[0], self.s[i], self.s[i + 1]), *found[1:]
+    def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
+        """Q and its derivatives up to an order by the chain rule, (n, dof) each."""
+        ends, orders = (self.s[i], self.s[i + 1]), tuple(range(order + 1))
+        return join_path(self.joint_path, ends, self.path_motion(i, t), orders)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""

@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
+from armcontour.timing._grid import merge, thin
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -47,7 +48,8 @@ class Grid:
     width: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "width", np.diff(self.s))
+        object.__setattr__(self, "s", _checks.lock_floats(self.s))
+        object.__setattr__(self, "width", self.s[1:] - self.s[:-1])
 
     def __len__(self) -> int:
         """Number of intervals."""
@@ -106,13 +108,9 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
-    s = np.sort(np.concatenate([points, breaks]))
-    # A point that differs from a break by rounding only is removed.
-    close = np.flatnonzero(np.diff(s) < 1e-12 * (breaks[-1] - breaks[0]))
-    if len(close):
-        second_is_break = np.isin(s[close + 1], breaks)
-        s = np.delete(s, np.where(second_is_break, close, close + 1))
-    piece = joint_path.locate(s[:-1])
+    # A point that differs from a break by rounding only is left out.
+    close = 1e-12 * (breaks[-1] - breaks[0])
+    s, piece = merge(np.sort(points), breaks, close)
     grid = Grid(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
     count = np.bincount(piece)
@@ -125,13 +123,9 @@ def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
     Returns:
         The coarse grid, and for each old interval the index of the new interval it lies in, (n,).
     """
-    kept = np.zeros(len(grid), dtype=bool)
-    kept[::by] = True
-    kept[1:] |= grid.piece[1:] != grid.piece[:-1]
     # Between two rests one interval would be too few.
-    kept |= np.bincount(grid.piece)[grid.piece] <= by
-    s = np.append(grid.s[:-1][kept], grid.s[-1])
-    return Grid(grid.joint_path, s, grid.piece[kept]), np.cumsum(kept) - 1
+    s, piece, of = thin(grid.s, grid.piece, by)
+    return Grid(grid.joint_path, s, piece), of
 
 
 def split(grid: Grid, parts: FloatArray) -> Grid:

@@ -15,13 +15,23 @@ from typing import NoReturn
 import numpy as np
 
 from armcontour import _checks, _memory
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, Method, PathLaw, Rates, Trajectory, interval_times
-from armcontour.timing._reach import PLAY, reach, skews
+from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.timing._bracket import bound_u, bound_x, judge, spread
+from armcontour.timing._joint_limits import FOUND, LOST, plan_in_one_go
+from armcontour.timing._reach import (
+    BELOW_CEILING,
+    BINDING,
+    PLAY,
+    pack,
+    reach,
+    skew_along_discs,
+    skew_along_rows,
+)
 from armcontour.timing.constraints import (
     AngularAcceleration,
     AngularSpeed,
@@ -38,7 +48,6 @@ from armcontour.timing.constraints import (
     ToolSpeed,
     turning_of,
 )
-from armcontour.timing.constraints._rows import margin_lost
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
     AT_AN_INTERVAL,
@@ -134,11 +143,12 @@ def plan_optimal(
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
 
+    rests = standing(joint_path)
     most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
-        law = _solve(placed, _Task(tuple(active), start, end, arm), most)
+        law = _solve(placed, _Task(tuple(active), start, end, arm, rests), most)
         if jerk is None:
             return law
         return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals, most_steps))
@@ -213,12 +223,14 @@ class _Task:
         start_speed: ds at the start [m/s].
         end_speed: ds at the end [m/s].
         arm: The arm, for messages.
+        standing: Arc lengths at which dq_ds of all joints vanishes [m].
     """
 
     active: tuple[Constraint, ...]
     start_speed: float
     end_speed: float
     arm: Arm
+    standing: FloatArray
 
     @property
     def curved(self) -> bool:
@@ -260,11 +272,10 @@ class Problem:
     ) -> None:
         n = len(grid)
         self.grid = grid
-        self.c, self.radius, self.shifts = np.zeros((2, n)), np.full(n, np.inf), np.zeros(n)
-        self.standing = standing(grid.joint_path)
+        self.c, self.radius, self.shifts = np.empty((2, 0)), np.empty(0), np.zeros(n)
         self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
-        rows: list[Rows] = []
+        self.rows: list[Rows] = []
         for constraint in active:
             ceiling = constraint.ceiling(grid, path, bounds)
             if about is None:
@@ -276,47 +287,58 @@ class Problem:
                 ceilings.append(ceiling.x)
                 if ceiling.lost is not None:
                     self.lost = np.maximum(self.lost, ceiling.lost)
-            rows += [] if found is None else [found]
+            if found is not None:
+                self.rows.append(found.compact())
             if disc is not None:
-                if np.isfinite(self.radius).any():
+                if len(self.radius):
                     raise InvalidInput(
                         "Only one round constraint can be planned with at a time: lift the limit "
                         f"of tool acceleration, or leave out the constraint {constraint.name}."
                     )
                 self.c, self.radius = np.ascontiguousarray(disc.c), disc.r
         self.ceiling = _lowest(ceilings, n)
-        self.rows = rows[0] if len(rows) == 1 else _concatenate(rows, n)
         if bounds is not None:
             self.shifts = bounds.skew * grid.width**2
             # Where u falls, x lies above its chord by up to |skew| width² / 4.
             self.ceiling = self.ceiling - np.maximum(-self.shifts, 0.0) / 4
+            if len(self.radius):
+                half_turn = np.abs(bounds.skew) * grid.width / 2
+                self.lost = np.maximum(self.lost, half_turn > self.radius)
         self.at_points = self._at_points()
+        self.packed = self._pack()
 
-    def solve(self, start_speed: float, end_speed: float) -> FloatArray:
+    def _pack(self) -> FloatArray:
+        """The rows as the compiled passes take them; `lost` takes the share of their margins."""
+        count = sum(x.a.shape[2] for x in self.rows)
+        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
+        for x in self.rows:
+            bounds = x.low, x.high, x.margin
+            pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
+            first += x.a.shape[2]
+        return packed
+
+    def solve(self, task: _Task) -> FloatArray:
         """Find the largest x at every grid point [m²/s²], (n + 1,).
 
         Raises:
             NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
         """
-        grid, rows, ceiling = self.grid, self.rows, self.at_points
-        start, end = start_speed**2, end_speed**2
+        grid, ceiling = self.grid, self.at_points
+        start, end = task.start_speed**2, task.end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
             if value > ceiling[place] * (1 + PLAY):
                 refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
         start, end = min(start, float(ceiling[0])), min(end, float(ceiling[-1]))
         # Where dq_ds vanishes, the joints rest at any ds.
-        if start == 0 and grid.s[0] in self.standing:
+        standing = task.standing if start == 0 or end == 0 else ()
+        if start == 0 and grid.s[0] in standing:
             start = np.inf
-        any_end = end == 0 and grid.s[-1] in self.standing
+        any_end = end == 0 and grid.s[-1] in standing
         if any_end:
             end = self._largest_at_end()
         x, most, stuck = reach(
             grid.width,
-            rows.a,
-            rows.b,
-            rows.low,
-            rows.high,
-            rows.margin,
+            self.packed,
             ceiling,
             self.c,
             self.radius,
@@ -338,48 +360,26 @@ class Problem:
         Args:
             x: The plan: ds² at the grid points [m²/s²], (n + 1,).
         """
-        rows = self.rows
-        return np.asarray(
-            skews(
-                self.grid.width,
-                rows.a,
-                rows.b,
-                rows.low,
-                rows.high,
-                self.at_points,
-                self.c,
-                self.radius,
-                x,
-            )
-        )
-
-    def margin_lost(self, half_turn: FloatArray) -> FloatArray:
-        """Largest share of any limit that margins take on each interval, (n,).
-
-        The share is 1 where the margins do not even allow rest.
-
-        Args:
-            half_turn: Change of u over half of each interval, (n,).
-        """
-        rows = self.rows
-        lost = np.maximum(
-            self.lost, margin_lost(rows.low, rows.high, rows.margin, rows.a, half_turn)
-        )
-        if np.isfinite(self.radius).any():
-            lost = np.maximum(lost, np.abs(half_turn) > self.radius)
-        return np.asarray(lost)
+        bound = (x == 0) | (x > self.at_points * BELOW_CEILING)
+        most = np.where(bound[:-1] | bound[1:], np.inf, BINDING)
+        skew = np.zeros(len(self.grid))
+        for y in self.rows:
+            skew_along_rows(self.grid.width, y.a, y.b, y.low, y.high, x, most, skew)
+        if len(self.radius):
+            skew_along_discs(self.grid.width, self.c, self.radius, x, most, skew)
+        return skew
 
     def _largest_at_end(self) -> float:
         """Largest x at the last point, at which dq_ds vanishes, so that u does not matter there.
 
         Zero if nothing bounds x; the plan then ends at ds = 0.
         """
-        rows = self.rows
-        b, margin = rows.b[1, -1], rows.margin[-1]
-        room = np.where(b > 0, rows.high[1, -1] - margin, margin - rows.low[1, -1])
-        moving = b != 0
-        bounds = np.append(room[moving] / np.abs(b[moving]), self.at_points[-1])
-        lowest = float(np.min(bounds))
+        lowest = float(self.at_points[-1])
+        for rows in self.rows:
+            b, margin = rows.b[1, -1], rows.margin[-1]
+            room = np.where(b > 0, rows.high[-1, -1] - margin, margin - rows.low[-1, -1])
+            moving = b != 0
+            lowest = min(lowest, float((room[moving] / np.abs(b[moving])).min(initial=np.inf)))
         return max(lowest, 0.0) if np.isfinite(lowest) else 0.0
 
     def _at_points(self) -> FloatArray:
@@ -403,9 +403,7 @@ def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    rests = standing(grid.joint_path)
-    if task.bracketed:
-        rests = np.union1d(rests, task.rests(grid))
+    rests = np.union1d(task.standing, task.rests(grid)) if task.bracketed else task.standing
     grid = finer_at_rests(grid, rests)
     for round_ in range(MOST_REFINEMENTS):
         most = min(LARGEST_MARGIN * MORE_EACH_TIME**round_, LARGEST_MARGIN_EVER)
@@ -435,14 +433,22 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    steady = np.zeros(len(grid), dtype=bool)  # intervals without skew
+    plain = _PlainLimits.of(task)
+    if plain is not None:
+        x, skew, lost, outcome = plain.plan(grid, task, most)
+        if outcome == FOUND:
+            return _law(grid, x, skew), lost
+        if outcome == LOST:
+            return None, lost
+    n = len(grid)
+    steady, dips, left = (np.zeros(n, dtype=np.bool_) for _ in range(3))  # steady: without skew
     bracket, path = _first_pass(grid, task), JointDerivatives.on(grid)
     for _ in range(MOST_TRIES):
         skew = np.where(steady, 0.0, bracket.slope)
         bounds = _bounds(grid, path, task, bracket, skew)
         problem = Problem(grid, path, task.active, bounds)
-        lost = problem.margin_lost(skew * grid.width / 2)
-        if (lost > most).any():
+        lost = problem.lost
+        if lost.max() > most:
             # Retry without skew where skew is the cause, or where finer grids did not help.
             skewed = (lost > most) & (skew != 0) & ((lost >= 1) | (most > LARGEST_MARGIN))
             if not skewed.any():
@@ -450,15 +456,17 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
             steady |= skewed
             continue
         try:
-            x = problem.solve(task.start_speed, task.end_speed)
+            x = problem.solve(task)
         except NotRealizable:
             # The first pass succeeded, so the margins are the cause: a finer grid has smaller ones.
-            if bracket.found is None and len(grid) > FINE_ENOUGH:
+            if bracket.found is None and n > FINE_ENOUGH:
                 raise
-            return bracket.found, np.full(len(grid), 4 * LARGEST_MARGIN)
-        if (dips := _dips(grid, x, skew)).any():
+            return bracket.found, np.full(n, 4 * LARGEST_MARGIN)
+        within = bounds.x, bounds.least, task.bracketed
+        any_dips, any_left = judge(x, skew, grid.width, *within, LARGEST_DIP, dips, left)
+        if any_dips:
             steady |= dips
-        elif (left := bracket.left(x, bounds, _sag(grid, skew), task.bracketed)).any():
+        elif any_left:
             if bracket.found is not None and bracket.moves == MOST_MOVES:
                 return bracket.found, lost
             bracket.widen(x, left if task.bracketed else np.ones_like(left))
@@ -470,17 +478,70 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
     return bracket.found, np.maximum(lost, most)
 
 
-def _sag(grid: Grid, skew: FloatArray) -> FloatArray:
-    """Largest distance of x from its chord on every interval [m²/s²], (n,)."""
-    return np.asarray(np.abs(skew) * grid.width**2 / 4)
+@dataclass(frozen=True, slots=True)
+class _PlainLimits:
+    """Limits for which one compiled call makes the plan: of joints, and fixed ceilings.
 
+    Args:
+        velocity: Largest joint velocities, infinite for none [rad/s], (dof,).
+        low: Smallest joint accelerations [rad/s²], (1, 1, dof).
+        high: Largest joint accelerations [rad/s²], (1, 1, dof).
+        fixed: Constraints that are ceilings which depend on the place only.
+    """
 
-def _dips(grid: Grid, x: FloatArray, skew: FloatArray) -> BoolArray:
-    """Whether x may come near 0 inside an interval because u grows there, (n,)."""
-    speed = np.sqrt(x)
-    return np.asarray(
-        4 * _sag(grid, skew) * (skew > 0) > LARGEST_DIP * (speed[:-1] + speed[1:]) ** 2
-    )
+    velocity: FloatArray
+    low: FloatArray
+    high: FloatArray
+    fixed: tuple[ToolSpeed | CentripetalAcceleration, ...]
+
+    @classmethod
+    def of(cls, task: _Task) -> _PlainLimits | None:
+        """The limits of a task; None if it has others, or joints rest at its ends at any ds."""
+        # Subclasses may keep other limits.
+        accelerations = [x for x in task.active if type(x) is JointAcceleration]
+        velocities = [x for x in task.active if type(x) is JointVelocity]
+        fixed = [x for x in task.active if isinstance(x, ToolSpeed | CentripetalAcceleration)]
+        known = len(fixed) + len(velocities[:1]) + 1
+        if not accelerations or known < len(task.active) or len(task.standing):
+            return None
+        low, high = accelerations[0].low, accelerations[0].high
+        most = velocities[0].limit if velocities else np.full(len(low), np.inf)
+        return cls(most, np.array(low[None, None]), np.array(high[None, None]), tuple(fixed))
+
+    def plan(
+        self, grid: Grid, task: _Task, most: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+        """Plan on a grid as `plan_in_one_go`, with margins up to the share `most` of a limit."""
+        coarse, of = _coarse(grid)
+        path = grid.joint_path
+        return plan_in_one_go(
+            path.coefficients,
+            path.breaks,
+            coarse.s,
+            coarse.piece,
+            *self._fixed_on(coarse),
+            of,
+            grid.s,
+            grid.piece,
+            *self._fixed_on(grid),
+            self.velocity,
+            self.low,
+            self.high,
+            task.start_speed**2,
+            task.end_speed**2,
+            HEADROOM,
+            most,
+            LARGEST_MARGIN,
+            LARGEST_DIP,
+            WIDER,
+            MOST_TRIES,
+        )
+
+    def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
+        """The fixed ceilings at the ends of intervals, (2, n), (2, 0) for none, and the stops."""
+        found = [x.fixed_ceiling(grid) for x in self.fixed]
+        fixed = np.empty((2, 0)) if not found else np.min(found, axis=0)
+        return fixed, np.searchsorted(grid.s, grid.joint_path.stops)
 
 
 @dataclass(slots=True)
@@ -502,17 +563,6 @@ class _Bracket:
     reach: FloatArray
     found: PathLaw | None = None
     moves: int = 0
-
-    def floor(self, sag: FloatArray) -> FloatArray:
-        """Smallest x of the bracket [m²/s²], (n,); between two points x leaves its chord by sag."""
-        return np.maximum(self.least / self.reach - sag, 0.0)
-
-    def left(self, x: FloatArray, bounds: Bounds, sag: FloatArray, bracketed: bool) -> BoolArray:
-        """Whether a plan x leaves the bounds on each interval, (n,); `sag` as in `floor`."""
-        over = np.maximum(x[:-1], x[1:]) > bounds.x - sag
-        if bracketed:
-            over |= np.maximum(np.minimum(x[:-1], x[1:]) - sag, 0.0) < bounds.least
-        return over
 
     def widen(self, x: FloatArray, where: BoolArray) -> None:
         """Widen the bracket on some intervals so that it contains the plan x and more around it."""
@@ -545,12 +595,9 @@ def _bounds(
     Raises:
         InvalidInput: Nothing limits the acceleration.
     """
-    half_turn, sag = np.abs(skew) * grid.width / 2, _sag(grid, skew)
-    largest, least = bracket.reach * bracket.most + sag, bracket.floor(sag)
-    u = _largest_u(grid, path, task, largest) + 2 * half_turn
-    if task.bracketed:
-        # If x stays between `least` and `largest`, u is at most what takes x from one to the other.
-        u = np.minimum(u, (largest - least) / (2 * grid.width) + 3 * half_turn)
+    largest, least = bound_x(bracket.most, bracket.least, bracket.reach, skew, grid.width)
+    allowed = _largest_u(grid, path, task, largest)
+    u = bound_u(allowed, largest, least, skew, grid.width, task.bracketed)
     return Bounds(largest, u, skew, least)
 
 
@@ -563,9 +610,9 @@ def _largest_u(grid: Grid, path: JointDerivatives, task: _Task, x: FloatArray) -
     found = [constraint.largest_u(grid, path, x) for constraint in task.active]
     bounds = [y for y in found if y is not None]
     if bounds:
-        lowest = np.min(bounds, axis=0)
-        if np.isfinite(lowest).all():
-            return np.asarray(lowest)
+        lowest = bounds[0] if len(bounds) == 1 else np.asarray(np.min(bounds, axis=0))
+        if lowest.max() < np.inf:
+            return lowest
         i = int(np.argmax(np.isinf(lowest)))
         if not path.first[:, i].any():
             raise InvalidInput(
@@ -588,31 +635,33 @@ def _first_pass(grid: Grid, task: _Task) -> _Bracket:
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    by = COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1
+    coarse, of = _coarse(grid)
     try:
-        return _pass_on(grid, by, task)
+        return _pass_on(grid, coarse, of, task)
     except NotRealizable:
         # A coarse grid may refuse what the grid itself allows.
-        if by == 1:
+        if len(coarse) == len(grid):
             raise
-        return _pass_on(grid, 1, task)
+        return _pass_on(grid, grid, np.arange(len(grid)), task)
 
 
-def _pass_on(grid: Grid, by: int, task: _Task) -> _Bracket:
-    """Run the first pass on about every `by`-th point of a grid."""
-    coarse, of = coarsen(grid, by)
+def _coarse(grid: Grid) -> tuple[Grid, IntArray]:
+    """The grid of the first pass, and the interval of it that each interval lies in, (n,)."""
+    return coarsen(grid, COARSER if len(grid) >= COARSER * FEWEST_COARSE else 1)
+
+
+def _pass_on(grid: Grid, coarse: Grid, of: IntArray, task: _Task) -> _Bracket:
+    """Run the first pass on a coarser grid."""
     path = JointDerivatives.on(coarse)
     plain = Problem(coarse, path, task.active)
-    x = plain.solve(task.start_speed, task.end_speed)
+    x = plain.solve(task)
     for _ in range(MOST_TANGENTS if task.curved else 0):
         about = (x[:-1] + x[1:]) / 2
         plain = Problem(coarse, path, task.active, about=about)
-        x = plain.solve(task.start_speed, task.end_speed)
+        x = plain.solve(task)
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
             break
-    skew = plain.skews(x)
-    most, least = np.maximum(x[:-1], x[1:])[of], np.minimum(x[:-1], x[1:])[of]
-    return _Bracket(most, least, skew[of], np.full(len(grid), HEADROOM))
+    return _Bracket(*spread(x, plain.skews(x), of), np.full(len(grid), HEADROOM))
 
 
 def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:
@@ -620,16 +669,6 @@ def _lowest(ceilings: list[FloatArray], n: int) -> FloatArray:
     if not ceilings:
         return np.full((2, n), np.inf)
     return ceilings[0] if len(ceilings) == 1 else np.min(ceilings, axis=0)
-
-
-def _concatenate(rows: list[Rows], n: int) -> Rows:
-    """Join the rows of several constraints on n intervals."""
-    if not rows:
-        none = np.zeros((2, n, 0))
-        return Rows(none, none, none, none, none[0])
-    return Rows(
-        *(np.concatenate([getattr(x, name) for x in rows], axis=-1) for name in Rows.__slots__)
-    )
 
 
 def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
@@ -643,17 +682,10 @@ def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
     Raises:
         NotRealizable: Two neighbouring points are at rest.
     """
-    speed = np.sqrt(x)
-    if not (speed[:-1] + speed[1:]).all():
-        _refuse_stuck(grid, int(np.flatnonzero(speed[:-1] + speed[1:] == 0)[0]))
-    start = np.diff(x) / (2 * grid.width) - skew * grid.width / 2
-    times = interval_times(grid.width, speed[:-1], speed[1:], skew)
-    return PathLaw(
-        joint_path=grid.joint_path,
-        breaks=np.concatenate([[0.0], np.cumsum(times)]),
-        s=grid.s,
-        rates=Rates(ds=speed[:-1], dds=start, slope=skew, jerk=np.zeros_like(skew)),
-    )
+    stuck = np.flatnonzero((x[:-1] == 0) & (x[1:] == 0))
+    if len(stuck):
+        _refuse_stuck(grid, int(stuck[0]))
+    return PathLaw.of_squares(grid.joint_path, grid.s, x, skew)
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:

@@ -12,6 +12,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, Law, Span, TimedEvent, Trajectory, stand_still
 from armcontour.program import Contour, Dwell, Event
+from armcontour.timing.ahead import planned_ahead
 from armcontour.timing.methods import MoveTiming
 from armcontour.timing.program_tracing import TracedMove, Tracing, ends_of
 
@@ -34,19 +35,20 @@ def time_program(
     Raises:
         ArmContourError: A move cannot be planned; the message starts with the name of the contour.
     """
-    chain = _Chain(traced, timing)
     number, count = 0, len(traced.program.contours)
-    for step in traced.steps:
-        move = None if step.move is None else traced.program.moves[step.move]
-        if isinstance(move, Contour):
-            chain.add_contour(step, move)
-            number += 1
-            if progress is not None:
-                progress(Step(("timing",), number / count))
-        elif isinstance(move, Event | Dwell):
-            chain.add_still(step, move)
-        else:
-            chain.add_rapid(step)
+    with planned_ahead(traced, timing) as ahead:
+        chain = _Chain(traced, ahead)
+        for step in traced.steps:
+            move = None if step.move is None else traced.program.moves[step.move]
+            if isinstance(move, Contour):
+                chain.add_contour(step, move)
+                number += 1
+                if progress is not None:
+                    progress(Step(("timing",), number / count))
+            elif isinstance(move, Event | Dwell):
+                chain.add_still(step, move)
+            else:
+                chain.add_rapid(step)
     return chain.trajectory()
 
 

@@ -134,7 +134,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         *_jerk(result),
         Tile(
             label="joints fully used",
-            value=f"{e.utilisation:.0%}",
+            value="-" if e.utilisation is None else f"{e.utilisation:.0%}",
             note="of the motion: some joint within 1 % of a limit",
         ),
         Tile(

@@ -14,6 +14,60 @@ from armcontour._kernels import compiled
 ROUNDING = 2e-15
 
 
+@compiled(inner=True)
+def write_derivatives(
+    coefficients: FloatArray,
+    breaks: FloatArray,
+    k: int,
+    s0: float,
+    s1: float,
+    before: int,
+    row: int,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    fourth: FloatArray,
+) -> None:
+    """Write what `derivatives` gives for one interval, from s0 to s1 in piece k, into one row.
+
+    Args:
+        coefficients: Of the joint path, (pieces, 6, dof).
+        breaks: Of the joint path, (pieces + 1,).
+        k: The piece.
+        s0: Start of the interval.
+        s1: End of the interval.
+        before: The row of the interval before, if it lies in the same piece; otherwise -1.
+        row: The row to write.
+        first: As in `derivatives`, as the next three.
+        second: See above.
+        third: See above.
+        fourth: See above.
+    """
+    scale = 1.0 / (breaks[k + 1] - breaks[k])
+    square = scale * scale
+    cube, power = square * scale, square * square
+    x0, x1 = (s0 - breaks[k]) * scale, (s1 - breaks[k]) * scale
+    middle, half = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
+    for j in range(coefficients.shape[2]):
+        a1, a2, a3 = coefficients[k, 1, j], coefficients[k, 2, j], coefficients[k, 3, j]
+        a4, a5 = coefficients[k, 4, j], coefficients[k, 5, j]
+        if before >= 0:
+            first[0, row, j], second[0, row, j] = first[1, before, j], second[1, before, j]
+        else:
+            slope = a1 + x0 * (2 * a2 + x0 * (3 * a3 + x0 * (4 * a4 + x0 * 5 * a5)))
+            bend = 2 * a2 + x0 * (6 * a3 + x0 * (12 * a4 + x0 * 20 * a5))
+            first[0, row, j], second[0, row, j] = scale * slope, square * bend
+        slope = a1 + x1 * (2 * a2 + x1 * (3 * a3 + x1 * (4 * a4 + x1 * 5 * a5)))
+        bend = 2 * a2 + x1 * (6 * a3 + x1 * (12 * a4 + x1 * 20 * a5))
+        first[1, row, j], second[1, row, j] = scale * slope, square * bend
+        # Taylor about the middle: the fifth derivative is constant.
+        f3 = abs(6 * a3 + middle * (24 * a4 + middle * 60 * a5))
+        f4 = abs(24 * a4 + middle * 120 * a5)
+        f5 = abs(120 * a5)
+        third[row, j] = (f3 + half * (f4 + half * 0.5 * f5)) * cube
+        fourth[row, j] = (f4 + half * f5) * power
+
+
 @compiled()
 def derivatives(
     coefficients: FloatArray,
@@ -37,32 +91,35 @@ def derivatives(
         third: Takes the bounds of |d3q_ds3|, (n, dof).
         fourth: Takes the bounds of |d4q_ds4|, (n, dof).
     """
-    n = len(piece)
-    dof = coefficients.shape[2]
-    for i in range(n):
+    for i in range(len(piece)):
         k = piece[i]
-        scale = 1.0 / (breaks[k + 1] - breaks[k])
-        x0 = (s[i] - breaks[k]) * scale
-        x1 = (s[i + 1] - breaks[k]) * scale
-        middle = 0.5 * (x0 + x1)
-        half = 0.5 * (x1 - x0)
-        for j in range(dof):
-            a1, a2, a3 = coefficients[k, 1, j], coefficients[k, 2, j], coefficients[k, 3, j]
-            a4, a5 = coefficients[k, 4, j], coefficients[k, 5, j]
-            for end in range(2):
-                x = x0 if end == 0 else x1
-                first[end, i, j] = scale * (
-                    a1 + x * (2 * a2 + x * (3 * a3 + x * (4 * a4 + x * 5 * a5)))
-                )
-                second[end, i, j] = (
-                    scale * scale * (2 * a2 + x * (6 * a3 + x * (12 * a4 + x * 20 * a5)))
-                )
-            # Taylor about the middle: the fifth derivative is constant.
-            f3 = abs(6 * a3 + middle * (24 * a4 + middle * 60 * a5))
-            f4 = abs(24 * a4 + middle * 120 * a5)
-            f5 = abs(120 * a5)
-            third[i, j] = (f3 + half * (f4 + half * 0.5 * f5)) * scale**3
-            fourth[i, j] = (f4 + half * f5) * scale**4
+        before = i - 1 if i > 0 and piece[i - 1] == k else -1
+        ends = s[i], s[i + 1]
+        write_derivatives(
+            coefficients, breaks, k, ends[0], ends[1], before, i, first, second, third, fourth
+        )
+
+
+@compiled(inner=True)
+def write_bulge(
+    width: float,
+    x: float,
+    u: float,
+    skew: float,
+    row: int,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    fourth: FloatArray,
+    bulge: FloatArray,
+) -> None:
+    """Write what `acceleration_bulge` gives for one interval, whose derivatives are in `row`."""
+    share, rounding = width * width / 8.0, ROUNDING * x / width
+    for j in range(third.shape[1]):
+        bend = max(abs(second[0, row, j]), abs(second[1, row, j])) + width * third[row, j]
+        slope = max(abs(first[0, row, j]), abs(first[1, row, j]))
+        rise = 5.0 * third[row, j] * u + fourth[row, j] * x + 4.0 * bend * abs(skew)
+        bulge[row, j] = share * rise + rounding * slope
 
 
 @compiled()
@@ -84,16 +141,23 @@ def acceleration_bulge(
     With u linear in s, its second derivative is `5 q''' u + q'''' x + 4 q'' skew`; a function rises
     above its chord by at most width² / 8 times the largest amount of that.
     """
-    n, dof = third.shape
-    for i in range(n):
-        share = width[i] * width[i] / 8.0
-        for j in range(dof):
-            bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + width[i] * third[i, j]
-            bulge[i, j] = share * (
-                5.0 * third[i, j] * u[i] + fourth[i, j] * x[i] + 4.0 * bend * abs(skew[i])
-            )
-            slope = max(abs(first[0, i, j]), abs(first[1, i, j]))
-            bulge[i, j] += ROUNDING * x[i] / width[i] * slope
+    for i in range(len(width)):
+        write_bulge(width[i], x[i], u[i], skew[i], i, first, second, third, fourth, bulge)
+
+
+@compiled()
+def largest_u(
+    x: float, row: int, first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray
+) -> float:
+    """What `path_acceleration_bound` gives for one interval, whose derivatives are in `row`."""
+    least = math.inf
+    for end in range(2):
+        for j in range(first.shape[2]):
+            room = max(high[j], -low[j]) + abs(second[end, row, j]) * x
+            size = abs(first[end, row, j])
+            if size * least > room:
+                least = room / size
+    return least
 
 
 @compiled()
@@ -104,17 +168,9 @@ def path_acceleration_bound(
 
     The lower one of both ends: where dq_ds vanishes at one of them, u is bounded by the other.
     """
-    n, dof = first.shape[1], first.shape[2]
-    bound = np.empty(n)
-    for i in range(n):
-        least = math.inf
-        for end in range(2):
-            for j in range(dof):
-                room = max(high[j], -low[j]) + abs(second[end, i, j]) * x[i]
-                size = abs(first[end, i, j])
-                if size * least > room:
-                    least = room / size
-        bound[i] = least
+    bound = np.empty(len(x))
+    for i in range(len(x)):
+        bound[i] = largest_u(x[i], i, first, second, low, high)
     return bound
 
 
@@ -141,6 +197,55 @@ def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray
     return ceiling
 
 
+@compiled(inner=True)
+def lower_by_velocity(
+    width: float,
+    x: float,
+    u: float,
+    skew: float,
+    row: int,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    limit: FloatArray,
+) -> tuple[float, float, float]:
+    """What `velocity_ceiling` gives for one interval, whose derivatives are in `row`.
+
+    Returns:
+        The ceilings at the start and at the end, and the share of them that margins have taken.
+    """
+    share = width * width / 8
+    plain_start = plain_end = low_start = low_end = math.inf
+    for j in range(first.shape[2]):
+        if limit[j] == np.inf:
+            continue
+        v2 = limit[j] * limit[j]
+        start, end, curve = abs(first[0, row, j]), abs(first[1, row, j]), third[row, j]
+        slope = max(start, end) + share * curve
+        bend = max(abs(second[0, row, j]), abs(second[1, row, j])) + width * curve
+        rate = 8 * u * slope * bend + 2 * x * (bend * bend + slope * curve)
+        bulge = share * (rate + 2 * abs(skew) * slope * slope)
+        # A joint that lowers nothing by either of the rules below needs no divisions.
+        if v2 - bulge >= max(low_start, low_end, plain_start, plain_end) * slope * slope:
+            continue
+        # Take either both ends with the bulge, or both ends slow enough for the largest dq_ds of
+        # the interval. A mix of the two rules would prove nothing.
+        at_start = _over_square(v2 - bulge, start)
+        at_end = _over_square(v2 - bulge, end)
+        tight = _over_square(v2, slope)
+        if at_start + at_end < 2 * tight:
+            at_start = at_end = tight
+        low_start, low_end = min(low_start, at_start), min(low_end, at_end)
+        plain_start = min(plain_start, _over_square(v2, start))
+        plain_end = min(plain_end, _over_square(v2, end))
+    lost = 0.0
+    if low_start < plain_start:
+        lost = 1.0 - low_start / plain_start
+    if low_end < plain_end:
+        lost = max(lost, 1.0 - low_end / plain_end)
+    return low_start, low_end, lost
+
+
 @compiled()
 def velocity_ceiling(
     width: FloatArray,
@@ -161,60 +266,10 @@ def velocity_ceiling(
     Returns:
         The ceiling, (2, n), and the share of it that margins have taken, (n,).
     """
-    n, dof = first.shape[1], first.shape[2]
-    ceiling = np.full((2, n), np.inf)
-    lost = np.zeros(n)
+    n = len(width)
+    ceiling, lost = np.empty((2, n)), np.empty(n)
     for i in range(n):
-        share = width[i] * width[i] / 8
-        plain_start = math.inf
-        plain_end = math.inf
-        for j in range(dof):
-            if limit[j] == np.inf:
-                continue
-            v2 = limit[j] * limit[j]
-            start, end = abs(first[0, i, j]), abs(first[1, i, j])
-            slope = max(start, end) + share * third[i, j]
-            bend = max(abs(second[0, i, j]), abs(second[1, i, j])) + width[i] * third[i, j]
-            rate = 8 * u[i] * slope * bend + 2 * x[i] * (bend * bend + slope * third[i, j])
-            bulge = share * (rate + 2 * abs(skew[i]) * slope * slope)
-            # Take either both ends with the bulge, or both ends slow enough for the largest dq_ds
-            # of the interval. A mix of the two rules would prove nothing.
-            at_start = _over_square(v2 - bulge, start)
-            at_end = _over_square(v2 - bulge, end)
-            tight = _over_square(v2, slope)
-            if at_start + at_end < 2 * tight:
-                at_start = at_end = tight
-            ceiling[0, i] = min(ceiling[0, i], at_start)
-            ceiling[1, i] = min(ceiling[1, i], at_end)
-            plain_start = min(plain_start, _over_square(v2, start))
-            plain_end = min(plain_end, _over_square(v2, end))
-        if ceiling[0, i] < plain_start:
-            lost[i] = 1.0 - ceiling[0, i] / plain_start
-        if ceiling[1, i] < plain_end:
-            lost[i] = max(lost[i], 1.0 - ceiling[1, i] / plain_end)
+        ceiling[0, i], ceiling[1, i], lost[i] = lower_by_velocity(
+            width[i], x[i], u[i], skew[i], i, first, second, third, limit
+        )
     return ceiling, lost
-
-
-@compiled()
-def margin_lost(
-    low: FloatArray, high: FloatArray, margin: FloatArray, a: FloatArray, change: FloatArray
-) -> FloatArray:
-    """Largest share of any bound that margins take on each interval, (n,).
-
-    The share is 1 where the change of u over half an interval alone would break a bound at rest,
-    so that no state of the interval is certainly allowed.
-    """
-    n = low.shape[1]
-    lost = np.zeros(n)
-    for end in range(2):
-        for i in range(n):
-            worst = lost[i]
-            turn = abs(change[i])
-            for k in range(low.shape[2]):
-                least = min(high[end, i, k], -low[end, i, k])
-                if margin[i, k] > worst * least:
-                    worst = margin[i, k] / least
-                if abs(a[end, i, k]) * turn > least - margin[i, k]:
-                    worst = max(worst, 1.0)
-            lost[i] = worst
-    return lost

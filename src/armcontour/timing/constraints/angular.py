@@ -11,7 +11,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives, Rows
-from armcontour.timing.constraints.sampled import Sampled, bulge, rise
+from armcontour.timing.constraints.sampled import Sampled, Values, bulge, rise
 from armcontour.timing.grid import Grid
 from armcontour.timing.limit_use import require_orientation
 
@@ -23,16 +23,17 @@ PARALLEL = 1e-9
 
 
 def turning_of(arm: Arm) -> Sampled:
-    """The angular velocity of the tool at ds = 1 and its derivative over s, (n, 2, 3).
+    """The angular velocity w of the tool at ds = 1 and its derivative over s, (n, 3) each; |w|².
 
     Raises:
         InvalidInput: The arm's tool has no orientation.
     """
     tool = require_orientation(arm)
 
-    def turning(q: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+    def turning(q: FloatArray, first: FloatArray, second: FloatArray) -> Values:
         rate, bend = tool.tool_twist(q, first), tool.tool_twist_rate(q, first, second)
-        return np.stack([rate[:, 3:], bend[:, 3:]], axis=1)
+        w, dw = rate[:, 3:].copy(), bend[:, 3:].copy()
+        return w, dw, np.sum(w**2, axis=1, keepdims=True)
 
     return Sampled(turning)
 
@@ -53,15 +54,14 @@ class AngularSpeed(Constraint):
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The bound, less what `|w|² x` can rise between the ends."""
-        square = _square(self._turning.at_ends(grid))
+        square = self._turning.at_ends(grid)[2]
         with np.errstate(divide="ignore"):
             if bounds is None:
-                return Ceiling(self.limit**2 / square)
-            middle = _square(self._turning.in_middles(grid))
-            none = np.zeros((*square.shape, 1))
-            rises = none[0], rise(grid, square, middle)[:, None], none[0]
-            lost = bulge(grid, none, square[..., None], rises, bounds)[:, 0] / self.limit**2
-            return Ceiling(self.limit**2 * np.maximum(1 - lost, 0.0) / square, lost)
+                return Ceiling(self.limit**2 / square[..., 0])
+            none = np.zeros_like(square)
+            rises = none[0], self._turning.rises(grid)[2], none[0]
+            lost = bulge(grid, none, square, rises, bounds)[:, 0] / self.limit**2
+            return Ceiling(self.limit**2 * np.maximum(1 - lost, 0.0) / square[..., 0], lost)
 
 
 class AngularAcceleration(Constraint):
@@ -80,22 +80,27 @@ class AngularAcceleration(Constraint):
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
         """One row per side of the polygon; its direction is fixed on each interval."""
-        ends = self._turning.at_ends(grid)
-        middle = self._turning.in_middles(grid)
+        ends = np.stack(self._turning.at_ends(grid)[:2], axis=2)
+        middle = np.stack(self._turning.in_middles(grid)[:2], axis=1)
         planes = _planes(middle)
         angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
         polygon = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         directions = polygon @ planes[:, :2]
-        a, b = np.moveaxis(ends @ np.swapaxes(directions, 1, 2), 2, 0)
+        along = ends @ np.swapaxes(directions, 1, 2)
+        a, b = along[:, :, 0].copy(), along[:, :, 1].copy()
         radius = np.full(len(grid), self.limit)
         margin = np.zeros(a.shape[1:])
         if bounds is not None:
-            seen = np.moveaxis(middle @ np.swapaxes(directions, 1, 2), 1, 0)
-            rises = rise(grid, a, seen[0]), rise(grid, b, seen[1]), np.zeros_like(margin)
+            seen = middle @ np.swapaxes(directions, 1, 2)
+            rises = (
+                rise(grid, a, seen[:, 0].copy()),
+                rise(grid, b, seen[:, 1].copy()),
+                np.zeros_like(margin),
+            )
             margin = bulge(grid, a, b, rises, bounds)
             # The plane turns along the interval: the part that leaves it reduces the radius.
             out = np.abs(ends @ planes[:, 2, :, None])[..., 0].max(axis=0)
-            out += rise(grid, ends, middle).sum(axis=2)
+            out += np.stack([x.sum(axis=1) for x in self._turning.rises(grid)[:2]], axis=1)
             across = out[:, 0] * bounds.u + out[:, 1] * bounds.x
             radius = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
         bound = np.broadcast_to((radius * np.cos(np.pi / (2 * DIRECTIONS)))[:, None], a.shape)
@@ -103,14 +108,9 @@ class AngularAcceleration(Constraint):
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""
-        w, dw = np.moveaxis(np.linalg.norm(self._turning.at_ends(grid)[0], axis=2), 1, 0)
+        w, dw = (np.linalg.norm(x[0], axis=1) for x in self._turning.at_ends(grid)[:2])
         with np.errstate(divide="ignore"):
             return np.asarray((self.limit + dw * x) / w)
-
-
-def _square(turning: FloatArray) -> FloatArray:
-    """`|w|²` of angular velocities at ds = 1, (..., 2, 3)."""
-    return np.asarray(np.sum(turning[..., 0, :] ** 2, axis=-1))
 
 
 def _planes(turning: FloatArray) -> FloatArray:

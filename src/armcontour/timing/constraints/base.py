@@ -133,6 +133,27 @@ class Rows:
     high: FloatArray
     margin: FloatArray
 
+    def compact(self) -> Rows:
+        """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""
+        return Rows(
+            _contiguous(self.a),
+            _contiguous(self.b),
+            _compact(self.low),
+            _compact(self.high),
+            _contiguous(self.margin),
+        )
+
+
+def _contiguous(values: FloatArray) -> FloatArray:
+    """The array, or a contiguous copy that may be written: kernels are compiled for these."""
+    return values if values.flags.c_contiguous and values.flags.writeable else values.copy("C")
+
+
+def _compact(bound: FloatArray) -> FloatArray:
+    """A bound, (2, n, rows), with one entry along axes on which it was broadcast."""
+    ends, places, _ = bound.strides
+    return _contiguous(bound[: 1 if ends == 0 else None, : 1 if places == 0 else None])
+
 
 @dataclass(frozen=True, slots=True)
 class Disc:

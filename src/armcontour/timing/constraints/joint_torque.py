@@ -8,15 +8,11 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
+from armcontour.timing.constraints._torque import at_rest, dragged_rows, largest_u
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
-from armcontour.timing.constraints.friction import TINY, Lines, chord, tangent
-from armcontour.timing.constraints.sampled import Sampled, bulge, rise
+from armcontour.timing.constraints.sampled import Sampled, bulge
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
-
-# The line above viscous friction may take this share of the torque that is left at rest. So every
-# row allows rest, on which the compiled planner relies.
-SHARE_AT_REST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +37,27 @@ class _Friction:
     below: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class _OnGrid:
+    """What all passes on one grid have in common.
+
+    Args:
+        grid: The grid.
+        a: Coefficients of u at the interval ends, (2, n, dof).
+        b: Coefficients of x there without viscous friction, (2, n, dof).
+        low: Lower limits there, less gravity and dry friction [N m], (2, n, dof).
+        high: The same of the upper limits.
+        friction: Joint friction; None if there is none.
+    """
+
+    grid: Grid
+    a: FloatArray
+    b: FloatArray
+    low: FloatArray
+    high: FloatArray
+    friction: _Friction | None
+
+
 class JointTorque(Constraint):
     """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint.
 
@@ -63,11 +80,12 @@ class JointTorque(Constraint):
 
     def __init__(self, arm: Arm, limit: FloatArray) -> None:
         dynamics = arm.dynamics
-        self.limit = limit
-        self.viscous = np.asarray(dynamics.chain.viscous)
-        self.coulomb = np.asarray(dynamics.chain.coulomb)
+        self.limit = np.array(limit)
+        self.viscous = np.array(dynamics.chain.viscous)
+        self.coulomb = np.array(dynamics.chain.coulomb)
         self.curved = bool(self.viscous.any())
-        self._terms = Sampled(lambda *motion: np.stack(dynamics.path_terms(*motion), axis=1))
+        self._terms = Sampled(dynamics.path_terms)
+        self._last: _OnGrid | None = None
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
         """Both limits, less what the torque can rise between the ends.
@@ -80,65 +98,86 @@ class JointTorque(Constraint):
             NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
         """
         if bounds is None or not self.curved:
-            return self._rows(grid, path, None, bounds)
-        return self._rows(grid, path, (bounds.least[:, None], bounds.x[:, None]), bounds)
+            on = self._on(grid, path)
+            return self._with_margin(grid, (on.a, on.b, on.low, on.high), None, bounds)
+        return self._dragged(self._on(grid, path), bounds.least, bounds.x, bounds)
 
     def rows_about(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> Rows:
         """Rows with the tangents of friction at x, one x for each interval, (n,)."""
-        near = x[:, None]
-        return self._rows(grid, path, (near, near) if self.curved else None, None)
+        if not self.curved:
+            return self.rows(grid, path, None)
+        return self._dragged(self._on(grid, path), x, x, None)
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval, given the largest x there."""
-        a, b, c = np.moveaxis(self._terms.at_ends(grid), 2, 0)
-        dragged = np.abs(self.viscous * path.first) * np.sqrt(x)[:, None] + self.coulomb
-        room = self.limit + np.abs(c) + np.abs(b) * x[:, None] + dragged
-        with np.errstate(divide="ignore"):
-            return np.asarray((room / np.abs(a)).min(axis=(0, 2)))
+        a, b, c = self._terms.at_ends(grid)
+        drag = self.viscous * path.first if self.curved else np.empty((2, 0, len(self.limit)))
+        return np.asarray(largest_u(a, b, c, drag, self.limit, self.coulomb, x))
 
-    def _rows(
+    def _on(self, grid: Grid, path: JointDerivatives) -> _OnGrid:
+        """The rows of a grid without what depends on x.
+
+        Raises:
+            NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
+        """
+        if self._last is not None and self._last.grid is grid:
+            return self._last
+        a, b, c = self._terms.at_ends(grid)
+        low, high, kept = at_rest(c, self.limit)
+        if not kept:
+            refuse_excess_at_rest(grid, self, c, (-self.limit, self.limit))
+        friction = None
+        if self.curved or self.coulomb.any():
+            friction = self._friction(grid, path)
+            low, high = low - friction.below, high - friction.above
+            self._refuse_creeping(grid, c, friction)
+        self._last = _OnGrid(grid, a, b, low, high, friction)
+        return self._last
+
+    def _dragged(
+        self, on: _OnGrid, least: FloatArray, most: FloatArray, bounds: Bounds | None
+    ) -> Rows:
+        """Rows with viscous friction bounded for x from `least` to `most`, (n,) each."""
+        friction, a = on.friction, np.concatenate([on.a, on.a], axis=-1)
+        assert friction is not None
+        *rows, along, aside = dragged_rows(
+            on.b,
+            on.low,
+            on.high,
+            friction.viscous,
+            friction.largest,
+            friction.departs,
+            friction.sign,
+            least,
+            most,
+            bounds is not None,
+        )
+        return self._with_margin(on.grid, (a, *rows), (along, aside), bounds)
+
+    def _with_margin(
         self,
         grid: Grid,
-        path: JointDerivatives,
-        bracket: tuple[FloatArray, FloatArray] | None,
+        rows: tuple[FloatArray, ...],
+        lines: tuple[FloatArray, FloatArray] | None,
         bounds: Bounds | None,
     ) -> Rows:
-        """Rows with friction bounded for x within a bracket; without a bracket, no viscous one."""
-        a, b, c = np.moveaxis(self._terms.at_ends(grid), 2, 0)
-        friction = self._friction(grid, path)
-        self._refuse_at_rest(grid, c, friction)
-        low, high = -self.limit - c - friction.below, self.limit - c - friction.above
-        rises = self._rises(grid, (a, b, c)) if bounds is not None else None
-        if bracket is None:
-            return Rows(a, b, low, high, _margin(grid, a, b, rises, bounds))
-        sides = []
-        for sign, room in ((1.0, high), (-1.0, -low)):
-            lines = _lines(friction, sign, room.min(axis=0), *bracket)
-            # Where a joint reverses, its friction is at most that at its largest speed. The first
-            # pass leaves this out, so that rest is allowed where gravity takes all the torque.
-            most, turns = sign * friction.largest * np.sqrt(bracket[1]), friction.sign == 0
-            most = most if bounds is not None else np.zeros_like(most)
-            dragged = b + np.where(turns, 0.0, friction.viscous * lines.slope)
-            offset = np.where(turns, most, friction.viscous * lines.offset)
-            found = rises
-            if rises is not None:
-                along, aside = friction.departs * lines.slope, friction.departs * lines.offset
-                found = (rises[0], rises[1] + along, rises[2] + aside)
-            sides.append((dragged, offset, _margin(grid, a, dragged, found, bounds)))
-        none = np.full(c.shape, np.inf)
-        (b_up, up, margin_up), (b_down, down, margin_down) = sides
-        return Rows(
-            np.concatenate([a, a], axis=-1),
-            np.concatenate([b_up, b_down], axis=-1),
-            np.concatenate([-none, low - down], axis=-1),
-            np.concatenate([high - up, none], axis=-1),
-            np.concatenate([margin_up, margin_down], axis=-1),
-        )
+        """Rows with their margin, which is zero without bounds.
 
-    def _rises(self, grid: Grid, ends: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
-        """Bounds of the distance of a, b and c from their chords on every interval, (n, dof)."""
-        middles = np.moveaxis(self._terms.in_middles(grid), 1, 0)
-        return tuple(rise(grid, x, y) for x, y in zip(ends, middles, strict=True))
+        Args:
+            grid: The grid.
+            rows: Coefficients of u and of x, lower and upper limits, (2, n, rows) each.
+            lines: What lines add to the rises of coefficients of x and of constants, (n, rows)
+                each; None without lines.
+            bounds: Bounds of x and u.
+        """
+        a, b, low, high = rows
+        if bounds is None:
+            return Rows(a, b, low, high, np.zeros(a.shape[1:]))
+        rises = self._terms.rises(grid)
+        if lines is not None:
+            rise_a, rise_b, rise_c = (np.concatenate([x, x], axis=-1) for x in rises)
+            rises = rise_a, rise_b + lines[0], rise_c + lines[1]
+        return Rows(a, b, low, high, bulge(grid, a, b, rises, bounds))
 
     def _friction(self, grid: Grid, path: JointDerivatives) -> _Friction:
         """Bound the friction on every interval."""
@@ -158,46 +197,13 @@ class JointTorque(Constraint):
             below=np.where(one_way, sign, -1.0) * coulomb,
         )
 
-    def _refuse_at_rest(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
-        """Refuse torques `c` at rest that exceed a limit, with and without Coulomb friction.
+    def _refuse_creeping(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
+        """Refuse torques of gravity `c` that exceed a limit together with Coulomb friction.
 
         Raises:
             NotRealizable: A joint exceeds its limit.
         """
+        creeping = c + np.where(c > 0, friction.above, friction.below)
+        when = "in the slowest motion, with friction"
         bounds = -self.limit, self.limit
-        refuse_excess_at_rest(grid, self, c, bounds)
-        if self.coulomb.any():
-            creeping = c + np.where(c > 0, friction.above, friction.below)
-            when = "in the slowest motion, with friction"
-            refuse_excess_at_rest(grid, self, creeping, bounds, when=when, cannot="move")
-
-
-def _lines(
-    friction: _Friction, sign: float, room: FloatArray, least: FloatArray, most: FloatArray
-) -> Lines:
-    """Lines for the root of x that bound viscous friction towards one limit.
-
-    Args:
-        friction: The friction.
-        sign: 1 for the upper limit, -1 for the lower one.
-        room: Torque that is left of the limit at rest [N m], (n, dof).
-        least: Smallest x, (n, 1).
-        most: Largest x, (n, 1).
-    """
-    allowed = (room > 0) & (friction.largest > 0)
-    share = SHARE_AT_REST * room / np.where(allowed, friction.largest, 1.0)
-    cap = np.where(allowed, np.maximum(share, TINY), np.inf)
-    return tangent(least, most, cap).where(friction.sign == sign, chord(least, most))
-
-
-def _margin(
-    grid: Grid,
-    a: FloatArray,
-    b: FloatArray,
-    rises: tuple[FloatArray, ...] | None,
-    bounds: Bounds | None,
-) -> FloatArray:
-    """Margin of the torque on every interval, (n, dof); zero without bounds."""
-    if rises is None or bounds is None:
-        return np.zeros(a.shape[1:])
-    return bulge(grid, a, b, rises, bounds)
+        refuse_excess_at_rest(grid, self, creeping, bounds, when=when, cannot="move")

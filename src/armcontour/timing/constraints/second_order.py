@@ -58,12 +58,13 @@ class SecondOrder(Constraint):
         """
         starts = self.coefficients(grid.s[:-1], "right")
         ends = self.coefficients(grid.s[1:], "left")
-        a, b, c = (np.stack([x, y]) for x, y in zip(starts, ends, strict=True))
+        a, b, c = (np.stack([x, y], dtype=np.float64) for x, y in zip(starts, ends, strict=True))
         refuse_excess_at_rest(grid, self, c, (self.low, self.high))
         margin = np.zeros(c.shape[1:])
         if bounds is not None:
             middle = self.coefficients((grid.s[:-1] + grid.s[1:]) / 2, "right")
-            rises = tuple(rise(grid, x, y) for x, y in zip((a, b, c), middle, strict=True))
+            inside = [np.require(x, np.float64, ["C", "W"]) for x in middle]
+            rises = tuple(rise(grid, x, y) for x, y in zip((a, b, c), inside, strict=True))
             margin = bulge(grid, a, b, rises, bounds)
         return Rows(a, b, self.low - c, self.high - c, margin)
 
@@ -101,9 +102,9 @@ def refuse_excess_at_rest(
         NotRealizable: With the arc length, the joint, the value and the bound.
     """
     low, high = bounds
-    over = np.maximum(value - high, low - value)
-    if (over <= 0).all():
+    if ((value >= low) & (value <= high)).all():
         return
+    over = np.maximum(value - high, low - value)
     end, i, row = np.unravel_index(int(np.argmax(over)), over.shape)
     needed, s = float(value[end, i, row]), float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])

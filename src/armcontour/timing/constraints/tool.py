@@ -16,6 +16,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
 from armcontour.timing.constraints._rows import ROUNDING
+from armcontour.timing.constraints._tool import measure
 from armcontour.timing.constraints.base import (
     Bounds,
     Ceiling,
@@ -111,12 +112,11 @@ def _measure(
     joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Speed, curvature and stretch at arc lengths on pieces of a joint path, each as `s`."""
-    velocity, acceleration = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
-    speed = np.linalg.norm(velocity, axis=1)
-    direction = velocity / speed[:, None]
-    along = np.sum(acceleration * direction, axis=1)
-    across = np.linalg.norm(acceleration - along[:, None] * direction, axis=1)
-    return speed.reshape(s.shape), across.reshape(s.shape), np.abs(along).reshape(s.shape)
+    motion = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
+    # Arms of users may give arrays of any kind.
+    velocity, acceleration = (np.require(x, np.float64, ["C", "W"]) for x in motion)
+    speed, across, along = measure(velocity, acceleration).reshape(3, *s.shape)
+    return speed, across, along
 
 
 def _bound(values: FloatArray) -> FloatArray:
@@ -141,7 +141,11 @@ class ToolSpeed(Constraint):
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The bound of each piece, which holds on the whole interval."""
-        return Ceiling(np.broadcast_to(self._ceiling[grid.piece], (2, len(grid))))
+        return Ceiling(self.fixed_ceiling(grid))
+
+    def fixed_ceiling(self, grid: Grid) -> FloatArray:
+        """The ceiling, (2, n), which depends on the place only."""
+        return np.broadcast_to(self._ceiling[grid.piece], (2, len(grid)))
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Assigned velocity of every interval [m/s], (n, 1)."""
@@ -164,8 +168,12 @@ class CentripetalAcceleration(Constraint):
 
     def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
         """The bound at both ends; between them x stays below the chord of both."""
+        return Ceiling(self.fixed_ceiling(grid))
+
+    def fixed_ceiling(self, grid: Grid) -> FloatArray:
+        """The ceiling, (2, n), which depends on the place only."""
         with np.errstate(divide="ignore"):
-            return Ceiling(self.limit / self.metric.curvature_on(grid))
+            return np.asarray(self.limit / self.metric.curvature_on(grid))
 
 
 class ToolAcceleration(Constraint):

@@ -1,0 +1,71 @@
+"""Compiled times of intervals of a law: the path acceleration is linear in s on each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
+
+# Below this size of slope times squared time a series is exact.
+SMALL = 1e-4
+
+
+@compiled(inner=True)
+def interval_time(width: float, begin: float, end: float, slope: float) -> float:
+    """Duration of one interval, see `interval_times`."""
+    simple = 2 * width / (begin + end)
+    z = slope * simple * simple / 4
+    if abs(z) < SMALL:
+        return simple * (1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9))))
+    size = math.sqrt(abs(z))
+    return simple * (math.atanh(size) if z > 0 else math.atan(size)) / size
+
+
+@compiled()
+def interval_times(
+    width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
+) -> FloatArray:
+    """Durations of intervals with a path acceleration linear in s [s], (n,).
+
+    `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+
+    Args:
+        width: Lengths of the intervals [m], (n,).
+        begin: Path speeds at the starts [m/s], (n,).
+        end: Path speeds at the ends [m/s], (n,).
+        slope: Slopes of dds over s [1/s²], (n,).
+    """
+    times = np.empty(len(width))
+    for i in range(len(width)):
+        times[i] = interval_time(width[i], begin[i], end[i], slope[i])
+    return times
+
+
+@compiled()
+def law_of_squares(
+    width: FloatArray, x: FloatArray, slope: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """The law with given squares of the path speed, with a path acceleration linear in s.
+
+    Args:
+        width: Lengths of the intervals [m], (n,).
+        x: ds² at the ends of the intervals [m²/s²], (n + 1,).
+        slope: Slopes of dds over s [1/s²], (n,).
+
+    Returns:
+        Times of the ends of the intervals [s], (n + 1,), ds and dds at their starts, (n,) each, and
+        the first interval from rest to rest, -1 if there is none.
+    """
+    n = len(width)
+    breaks, ds, dds = np.zeros(n + 1), np.empty(n), np.empty(n)
+    end = math.sqrt(x[0])
+    for i in range(n):
+        ds[i], end = end, math.sqrt(x[i + 1])
+        if ds[i] + end == 0.0:
+            return breaks, ds, dds, i
+        dds[i] = (x[i + 1] - x[i]) / (2 * width[i]) - slope[i] * width[i] / 2
+        breaks[i + 1] = breaks[i] + interval_time(width[i], ds[i], end, slope[i])
+    return breaks, ds, dds, -1

@@ -1,0 +1,122 @@
+"""Plans of the moves of a program, made ahead: in other processes where that saves time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import partial
+
+from armcontour._checks import FloatArray
+from armcontour._processes import map_ahead
+from armcontour.arms import Arm
+from armcontour.motion import JointPath, Law, Method, PathLaw, Rates, Trajectory
+from armcontour.program import Contour
+from armcontour.timing.methods import MoveTiming, Smoothed, Timing
+from armcontour.timing.program_tracing import Tracing
+
+
+@contextmanager
+def planned_ahead(traced: Tracing, timing: MoveTiming) -> Iterator[MoveTiming]:
+    """A context with a timing that gives the same plans of a program's moves, in their order.
+
+    Only a `Timing` by the planner plans every move independently of the others; a `Smoothed` one
+    smooths its plans. Any other timing is given as it is.
+
+    Args:
+        traced: The program.
+        timing: How its moves are timed.
+    """
+    inner = timing.timing if isinstance(timing, Smoothed) else timing
+    if not isinstance(inner, Timing) or inner.method not in (Method.OPTIMAL, Method.SHAPED):
+        yield timing
+        return
+    contours = [isinstance(x, Contour) for x in traced.program.moves]
+    moves = [
+        _Move(x.joint_path, x.move is not None and contours[x.move])
+        for x in traced.steps
+        if x.joint_path is not None
+    ]
+    with closing(map_ahead(partial(_plan, inner), moves)) as plans:
+        ahead = _Ahead(inner, plans)
+        yield Smoothed(ahead, timing.windows) if isinstance(timing, Smoothed) else ahead
+
+
+@dataclass(frozen=True, slots=True)
+class _Move:
+    """A contour or a rapid to be planned.
+
+    Args:
+        joint_path: Its joint path.
+        is_contour: Whether it is a contour.
+    """
+
+    joint_path: JointPath
+    is_contour: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """The plan of a move, without what is known of the move already.
+
+    Args:
+        breaks: As in `PathLaw`.
+        s: As in `PathLaw`.
+        rates: As in `PathLaw`.
+        method: The method.
+        joint_path: The joint path of the law; None if it is that of the move.
+    """
+
+    breaks: FloatArray
+    s: FloatArray
+    rates: Rates
+    method: str
+    joint_path: JointPath | None
+
+
+def _plan(timing: Timing, move: _Move) -> _Plan:
+    """Plan a move."""
+    plan = timing.contour if move.is_contour else timing.rapid
+    found = plan(move.joint_path)
+    (law,) = found.laws
+    assert isinstance(law, PathLaw)
+    own = None if law.joint_path is move.joint_path else law.joint_path
+    return _Plan(law.breaks, law.s, law.rates, found.method, own)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ahead:
+    """Times the moves of a program, which come in order, by plans that are made ahead.
+
+    Args:
+        timing: How the plans are made.
+        plans: The plans in order.
+    """
+
+    timing: Timing
+    plans: Iterator[_Plan]
+
+    @property
+    def arm(self) -> Arm:
+        """The arm that moves."""
+        return self.timing.arm
+
+    def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
+        """The plan of the next move, a contour."""
+        return self._next(joint_path)
+
+    def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
+        """The plan of the next move, a rapid."""
+        return self._next(joint_path)
+
+    def pause(self, before: Sequence[Law]) -> float:
+        """As of the timing [s]."""
+        return self.timing.pause(before)
+
+    def _next(self, joint_path: JointPath) -> Trajectory:
+        """The next plan, along the joint path that it was made for."""
+        plan = next(self.plans)
+        law = PathLaw(
+            joint_path=plan.joint_path or joint_path, breaks=plan.breaks, s=plan.s, rates=plan.rates
+        )
+        return Trajectory(laws=(law,), method=plan.method, path=joint_path.tool_path)
