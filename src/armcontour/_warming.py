@@ -140,7 +140,7 @@ def compile_kernel(kernel: Kernel) -> int:
     dispatcher = kernel.dispatcher
     for text in kernel.arguments:
         # A list that is not up to date: the function is compiled where it is called.
-        with suppress(NumbaError):
+        with suppress(NumbaError, TypeError):
             dispatcher.compile(_signatures.from_text(text))
     return sum(dispatcher.stats.cache_misses.values())
 

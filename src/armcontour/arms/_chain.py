@@ -11,7 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
 
-@compiled(inner=True)
+@compiled()
 def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
     """Write the rotation matrix of a turn by `angle` about the unit vector `axis` into `out`."""
     c, s = math.cos(angle), math.sin(angle)
@@ -22,7 +22,7 @@ def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
     out[2, 0], out[2, 1], out[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
 
 
-@compiled(inner=True)
+@compiled()
 def write_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Write the product of two 3 by 3 matrices into `out`, which must be a third array."""
     for i in range(3):
@@ -30,7 +30,7 @@ def write_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@compiled(inner=True)
+@compiled()
 def write_kinematics(
     rotations: FloatArray,
     positions: FloatArray,
@@ -84,7 +84,7 @@ def write_kinematics(
         pose[i, 3] = along + (x if i == 0 else y if i == 1 else z)
 
 
-@compiled(inner=True)
+@compiled()
 def write_jacobian(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, out: FloatArray
 ) -> None:
@@ -114,7 +114,7 @@ def _link(origins: FloatArray, pose: FloatArray, k: int) -> Any:
     return pose[0, 3] - x, pose[1, 3] - y, pose[2, 3] - z
 
 
-@compiled(inner=True)
+@compiled()
 def write_bias_acceleration(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
 ) -> None:
